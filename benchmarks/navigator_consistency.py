@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 
 from factory.generation.generated_store import GeneratedStore
 from learn.data.dataset import MissionSequence, Selection
-from learn.networks.network_estimator import network_deviation
 from learn.run import open_run
 from twin.navigation.current import Leg, consistency_of
 from twin.navigation.estimators.base import BodyVelocity, VelocityDeviation, VelocityEstimator
@@ -109,7 +108,7 @@ def records(
     found = [legs_of(*one) for one in _velocities(store, vehicle, run)]
     if run is None:
         return found, VELOCITY_ESTIMATORS[METHOD](vehicle, SAMPLE_S).deviation, compass, latitudes
-    return found, network_deviation(open_run(run), vehicle), compass, latitudes
+    return found, open_run(run).velocity_deviation(vehicle), compass, latitudes
 
 
 def _velocities(

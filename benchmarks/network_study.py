@@ -89,7 +89,7 @@ class Case:
 
     def network(self, period: float) -> Any:
         """Its description."""
-        from learn.networks.config import NetworkConfig
+        from learn.networks.base import NetworkConfig
 
         layers, hidden = map(int, self.size.split("x"))
         memories = tuple(map(float, self.memories.split(",")))
@@ -111,9 +111,9 @@ def run(
     from learn.data.dataset import TARGETS as CHANNELS
     from learn.data.dataset import load_missions
     from learn.data.preparation import prepare
-    from learn.data.store_checks import input_groups
+    from learn.data.stores import input_groups
     from learn.networks.predictor import Predictor
-    from learn.training.schedule import TrainingConfig
+    from learn.training.optimiser import TrainingConfig
     from learn.training.trainer import Trainer
     from twin.navigation.features import channels_of, select_features
 

@@ -23,10 +23,9 @@ import torch
 
 from learn.data.dataset import MissionSequence, Selection
 from learn.data.preparation import prepare
-from learn.data.store_checks import input_groups
-from learn.networks.base import build_network
+from learn.data.stores import input_groups
+from learn.networks.base import NetworkConfig, build_network
 from learn.networks.c_export import export_c
-from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import export_step
 from learn.networks.predictor import Ensemble, Predictor
 from learn.run import open_run

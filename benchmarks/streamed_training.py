@@ -68,11 +68,11 @@ def train(options: argparse.Namespace) -> dict[str, object]:
     import zarr  # noqa: F401  imported before the memory of the libraries is read
 
     from learn.data.preparation import training_lengths
-    from learn.data.store_checks import parts_of
-    from learn.networks.config import NetworkConfig
+    from learn.data.stores import parts_of
+    from learn.networks.base import NetworkConfig
     from learn.training.fit_config import FitConfig
+    from learn.training.optimiser import TrainingConfig
     from learn.training.resources import train as train_job
-    from learn.training.schedule import TrainingConfig
     from twin.navigation.features import select_features
 
     training = TrainingConfig(

@@ -33,8 +33,8 @@ from glider_twin_ops.health.manoeuvres import (
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin.identify import load_calibration
 from twin.identify.calibration import Calibration
-from twin.identify.depth_rates import DepthRates
 from twin.identify.logged_missions import Log
+from twin.identify.residuals import DepthRates
 from twin.identify.speed import horizontal, motion_of
 from twin.identify.unknowns import choose
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from learn.api import export as export
     from learn.api import fit as fit
     from learn.networks.base import Network as Network
-    from learn.networks.config import NetworkConfig as NetworkConfig
+    from learn.networks.base import NetworkConfig as NetworkConfig
     from learn.networks.predictor import Prediction as Prediction
     from learn.report.contents import RunEvaluation as RunEvaluation
     from learn.run import Run as Run
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from learn.training.fit_config import fit_settings as fit_settings
     from learn.training.optimiser import FullBatchOptimiser as FullBatchOptimiser
     from learn.training.optimiser import MinibatchOptimiser as MinibatchOptimiser
-    from learn.training.schedule import TrainingConfig as TrainingConfig
+    from learn.training.optimiser import TrainingConfig as TrainingConfig
     from learn.training.settings import FitSettings as FitSettings
     from twin.navigation.estimators.base import Estimate as Estimate
 

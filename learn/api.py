@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from learn.data.several_stores import Stores
+from learn.data.stores import Stores
 from learn.finishing import Say, check_finish, finish
 from learn.report.contents import RunEvaluation
 from learn.run import RUNS, Run, free_name, open_run

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import TARGETS, MissionSequence, load_missions
-from learn.data.store_checks import parts_of
+from learn.data.stores import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
 from learn.evaluation.score import NETWORK, ReferenceVelocity
 from learn.files import write_sealed
-from learn.networks.familiarity import MISSIONS, Familiarity, training_flights
-from learn.networks.tether import HELD_TO, Tether
+from learn.networks.familiarity import HELD_TO, MISSIONS, Familiarity, Tether, training_flights
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
 from learn.report.run_page import build_log_page, build_page
-from learn.report.training_data import LABELS, TRAINING_PANELS
+from learn.report.velocity_figures import LABELS, TRAINING_PANELS
 from learn.run import (
     CARD,
     EVALUATION,

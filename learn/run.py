@@ -31,9 +31,9 @@ from twin.version import __version__
 if TYPE_CHECKING:
     from learn.data.labels import LabelConfig
     from learn.evaluation.deviation import ErrorModel
-    from learn.networks.familiarity import Familiarity
+    from learn.networks.familiarity import Familiarity, Tether
     from learn.networks.predictor import Adapted, Ensemble, Prediction
-    from learn.networks.tether import Tether
+    from twin.navigation.estimators.base import VelocityDeviation
     from twin.navigation.flight_filter import FlightSpread
     from twin.vehicle.vehicle import Vehicle
 
@@ -172,7 +172,7 @@ class Run:
 
         Args:
           vehicle: that they are for; of a kind that the training had none of, their surge is held
-            to the flight filter's (`learn.networks.tether`). None: one of the training's.
+            to the flight filter's (`learn.networks.familiarity`). None: one of the training's.
 
         Raises:
           StoreError: a file is missing, damaged or of another format, or the networks learned to
@@ -226,7 +226,7 @@ class Run:
         Raises:
           StoreError: what `run.json` holds of it is not whole.
         """
-        from learn.networks.tether import Tether
+        from learn.networks.familiarity import Tether
 
         said = self.description.get(TETHER)
         if said is None or vehicle is None:
@@ -366,6 +366,15 @@ class Run:
                 f"{self.folder / DESCRIPTION} is damaged: its error_model is not one ({error}); "
                 f"`learn fit --name {quoted(self.name)} --resume` fits it again"
             ) from error
+
+    def velocity_deviation(self, vehicle: Vehicle) -> VelocityDeviation:
+        """Standard deviation of its velocity at a vehicle's usual speed, as validation showed it;
+        errors as `error_model`."""
+        from twin.navigation.estimators.base import VelocityDeviation
+        from twin.navigation.estimators.flight import usual_speed
+
+        deviation = self.error_model().velocity_sd
+        return VelocityDeviation(scale=deviation / usual_speed(vehicle), noise=deviation)
 
     def remember(self, **entries: object) -> Run:
         """This run with more in its `run.json`."""

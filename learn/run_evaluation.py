@@ -140,13 +140,11 @@ def _hulls(run: Run, vehicle: Vehicle) -> Hulls | None:
 
 def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:
     """None for a store that does not say where its missions are."""
-    from learn.networks.network_estimator import network_deviation
-
     with MissionStore(store) as reader:
         if START_LATITUDE not in reader.dataset:
             return None
         latitude = float(np.median(reader.dataset[START_LATITUDE].to_numpy()))
-        stated = network_deviation(run, reader.vehicle)
+        stated = run.velocity_deviation(reader.vehicle)
     return FixConsistency(stated, math.degrees(run.error_model().heading_sd), latitude)
 
 

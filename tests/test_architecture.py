@@ -103,14 +103,14 @@ NAMES_ACTUATORS = {
     "factory.sampling": "what is drawn for a glider",
     "factory": "figures of what was drawn",
     "twin.navigation": "a glider's equations of motion; signals that networks see",
-    "learn.report.training_data": "signals of a mission",
+    "learn.report.velocity_figures": "signals of a mission",
 }  # fmt: skip
 """Packages and modules that may name an actuator, and why; others ask the vehicle for its parts."""
 OTHER_MEANINGS = {
     "twin.physics.native": "rotation is a matrix",
     "twin.water.current": "rotation of a grid's axes, shift of its time",
     "twin.show.render.painter": "shift of a mesh",
-    "learn.data.store_checks": "advice on what store to take",
+    "learn.data.stores": "advice on what store to take",
 }
 
 

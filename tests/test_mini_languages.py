@@ -97,8 +97,7 @@ def distribution(text: str) -> None:
 
 def current(text: str) -> None:
     """`--current`"""
-    from twin.water.current.base import current_from_dict
-    from twin.water.current.current_text import parse_current
+    from twin.water.current.base import current_from_dict, parse_current
 
     found = parse_current(text)
     assert current_from_dict(found.describe()).describe() == found.describe()
@@ -106,14 +105,14 @@ def current(text: str) -> None:
 
 def density(text: str) -> None:
     """`--density`"""
-    from twin.water.density_spec import parse_density
+    from twin.water.density import parse_density
 
     parse_density(text)
 
 
 def floor(text: str) -> None:
     """`--floor`"""
-    from twin.water.floor.spec import floor_from_dict, parse_floor
+    from twin.water.floor.bathymetry import floor_from_dict, parse_floor
 
     found = parse_floor(text)
     if found is not None:
@@ -184,7 +183,7 @@ def profile(text: str) -> None:
     """CSV profiles of density and current."""
     from twin.errors import CurrentError
     from twin.water.current.profile import Profile
-    from twin.water.density_spec import read_density_csv
+    from twin.water.density import read_density_csv
 
     path = _file("d.csv", text)
     try:

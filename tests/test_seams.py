@@ -31,8 +31,8 @@ def unregistered(modules: Sequence[ModuleType], base: type, table: Sequence[Any]
     """Kinds that modules define and a table lacks, as `module:Name`.
 
     A kind is an object of the base, or a class derived from it that nothing else in the folder
-    derives from. Where the table holds functions that make kinds, a function of the class's own
-    module stands for it.
+    derives from. Where the table holds functions that make kinds, one of the class's own module and
+    name, in lower case, stands for it.
     """
     classes, objects = {}, {}
     for module in modules:
@@ -42,13 +42,14 @@ def unregistered(modules: Sequence[ModuleType], base: type, table: Sequence[Any]
                 classes[f"{module.__name__}:{name}"] = value
             elif not isinstance(value, type) and isinstance(value, base):
                 objects[f"{module.__name__}:{name}"] = value
-    makers = {kind.__module__ for kind in table if inspect.isfunction(kind)}
+    functions = [kind for kind in table if inspect.isfunction(kind)]
+    makers = {f"{kind.__module__}:{kind.__name__}" for kind in functions}
     known = {kind if isinstance(kind, type) else type(kind) for kind in table}
     inherited = {parent for value in classes.values() for parent in value.__mro__[1:]}
     lacking = [
         place
         for place, value in classes.items()
-        if value not in known | inherited and value.__module__ not in makers
+        if value not in known | inherited and place.lower() not in makers
     ]
     return lacking + [
         place

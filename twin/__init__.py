@@ -64,19 +64,19 @@ if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle as Vehicle
     from twin.vehicle.vehicle import load_vehicle as load_vehicle
     from twin.water.current.axes import Origin as Origin
-    from twin.water.current.current_text import parse_current as parse_current
-    from twin.water.current.ekman import Ekman as Ekman
-    from twin.water.current.gauss_markov import GaussMarkov as GaussMarkov
-    from twin.water.current.geostrophic import Geostrophic as Geostrophic
+    from twin.water.current.base import parse_current as parse_current
     from twin.water.current.grid import Grid as Grid
-    from twin.water.current.inertial import Inertial as Inertial
-    from twin.water.current.log_layer import LogLayer as LogLayer
+    from twin.water.current.layers import Ekman as Ekman
+    from twin.water.current.layers import Geostrophic as Geostrophic
+    from twin.water.current.layers import LogLayer as LogLayer
     from twin.water.current.profile import Profile as Profile
+    from twin.water.current.profile import Uniform as Uniform
+    from twin.water.current.series import GaussMarkov as GaussMarkov
     from twin.water.current.series import Series as Series
+    from twin.water.current.tide import Inertial as Inertial
     from twin.water.current.tide import Tide as Tide
-    from twin.water.current.uniform import Uniform as Uniform
     from twin.water.density import DensityProfile as DensityProfile
-    from twin.water.density_spec import parse_density as parse_density
+    from twin.water.density import parse_density as parse_density
     from twin.water.floor import Bathymetry as Bathymetry
     from twin.water.floor import FlatFloor as FlatFloor
     from twin.water.floor import GridFloor as GridFloor

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import InputError, SimulationUnstable
-from twin.faults.base import Fault, read_by
-from twin.faults.words import parse_faults
+from twin.faults.base import Fault, parse_faults, read_by
 from twin.mission import Mission
 from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
@@ -31,10 +30,8 @@ from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.axes import Origin
-from twin.water.current.base import Current
-from twin.water.current.current_text import parse_current
-from twin.water.density import DensityProfile
-from twin.water.density_spec import GRID, parse_density
+from twin.water.current.base import Current, parse_current
+from twin.water.density import GRID, DensityProfile, parse_density
 from twin.water.floor import Floor, parse_floor
 from twin.water.floor.lookup import floor_depths
 

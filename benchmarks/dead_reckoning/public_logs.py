@@ -29,7 +29,7 @@ import xarray as xr
 from benchmarks.dead_reckoning.predictions import velocities_of
 from benchmarks.dead_reckoning.scoring import drawn
 from benchmarks.real_logs.samples import LEAST_DEPTH, level_speed
-from learn.data.logs import filled
+from learn.data.dataset import filled
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import (
     Array,

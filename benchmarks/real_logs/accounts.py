@@ -34,7 +34,7 @@ SAME_TIME = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class Raw:
-    """What the files say themselves."""
+    """Times and fixes of the files themselves."""
 
     times: Array
     """[s] unix, of every row."""

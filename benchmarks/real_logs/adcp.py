@@ -13,12 +13,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.real_logs.equal import Method, common, rmse_rows
 from benchmarks.real_logs.folds import FoldJob, fit_fold, jobs
-from benchmarks.real_logs.published import published_rows
-from benchmarks.real_logs.ridge import ridge
-from benchmarks.real_logs.row import Row, rmse
-from benchmarks.real_logs.samples import LEAST_DEPTH, Samples, level_speed, sample
+from benchmarks.real_logs.row import Method, Row, common, published_rows, rmse, rmse_rows
+from benchmarks.real_logs.samples import LEAST_DEPTH, Samples, ridge, sample
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import Pretrained, predict_dive
 from twin.identify import load_logs, motion_of
@@ -113,9 +110,8 @@ def run_fold(job: AdcpJob) -> Held:
         times, level = job.times[log.index], job.level[log.index]
         dives[log.index] = sample(log, calibration, times, level)
         if log.index in job.fold.block:
-            pitch = calibration.true_pitch(log.pitch)
             motion = motion_of(log, calibration)
-            own = level_speed(motion.surge, motion.sway, motion.heave, log.roll, pitch)
+            own, _ = motion.level(log.roll, calibration.true_pitch(log.pitch))
             clock = log.period * np.arange(len(own), dtype=np.float64)
             put(errors, "twin", log.index, at_times(clock, own, times) - level)
     train = [dive for row, dive in dives.items() if row not in job.fold.block]

@@ -73,7 +73,7 @@ class RealLogs(JsonOption):
                 console.say()
         console.say(f"{seconds:.0f} s")
         if self.keep is not None:
-            from benchmarks.real_logs.markdown import keep, kept
+            from benchmarks.real_logs.page import keep, kept
 
             measured = {task for name in self.only or SECTIONS for task in SECTIONS[name]}
             others = kept(self.keep) if self.only and self.keep.exists() else []

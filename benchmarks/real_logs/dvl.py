@@ -12,10 +12,8 @@ import math
 
 import numpy as np
 
-from benchmarks.real_logs.equal import Method, rmse_rows
 from benchmarks.real_logs.public import fit_steady, kinematic
-from benchmarks.real_logs.published import published_rows
-from benchmarks.real_logs.row import Kind, Row, rmse
+from benchmarks.real_logs.row import Kind, Method, Row, published_rows, rmse, rmse_rows
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
 from twin.identify import Log, density_of, estimate, identify, load_calibration

@@ -5,23 +5,25 @@ options: the deployment's dives are held out in four blocks of consecutive ones.
 are tuned on themselves, which the notes say. Dead reckoning adds the depth-averaged current of the
 dive before (by the same method), if that dive ended less than an hour ago; its error is the
 distance between the reckoned and the received fix, per hour between the fixes.
+
+A Seaglider's base station writes speeds of its own flight model beside the samples. That model is
+tuned with the trim of each dive by itself: what it is scored on has been seen. Some of its speeds
+in inflections are straight lines between those before and after.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
-from benchmarks.real_logs.equal import Method, median_rows, rmse_rows
-from benchmarks.real_logs.factory_model import factory_sink
 from benchmarks.real_logs.folds import Fitted, FoldJob, fold_of, jobs, later_job, own_trim
 from benchmarks.real_logs.public import kinematic
-from benchmarks.real_logs.published import published_rows
-from benchmarks.real_logs.row import Kind, Row
-from benchmarks.real_logs.source import Deployment
+from benchmarks.real_logs.row import Kind, Method, Row, median_rows, published_rows, rmse_rows
+from benchmarks.real_logs.source import Deployment, tables_with
 from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
 from twin.identify import Log, density_of, estimate
 from twin.identify.speed import steady_parts
@@ -34,6 +36,12 @@ RATE_LATER = "depth rate, second half of the dives by the first"
 RATE_FACTORY = "depth rate, where the factory's model has one"
 STEADY, KINEMATIC = "steady flight model, two parameters", "w/tan(pitch + 3 deg)"
 HOUR = 3600.0
+COLUMN = "fm_vspeed_ms"
+"""[m/s] upward, of a table"""
+VARIABLE, CLOCK = "vert_speed", "ctd_time"
+"""[cm/s] upward, and its times, of a file of the base station"""
+LONGEST_GAP = 30.0
+"""[s] between samples with a speed that are taken for neighbours"""
 LEAST_DIVES = 6
 """Dives with fixes below which no dead reckoning is scored."""
 Tracks = dict[int, Array]
@@ -226,3 +234,41 @@ def _onboard(deployment: Deployment, couples: Sequence[tuple[Log, Log]]) -> dict
         errors[log.index] = np.array([missed / (log.duration / HOUR)])
     dataset.close()
     return errors if any(np.isfinite(e).any() for e in errors.values()) else {}
+
+
+# --- speeds of the base station ------------------------------------------------------------------
+
+
+def factory_sink(deployment: Deployment, log: Log) -> Array | None:
+    """Downward speed [m/s] of the factory's model at a log's samples, (time,), filtered as the
+    log's depth rate is; NaN where it has no speed close by. None for a dive without any."""
+    clock = deployment.clock(log)
+    for time, rate in _speeds(deployment):
+        known = np.isfinite(time) & np.isfinite(rate) & (rate != 0.0)  # 0: it found none
+        known &= (time >= clock[0] - LONGEST_GAP) & (time <= clock[-1] + LONGEST_GAP)
+        if known.sum() < log.window:
+            continue
+        when, first = np.unique(time[known], return_index=True)
+        after = np.clip(np.searchsorted(when, clock), 1, len(when) - 1)
+        close = (when[after] - when[after - 1] <= LONGEST_GAP) & (clock >= when[0])
+        close &= clock <= when[-1]
+        whole = minimum_filter1d(close.astype(np.int8), log.window) > 0
+        sink = log.filtered(-np.interp(clock, when, rate[known][first]))
+        return np.where(whole, sink, np.nan)
+    return None
+
+
+def _speeds(deployment: Deployment) -> Iterator[tuple[Array, Array]]:
+    """Times [s] and upward speeds [m/s] of the deployment's tables and files."""
+    for table in tables_with(deployment, COLUMN):
+        yield table.columns["time"], table.columns[COLUMN]
+    number = "".join(c for c in deployment.name if c.isdigit())
+    for path in sorted(deployment.folder.glob(f"p{number}*.nc")):
+        from netCDF4 import Dataset
+
+        with Dataset(path) as file:
+            if VARIABLE in file.variables and CLOCK in file.variables:
+                time, rate = (
+                    np.ma.filled(file[name][:].astype(float), np.nan) for name in (CLOCK, VARIABLE)
+                )
+                yield time, rate / 100.0

@@ -14,12 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.real_logs import adcp, dvl
-from benchmarks.real_logs.equal import Method, common, rmse_rows
 from benchmarks.real_logs.folds import FoldJob, fit_fold, thinned
-from benchmarks.real_logs.intervals import central, pooled_draws
-from benchmarks.real_logs.ridge import ridge
-from benchmarks.real_logs.row import Row
-from benchmarks.real_logs.samples import AVERAGE, Samples, averaged, sample
+from benchmarks.real_logs.row import Method, Row, central, common, pooled_draws, rmse_rows
+from benchmarks.real_logs.samples import AVERAGE, Samples, averaged, ridge, sample
 from benchmarks.real_logs.source import Deployment, at_times
 from benchmarks.real_logs.surge_networks import TUNED, Pretrained, fit_member, mean_of
 from twin.identify import Log, density_of

@@ -1,17 +1,38 @@
-"""Row: one figure of the benchmark, and what it must be read with."""
+"""Row: one figure of the benchmark, how sure it is, and what it must be read with.
+
+Methods stand side by side at equal samples, where all of them say something. Intervals are by
+bootstrap over dives: samples of one dive share water, trim and whatever a method lacks on that day.
+Whole dives are drawn with replacement, and the figure is worked out for each draw (Efron and
+Tibshirani 1993). What public methods reach on these deployments is in `published.toml`.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Sequence
-from typing import Literal
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
 from twin.navigation.dead_reckoning import Array
 
+FIGURES = Path(__file__).with_name("published.toml")
+DRAWS = 2000
+SEED = 20221123
+"""Intervals are the same in every run."""
+CENTRAL = (2.5, 97.5)
+"""[%] the interval that is stated: 95 %"""
+LEAST_DIVES = 4
+"""Dives below which none is stated."""
+
+Interval = tuple[float, float]
+UNKNOWN: Interval = (float("nan"), float("nan"))
 Kind = Literal["published", "public method", "twin", "network", "floor", "skipped"]
+NOT_COMPARED: tuple[Kind, ...] = ("published", "floor", "skipped")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -51,9 +72,6 @@ def best(rows: Sequence[Row]) -> list[Row]:
     return [min(group, key=lambda r: r.value) for group in groups.values() if len(group) > 1]
 
 
-NOT_COMPARED: tuple[Kind, ...] = ("published", "floor", "skipped")
-
-
 def table(rows: Sequence[Row]) -> list[dict[str, object]]:
     """Rows for a terminal; the best of those at equal samples is marked."""
     winners = best(rows)
@@ -70,4 +88,160 @@ def table(rows: Sequence[Row]) -> list[dict[str, object]]:
             "note": row.note,
         }
         for row in rows
+    ]
+
+
+def rmse_interval(dives: Sequence[Array]) -> Interval:
+    """95 % interval of the RMSE over all samples; NaN for too few dives.
+
+    Args:
+      dives: errors of each dive, finite.
+    """
+    known = [dive for dive in dives if dive.size]
+    squares = np.array([float(np.sum(dive**2)) for dive in known])
+    counts = np.array([dive.size for dive in known], float)
+    if len(known) < LEAST_DIVES:
+        return UNKNOWN
+    drawn = _draws(len(known))
+    found = np.sqrt(squares[drawn].sum(axis=1) / counts[drawn].sum(axis=1))
+    low, high = np.percentile(found, CENTRAL)
+    return float(low), float(high)
+
+
+def median_interval(errors: Array) -> Interval:
+    """95 % interval of the median over dives, one error each; NaN for too few."""
+    if errors.size < LEAST_DIVES:
+        return UNKNOWN
+    low, high = np.percentile(np.median(errors[_draws(errors.size)], axis=1), CENTRAL)
+    return float(low), float(high)
+
+
+def pooled_draws(groups: Sequence[Sequence[Array]]) -> Array:
+    """RMSE over deployments that count alike, however many samples each has, (1 + draws,): of all
+    dives, then of each draw of dives within their deployments; NaN for too few dives.
+
+    The draws are the same for every method, so that the ratio of two methods has an interval.
+
+    Args:
+      groups: errors of each dive of each deployment, finite.
+    """
+    squares = np.zeros(1 + DRAWS)
+    for group, dives in enumerate(groups):
+        if len(dives) < LEAST_DIVES:
+            return np.full(1 + DRAWS, np.nan)
+        drawn = np.vstack([np.arange(len(dives)), _draws(len(dives), group)])
+        sums = np.array([float(np.sum(dive**2)) for dive in dives])
+        counts = np.array([dive.size for dive in dives], float)
+        squares += sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1) / len(groups)
+    return np.sqrt(squares)
+
+
+def central(draws: Array) -> Interval:
+    """95 % interval of a figure from its draws."""
+    low, high = np.percentile(draws, CENTRAL)
+    return float(low), float(high)
+
+
+def _draws(dives: int, group: int = 0) -> np.ndarray:
+    """Numbers of the dives of each draw, (draws, dives)."""
+    return np.random.default_rng(SEED + group).integers(0, dives, (DRAWS, dives))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Method:
+    """Errors of one method."""
+
+    name: str
+    kind: Kind
+    note: str
+    errors: Mapping[int, Array]
+    """By dive, at the same samples for every method; NaN where it says nothing"""
+
+
+def common(methods: Sequence[Method]) -> list[Method]:
+    """Methods at the samples that all of them have, dives without any left out."""
+    dives = sorted(set.intersection(*(set(one.errors) for one in methods)))
+    known = {
+        dive: np.logical_and.reduce([np.isfinite(one.errors[dive]) for one in methods])
+        for dive in dives
+    }
+    return [
+        dataclasses.replace(
+            one, errors={d: one.errors[d][known[d]] for d in dives if known[d].any()}
+        )
+        for one in methods
+    ]
+
+
+def rmse_rows(task: str, data: str, methods: Sequence[Method]) -> list[Row]:
+    """RMSE of each method at their common samples [m/s], with an interval over dives."""
+
+    def figures(dives: Sequence[Array]) -> tuple[float, Interval, int, str]:
+        every = np.concatenate(dives) if dives else np.zeros(0)
+        bias = f"bias {1e3 * every.mean():+.1f} mm/s" if every.size else "no common sample"
+        return rmse(every), rmse_interval(dives), int(every.size), bias
+
+    return _rows(task, data, "m s-1", methods, figures)
+
+
+def median_rows(task: str, data: str, unit: str, methods: Sequence[Method]) -> list[Row]:
+    """Median over dives of each method, one error a dive, with an interval."""
+
+    def figures(dives: Sequence[Array]) -> tuple[float, Interval, int, str]:
+        errors = np.array([float(values[0]) for values in dives])
+        spread = f"mean {errors.mean():.0f}, p90 {np.percentile(errors, 90):.0f}"
+        return float(np.median(errors)), median_interval(errors), errors.size, spread
+
+    return _rows(task, data, unit, methods, figures)
+
+
+def _rows(
+    task: str,
+    data: str,
+    unit: str,
+    methods: Sequence[Method],
+    figures: Callable[[Sequence[Array]], tuple[float, Interval, int, str]],
+) -> list[Row]:
+    """A row for each method, by the value, interval, samples and note of its errors by dive."""
+    rows = []
+    for one in common(methods) if methods else []:
+        value, (low, high), samples, note = figures(list(one.errors.values()))
+        rows.append(
+            Row(
+                task=task,
+                data=data,
+                method=one.name,
+                kind=one.kind,
+                value=value,
+                low=low,
+                high=high,
+                unit=unit,
+                samples=samples,
+                dives=len(one.errors),
+                note=f"{one.note}; {note}",
+            )
+        )
+    return rows
+
+
+@functools.cache
+def figures() -> tuple[dict[str, Any], ...]:
+    """Every entry of the file."""
+    return tuple(tomllib.loads(FIGURES.read_text(encoding="utf-8"))["figure"])
+
+
+def published_rows(task: str, deployment: str) -> list[Row]:
+    """Rows of a task and a deployment, which is known by the beginning of its name."""
+    return [
+        Row(
+            task=task,
+            data=deployment,
+            method=f"{entry['method']}, on other samples",
+            kind="published",
+            value=entry["value"],
+            unit=entry["unit"],
+            note=entry["source"],
+        )
+        for entry in figures()
+        if entry["task"] == task and deployment.lower().startswith(entry["deployment"])
     ]

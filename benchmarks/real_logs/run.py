@@ -7,8 +7,8 @@ import dataclasses
 import multiprocessing
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,19 +34,19 @@ SHARES = {
     "surge": 0.35,
 }
 """Parts of the whole time, roughly, for the progress."""
+RATES = (fixes.RATE, fixes.RATE_GLIDING, fixes.RATE_LATER, fixes.RATE_FACTORY)
 SECTIONS = {
     "speed": (dvl.TASK,),
-    "fixes": (
-        fixes.RATE,
-        fixes.RATE_GLIDING,
-        fixes.RATE_LATER,
-        fixes.RATE_FACTORY,
-        fixes.TRACK,
-    ),
+    "fixes": (*RATES, fixes.TRACK),
     "surge": (adcp.TASK,),
     "left-out": (left_out.TASK, left_out.RATIO),
 }
 """Tasks that are judged together, each a table"""
+TASKS = (
+    *(task for n in ("speed", "surge", "left-out", "fixes") for task in SECTIONS[n]),
+    "skipped",
+)
+"""Order of the tables."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,14 +60,12 @@ class Pool:
     """Processes of one thread each; one worker works in this process."""
 
     def __init__(self, workers: int) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._pool = (
-            concurrent.futures.ProcessPoolExecutor(
+        self._pool = None
+        if workers > 1:
+            context = multiprocessing.get_context("spawn")
+            self._pool = concurrent.futures.ProcessPoolExecutor(
                 workers, mp_context=context, initializer=end_with, initargs=(os.getpid(),)
             )
-            if workers > 1
-            else None
-        )
 
     def run(
         self, function: Callable[[Input], Output], jobs: Sequence[Input], done: Done
@@ -99,15 +97,6 @@ def _guarded(function: Callable[[Any], Any], job: Any) -> Any:
         return Failure(str(error))
 
 
-@contextmanager
-def _pool(workers: int) -> Iterator[Pool]:
-    pool = Pool(workers)
-    try:
-        yield pool
-    finally:
-        pool.close()
-
-
 def run_benchmark(
     root: Path,
     *,
@@ -132,7 +121,10 @@ def run_benchmark(
     Raises:
       InputError: no such folder, or no logs in it.
     """
-    with tempfile.TemporaryDirectory(prefix="glider-benchmark-") as work, _pool(workers) as pool:
+    with (
+        tempfile.TemporaryDirectory(prefix="glider-benchmark-") as work,
+        closing(Pool(workers)) as pool,
+    ):
         deployments, skipped = gather(root, Path(work), say)
         progress(SHARES["import"])
         rows = [
@@ -147,9 +139,12 @@ def run_benchmark(
             pretrained = _pretrained(stores, seed, pool, progress)
         else:
             progress(SHARES["simulate"])
+        shared = Work(
+            deployments=deployments, pool=pool, pretrained=pretrained, say=say, progress=progress
+        )
         for section, judge in JUDGES.items():
             if section in only:
-                rows += judge(deployments, pool, pretrained, say, progress)
+                rows += judge(shared)
             else:
                 progress(SHARES[section])
         # errors name places of this machine: only their folders mean anything to the reader
@@ -164,105 +159,77 @@ def run_benchmark(
     return sorted(rows, key=lambda row: order.get(row.task, len(order)))
 
 
-TASKS = (
-    *SECTIONS["speed"],
-    *SECTIONS["surge"],
-    *SECTIONS["left-out"],
-    *SECTIONS["fixes"],
-    "skipped",
-)
-"""Order of the tables."""
-
-
 def failed(task: str, deployment: Deployment, why: str) -> Row:
     """A row that says why there is no figure."""
     return Row(task=task, data=deployment.name, method="", kind="skipped", note=why)
 
 
-def _speeds(
-    deployments: Sequence[Deployment],
-    pool: Pool,
-    pretrained: Pretrained | None,
-    say: Say,
-    progress: Done,
-) -> list[Row]:
-    say("speed through the water against a DVL")
-    chosen = [d for d in deployments if d.kind == "slocum"]
-    jobs = [dvl.DvlJob(deployment, pretrained) for deployment in chosen]
-    found = pool.run(dvl.rows_of, jobs, lambda part: progress(part * SHARES["speed"]))
-    if not chosen:
-        progress(SHARES["speed"])
-    rows: list[Row] = []
-    for deployment, result in zip(chosen, found, strict=True):
-        if isinstance(result, Failure):
-            rows.append(failed(dvl.TASK, deployment, result.why))
-        else:
-            rows += result
-    return rows
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Work:
+    """Inputs that the judges of all sections share."""
+
+    deployments: Sequence[Deployment]
+    pool: Pool
+    pretrained: Pretrained | None
+    say: Say
+    progress: Done
 
 
-def _fixes(
-    deployments: Sequence[Deployment],
-    pool: Pool,
-    pretrained: Pretrained | None,
-    say: Say,
-    progress: Done,
-) -> list[Row]:
-    say("depth rate and dead reckoning: the twin identified without the dives that are judged")
+def _speeds(work: Work) -> list[Row]:
+    work.say("speed through the water against a DVL")
+    chosen = [d for d in work.deployments if d.kind == "slocum"]
+    return _by_folds(
+        dvl.TASK,
+        dataclasses.replace(work, deployments=chosen),
+        jobs_of=lambda deployment: [dvl.DvlJob(deployment, work.pretrained)],
+        run=dvl.rows_of,
+        rows_of=lambda deployment, found: found[0],
+        share=SHARES["speed"],
+    )
+
+
+def _fixes(work: Work) -> list[Row]:
+    work.say("depth rate and dead reckoning: the twin identified without the dives that are judged")
     return _by_folds(
         fixes.RATE,
-        deployments,
-        pool,
+        work,
         jobs_of=fixes.fold_jobs,
         run=fit_fold,
-        rows_of=lambda deployment, folds: fixes.rows_of(deployment, folds, pretrained),
-        progress=lambda part: progress(part * SHARES["fixes"]),
+        rows_of=lambda deployment, folds: fixes.rows_of(deployment, folds, work.pretrained),
+        share=SHARES["fixes"],
     )
 
 
-def _surges(
-    deployments: Sequence[Deployment],
-    pool: Pool,
-    pretrained: Pretrained | None,
-    say: Say,
-    progress: Done,
-) -> list[Row]:
-    say("surge against the ADCP, each dive by what was tuned on the others")
+def _surges(work: Work) -> list[Row]:
+    work.say("surge against the ADCP, each dive by what was tuned on the others")
     return _by_folds(
         adcp.TASK,
-        deployments,
-        pool,
-        jobs_of=lambda deployment: adcp.fold_jobs(deployment, pretrained),
+        work,
+        jobs_of=lambda deployment: adcp.fold_jobs(deployment, work.pretrained),
         run=adcp.run_fold,
         rows_of=adcp.rows_of,
-        progress=lambda part: progress(part * SHARES["surge"]),
+        share=SHARES["surge"],
     )
 
 
-def _left_out(
-    deployments: Sequence[Deployment],
-    pool: Pool,
-    pretrained: Pretrained | None,
-    say: Say,
-    progress: Done,
-) -> list[Row]:
-    say("one deployment left out: speed by what was learned on the others")
+def _left_out(work: Work) -> list[Row]:
+    work.say("one deployment left out: speed by what was learned on the others")
 
     def half(part: float) -> None:
-        progress(0.5 * part * SHARES["left-out"])
+        work.progress(0.5 * part * SHARES["left-out"])
 
-    found = pool.run(left_out.prepare, deployments, half)
+    found = work.pool.run(left_out.prepare, work.deployments, half)
     rows = [
         failed(left_out.TASK, deployment, one.why)
-        for deployment, one in zip(deployments, found, strict=True)
+        for deployment, one in zip(work.deployments, found, strict=True)
         if isinstance(one, Failure)
     ]
     labelled = [one for one in found if isinstance(one, left_out.Labelled)]
-    jobs = left_out.jobs(labelled, pretrained)
+    jobs = left_out.jobs(labelled, work.pretrained)
     if not jobs:
         half(1.0)
         return rows
-    judged = pool.run(left_out.run, jobs, half)
+    judged = work.pool.run(left_out.run, jobs, half)
     for one in judged:
         if isinstance(one, Failure):
             raise TwinError(f"one deployment left out: {one.why}")
@@ -271,18 +238,17 @@ def _left_out(
 
 
 JUDGES = {"speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out}
-"""What judges each of `SECTIONS`"""
+"""Judge of each of `SECTIONS`"""
 
 
 def _by_folds(
     task: str,
-    deployments: Sequence[Deployment],
-    pool: Pool,
+    work: Work,
     *,
     jobs_of: Callable[[Deployment], Iterable[Any]],
     run: Callable[[Any], Any],
     rows_of: Callable[[Deployment, list[Any]], list[Row]],
-    progress: Done,
+    share: float,
 ) -> list[Row]:
     """Rows of a task whose folds are run side by side, all deployments' together.
 
@@ -290,20 +256,20 @@ def _by_folds(
       jobs_of: the folds of a deployment; a TwinError says why it has none.
       run: what is done with each, in another process.
       rows_of: rows of a deployment from the results of its folds.
-      progress: told the share that is done.
+      share: of the whole time.
     """
     rows: list[Row] = []
-    work: list[tuple[Deployment, Any]] = []
-    for deployment in deployments:
+    jobs: list[tuple[Deployment, Any]] = []
+    for deployment in work.deployments:
         try:
-            work += [(deployment, job) for job in jobs_of(deployment)]
+            jobs += [(deployment, job) for job in jobs_of(deployment)]
         except TwinError as error:
             rows.append(failed(task, deployment, str(error)))
-    results = pool.run(run, [job for _, job in work], progress)
-    if not work:
-        progress(1.0)
-    for deployment in deployments:
-        mine = [r for (d, _), r in zip(work, results, strict=True) if d is deployment]
+    results = work.pool.run(run, [job for _, job in jobs], lambda part: work.progress(part * share))
+    if not jobs:
+        work.progress(share)
+    for deployment in work.deployments:
+        mine = [r for (d, _), r in zip(jobs, results, strict=True) if d is deployment]
         bad = [r for r in mine if isinstance(r, Failure)]
         good = [r for r in mine if not isinstance(r, Failure)]
         if bad:

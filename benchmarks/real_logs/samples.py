@@ -1,4 +1,4 @@
-"""Samples: what ridge regression and networks see of a dive, averaged as a profiler averages.
+"""Samples that ridge regression and networks see of a dive, averaged as a profiler averages.
 
 A current profiler's velocity is a mean over about a minute, so inputs are means over that time,
 centred, one sample for each of the profiler's. The same is done to simulated missions, whose truth
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from twin.identify import Calibration, Log, density_of, estimate
+from twin.identify import Calibration, Log, Translation, density_of, estimate
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.features import feature_matrix, select_features
 
@@ -28,6 +28,11 @@ left out."""
 TWIN = ("twin_level", "twin_sink", "twin_rise", "twin_net_mass")
 """Inputs of the identified flight model: horizontal speed, downward speed, depth rate less that
 [m/s] and net buoyancy [kg]."""
+PENALTY = 10.0
+"""Squared weights count so much against squared errors [deviations]; results hardly change from 1
+to 30."""
+MOST = 4.0
+"""Deviations at which inputs are cut off: the square of an outlier would rule the prediction."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,8 +52,7 @@ class Samples:
 
 def level_speed(surge: Array, sway: Array, heave: Array, roll: Array, pitch: Array) -> Array:
     """Horizontal velocity along the heading [m/s] of a velocity in body axes FRD; angles in rad."""
-    across = sway * np.sin(roll) + heave * np.cos(roll)
-    return surge * np.cos(pitch) + across * np.sin(pitch)
+    return Translation(surge=surge, sway=sway, heave=heave).level(roll, pitch)[0]
 
 
 def signals_of(log: Log) -> dict[str, Array]:
@@ -72,11 +76,10 @@ def sample(log: Log, calibration: Calibration, times: Array, level: Array) -> Sa
     features = feature_matrix(signals, GLIDER, log.period, log.index)
     raw = {name: features[:, k].astype(float) for k, name in enumerate(GLIDER)}
     found = estimate(log, calibration)
-    motion, pitch = found.motion, calibration.true_pitch(log.pitch)
     density = density_of(log, calibration)
     warming = log.hull_warming(calibration.thermal_lag)
     raw |= {
-        "twin_level": level_speed(motion.surge, motion.sway, motion.heave, log.roll, pitch),
+        "twin_level": found.motion.level(log.roll, calibration.true_pitch(log.pitch))[0],
         "twin_sink": found.sink_rate,
         "twin_rise": found.water_rise,
         "twin_net_mass": calibration.net_mass(density, log.depth, log.pump, warming),
@@ -96,3 +99,25 @@ def averaged(values: Array, period: float, times: Array) -> Array:
     low = np.clip(times - 0.5 * AVERAGE, edges[0], edges[-1] - period)
     high = np.clip(times + 0.5 * AVERAGE, edges[0] + period, edges[-1])
     return (np.interp(high, edges, total) - np.interp(low, edges, total)) / (high - low)
+
+
+def ridge(train: Array, wanted: Array, test: Array, *, penalty: float = PENALTY) -> Array:
+    """Ridge regression on standardised inputs, their squares and products.
+
+    Returns the prediction (n,) for test inputs (n, inputs) from a fit to train (m, inputs), wanted
+    (m,).
+    """
+    mean, scale = train.mean(0), train.std(0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    x, y = (_products(np.clip((v - mean) / scale, -MOST, MOST)) for v in (train, test))
+    weights = penalty * np.eye(x.shape[1])
+    weights[-1, -1] = 0.0  # the constant is free
+    solved = np.linalg.solve(x.T @ x + weights, x.T @ wanted)
+    return np.asarray(y @ solved, float)
+
+
+def _products(x: Array) -> Array:
+    """Columns, products of any two of them, and a constant."""
+    count = x.shape[1]
+    pairs = [x[:, i] * x[:, j] for i in range(count) for j in range(i, count)]
+    return np.column_stack([x, *pairs, np.ones(len(x))])

@@ -27,12 +27,10 @@ from benchmarks.real_logs.samples import (
 from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.data.dataset import thinning_step
-from learn.data.normalisation import Normalisation, NormalisationFit
-from learn.data.sequences import Sequences
-from learn.networks.base import build_network
-from learn.networks.config import NetworkConfig
+from learn.data.sequences import Normalisation, NormalisationFit, Sequences
+from learn.networks.base import NetworkConfig, build_network
 from learn.networks.predictor import Predictor, free_run
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 from learn.training.trainer import Trainer
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs

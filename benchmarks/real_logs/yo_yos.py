@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
-from twin.identify.heading_leg import legs_of
+from twin.identify.replayed_dive import legs_of
 from twin.records.logged import LogStore
 
 Array = NDArray[np.float64]

@@ -7,7 +7,6 @@ from twin.lazy import attach, places
 if TYPE_CHECKING:
     from factory.importing import messages as messages
     from factory.importing import netcdf as netcdf
-    from factory.importing.batteries import used_of_left as used_of_left
     from factory.importing.cleaning import clean as clean
     from factory.importing.cleaning import counts_upward as counts_upward
     from factory.importing.cleaning import positions as positions
@@ -42,12 +41,13 @@ if TYPE_CHECKING:
     from factory.importing.payload import payload_channels as payload_channels
     from factory.importing.payload import payload_names as payload_names
     from factory.importing.plausibility import DiveRules as DiveRules
+    from factory.importing.pressures import ctd_channels as ctd_channels
+    from factory.importing.pressures import used_of_left as used_of_left
     from factory.importing.pressures import with_dbar_by_depth as with_dbar_by_depth
     from factory.importing.pressures import without_air as without_air
     from factory.importing.sample_clock import expect_going as expect_going
     from factory.importing.sample_clock import parse_stamps as parse_stamps
     from factory.importing.sample_clock import unix_seconds as unix_seconds
-    from factory.importing.seawater import ctd_channels as ctd_channels
     from factory.importing.tally import Tally as Tally
     from factory.importing.tally import note_empty as note_empty
     from factory.importing.tally import note_unread as note_unread

@@ -27,25 +27,17 @@ _SHARE = 0.1
 """A unit is decided by more than this part of the possible values: sentinels are fewer."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Reach:
-    """What an angle of a glider can be, and what it usually is. All in radian."""
-
-    largest: float
-    """Values beyond it cannot be this angle."""
-    usual: float
-    """More than a tenth of the values beyond it: they are degrees."""
-
-
 REACH = {
-    "pitch": Reach(largest=1.6, usual=1.6),
-    "roll": Reach(largest=MARGIN * np.pi, usual=0.7),
-    "heading": Reach(largest=MARGIN * TURN, usual=MARGIN * TURN),
-    "fin": Reach(largest=1.6, usual=0.7),
-    "variation": Reach(largest=1.2, usual=1.2),
+    "pitch": (1.6, 1.6),
+    "roll": (MARGIN * np.pi, 0.7),
+    "heading": (MARGIN * TURN, MARGIN * TURN),
+    "fin": (1.6, 0.7),
+    "variation": (1.2, 1.2),
 }
-"""Pitch and rudder stay below 90 degree. No glider rolls by 40 degree for a tenth of its time, nor
-is a rudder so far over; the variation is below 70 degree wherever gliders go."""
+"""[rad] Largest possible size of an angle, and the size that more than a tenth of its values exceed
+only where they are degrees. Pitch and rudder stay below 90 degree. No glider rolls by 40 degree for
+a tenth of its time, nor is a rudder so far over; the variation is below 70 degree wherever gliders
+go."""
 _SLIGHT = 0.15
 """A roll that never leaves so little is in radian (8.6 degree): as degrees it would be none."""
 
@@ -60,7 +52,7 @@ def in_degrees(kind: str, values: Array) -> bool | None:
     size = size[size <= MARGIN * 360.0]  # no angle in any unit
     if not size.size:
         return None
-    if np.mean(size > REACH[kind].usual) > _SHARE:
+    if np.mean(size > REACH[kind][1]) > _SHARE:
         return True
     if kind == "roll":
         return False if np.percentile(size, 90.0) < _SLIGHT else None
@@ -81,17 +73,14 @@ def to_degrees(
     degrees = in_degrees(kind, values)
     if degrees is None:
         degrees = likely
-    factor = 1.0 if degrees else 180.0 / np.pi
-    there = np.isfinite(values)
-    largest = np.degrees(REACH[kind].largest)
-    with np.errstate(invalid="ignore"):
-        bad = there & (np.abs(values) * factor > largest)
-    tally.add("removed", subject, int(bad.sum()), f"no {kind}: beyond {largest:.0f} degree")
+    values = values * (1.0 if degrees else 180.0 / np.pi)
+    largest = np.degrees(REACH[kind][0])
+    bad = np.isfinite(values) & (np.abs(values) > largest)
+    values = tally.removed(values, bad, subject, f"no {kind}: beyond {largest:.0f} degree")
     if degrees:
-        tally.add(
-            "repaired", subject, int((there & ~bad).sum()), "was in degrees where radian is native"
-        )
-    return np.where(bad, np.nan, values * factor)
+        there = np.isfinite(values)
+        tally.add("repaired", subject, there, "was in degrees where radian is native")
+    return values
 
 
 def jointly_degrees(channels: Mapping[str, Channel], kinds: Mapping[str, str]) -> bool:
@@ -100,13 +89,8 @@ def jointly_degrees(channels: Mapping[str, Channel], kinds: Mapping[str, str]) -
     One vehicle's software writes all its angles in one unit, so that a roll that could be either
     follows the pitch and the heading.
     """
-    said = [
-        in_degrees(kinds[name], channels[name].values)
-        for name in channels
-        if name in kinds and len(channels[name])
-    ]
-    yes, no = said.count(True), said.count(False)
-    return yes > no
+    said = [in_degrees(kinds[n], c.values) for n, c in channels.items() if n in kinds and len(c)]
+    return said.count(True) > said.count(False)
 
 
 _TURN = 378.0
@@ -128,34 +112,28 @@ def _is_flat(values: Array) -> bool:
 
 def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> Array:
     """Native degrees. A pitch that never leaves 1.5 in flight was in radian: converted, counted."""
-    if flying and _is_flat(values):
-        return _of_radian(values, subject, tally)
-    return values
+    return _of_radian(values, subject, tally) if flying and _is_flat(values) else values
 
 
-def _of_radian(values: Array, subject: str, tally: Tally, why: str = "") -> Array:
-    count = int(np.isfinite(values).sum())
-    why = why or "was in radian where degrees are native"
-    tally.add("repaired", subject, count, why)
+def _of_radian(values: Array, subject: str, tally: Tally, said: str = "native") -> Array:
+    tally.add("repaired", subject, np.isfinite(values), f"was in radian where degrees are {said}")
     return np.degrees(values)
 
 
 def within_a_turn(values: Array, subject: str, tally: Tally) -> Array:
     """Headings [degree] without sentinels, which a modulo would make headings; counted."""
-    impossible = np.isfinite(values) & ~((values >= -_TURN) & (values <= _TURN))
-    tally.add("removed", subject, int(impossible.sum()), f"no heading: beyond {_TURN:g} degree")
-    return np.where(impossible, np.nan, values)
+    impossible = np.isfinite(values) & (np.abs(values) > _TURN)
+    return tally.removed(values, impossible, subject, f"no heading: beyond {_TURN:g} degree")
 
 
 def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
     """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
     values = within_a_turn(values, subject, tally)
     good = values[np.isfinite(values)]
-    if good.size > 20 and np.ptp(np.percentile(good, [5.0, 95.0])) > 1.0:
-        inside = np.abs(good) < 1.01 * TURN
-        if inside.mean() > _NEARLY_ALL:
-            tally.add("repaired", subject, good.size, "was in radian where degrees are native")
-            return np.where(np.abs(values) < 1.01 * TURN, np.degrees(values), np.nan)
+    inside = np.abs(values) < 1.01 * TURN
+    turns = good.size > 20 and np.ptp(np.percentile(good, [5.0, 95.0])) > 1.0
+    if turns and inside[np.isfinite(values)].mean() > _NEARLY_ALL:
+        return np.where(inside, _of_radian(values, subject, tally), np.nan)
     return values
 
 
@@ -225,13 +203,12 @@ def attitude_degrees(
         angles["pitch"], found["pitch"], time, depth, tally, deployment
     )
     for kind in found if radian else ():
-        one, largest = angles[kind], REACH[kind].largest
-        size = np.abs(found[kind][np.isfinite(found[kind])])
+        one, (largest, _) = angles[kind], REACH[kind]
+        size = np.abs(found[kind])
         size = size[size <= _TURN]
         if not one.in_radian and size.size and np.mean(size <= largest) > _NEARLY_ALL:
             said = "declared: so it dives" if is_declared(one.unit) else "native"
-            why = f"was in radian where degrees are {said}"
-            values = _of_radian(found[kind], one.subject, tally, why)
+            values = _of_radian(found[kind], one.subject, tally, said)
             found[kind] = np.where(np.abs(values) <= np.degrees(largest), values, np.nan)
     if "heading" in found and not radian:
         one = angles["heading"]
@@ -239,9 +216,14 @@ def attitude_degrees(
         found["heading"] = turned(found["heading"], one.subject, tally)
         if turned is within_a_turn and not one.in_radian and turns_in_radian(found["heading"]):
             why = "turns, and never leaves 6.3 degree: radian that are called degrees?"
-            count = int(np.isfinite(found["heading"]).sum())
-            tally.doubt(one.subject, why, count, deployment=deployment)
+            tally.doubt(one.subject, why, np.isfinite(found["heading"]), deployment=deployment)
     return found
+
+
+def calls_itself_magnetic(attributes: Mapping[str, object]) -> bool:
+    """Whether a variable says in its description that it is from magnetic north."""
+    words = (str(attributes.get(key, "")) for key in ("long_name", "comment", "standard_name"))
+    return "magnetic" in " ".join(words).lower()
 
 
 def _is_called_degrees(
@@ -261,7 +243,7 @@ def _is_called_degrees(
     guessed = (one.native == "radian" and sinks is None) if is_declared(one.unit) else flying
     if sinks is False and flying and not guessed:
         why = "below 1.5 degree where the vehicle dives: radian, or of another quantity?"
-        tally.doubt(one.subject, why, int(np.isfinite(pitch).sum()), deployment=deployment)
+        tally.doubt(one.subject, why, np.isfinite(pitch), deployment=deployment)
     return bool(sinks) or guessed
 
 
@@ -287,13 +269,12 @@ def reference_declination(places: LoggedFixes, subject: str, tally: Tally) -> Ch
     days = np.floor(places.time / _DAY)
     times, values = [], []
     for day in np.unique(days):
-        here = days == day
+        here = places.keep(days == day)
+        latitude, longitude = here.middle
         date = datetime.datetime.fromtimestamp((day + 0.5) * _DAY, datetime.UTC)
-        east, north, _ = ppigrf.igrf(
-            float(np.median(places.longitude[here])), float(np.median(places.latitude[here])), 0.0,
-            min(max(date.replace(tzinfo=None), FIRST), LAST),
-        )  # fmt: skip
-        times.append(float(np.median(places.time[here])))
+        moment = min(max(date.replace(tzinfo=None), FIRST), LAST)
+        east, north, _ = ppigrf.igrf(longitude, latitude, 0.0, moment)
+        times.append(float(np.median(here.time)))
         values.append(float(np.degrees(np.arctan2(np.ravel(east)[0], np.ravel(north)[0]))))
     low, high = min(values), max(values)
     size = f"{low:.2f}" if high - low < 0.01 else f"{low:.2f} to {high:.2f}"

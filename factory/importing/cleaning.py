@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import Channel
-from factory.importing.plausibility import lone_zeros, runs, short_runs, stale, unreachable
+from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
+from factory.importing.plausibility import (
+    lone_zeros,
+    runs,
+    short_runs,
+    sinks_in_radian,
+    stale,
+    unreachable,
+)
 from factory.importing.tally import Tally
+from twin.records.schema import VARIABLES
+from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 
@@ -80,47 +90,39 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
         values = kelvin_to_celsius(values, subject, tally)
     there = np.isfinite(values)
     limits = LIMITS.get(name)
-    if limits is not None:
-        possible = (values >= limits.low) & (values <= limits.high)
-        beyond = values > limits.high if name in FRESH else ~possible
-        _doubt_unit(subject, time, values, there & beyond, there, tally)
-        tally.add(
-            "removed",
-            subject,
-            int((there & ~possible).sum()),
-            f"outside {limits.low:g} to {limits.high:g}",
-        )
-        there &= possible
+    if limits is None:
+        return Channel(time[there], values[there])
+    possible = (values >= limits.low) & (values <= limits.high)
+    beyond = values > limits.high if name in FRESH else ~possible
+    _doubt_unit(subject, time, values, there & beyond, there, tally)
+
+    def keep(kept: NDArray[np.bool_], why: str) -> tuple[Array, Array]:
+        tally.add("removed", subject, ~kept, why)
+        return time[kept], values[kept]
+
     time, values = time[there], values[there]
-    if limits is not None and np.isfinite(limits.rate):
-        if name in CHAINED:
-            for find, what in (
-                (stale, "the last value again after a hole: no new one yet"),
-                (lone_zeros, "0 in the middle of a dive: no value yet"),
-            ):
-                unset = find(time, values, rate=limits.rate, jump=limits.jump)
-                tally.add("removed", subject, int(unset.sum()), what)
-                time, values = time[~unset], values[~unset]
-            bad = unreachable(time, values, rate=limits.rate, jump=limits.jump)
-            why = f"changes faster than {limits.rate:g} m/s"
-            if bad.sum() > _MOST * len(bad):
-                long = bad & ~short_runs(bad, _SHORT)
-                for first, last in runs(long):
-                    tally.doubt(
-                        subject, f"{why}; too many to be removed", int(last - first),
-                        start=float(time[first]), end=float(time[last - 1]),
-                    )  # fmt: skip
-                bad &= ~long
-        else:
-            bad = spikes(time, values, rate=limits.rate, jump=limits.jump)
-            why = "single spikes"
-        tally.add("removed", subject, int(bad.sum()), why)
-        time, values = time[~bad], values[~bad]
-        if name in CHAINED:
-            high = above_sea(values)
-            tally.add("removed", subject, int(high.sum()), f"more than {_WAVES:g} m above the sea")
-            time, values = time[~high], values[~high]
-    return Channel(time, values)
+    time, values = keep(possible[there], f"outside {limits.low:g} to {limits.high:g}")
+    rate = {"rate": limits.rate, "jump": limits.jump}
+    if not np.isfinite(limits.rate):
+        return Channel(time, values)
+    if name not in CHAINED:
+        return Channel(*keep(~spikes(time, values, **rate), "single spikes"))
+    why = "the last value again after a hole: no new one yet"
+    time, values = keep(~stale(time, values, **rate), why)
+    why = "0 in the middle of a dive: no value yet"
+    time, values = keep(~lone_zeros(time, values, **rate), why)
+    bad = unreachable(time, values, **rate)
+    why = f"changes faster than {limits.rate:g} m/s"
+    if bad.sum() > _MOST * len(bad):
+        long = bad & ~short_runs(bad, _SHORT)
+        for first, last in runs(long):
+            tally.doubt(
+                subject, f"{why}; too many to be removed", int(last - first),
+                start=float(time[first]), end=float(time[last - 1]),
+            )  # fmt: skip
+        bad &= ~long
+    time, values = keep(~bad, why)
+    return Channel(*keep(~above_sea(values), f"more than {_WAVES:g} m above the sea"))
 
 
 _WAVES = 5.0
@@ -167,7 +169,7 @@ def downward(values: Array, subject: str, tally: Tally) -> Array:
     """Depths or pressures that count down; those of a column that counts upward turned, counted."""
     if not counts_upward(values):
         return values
-    tally.add("repaired", subject, int(np.isfinite(values).sum()), "was positive up")
+    tally.add("repaired", subject, np.isfinite(values), "was positive up")
     return -values
 
 
@@ -185,7 +187,7 @@ def kelvin_to_celsius(values: Array, subject: str, tally: Tally) -> Array:
         return values
     if np.mean((different > _COLDEST) & (different < _WARMEST)) < _MEASURED:
         return values
-    tally.add("repaired", subject, int(np.isfinite(values).sum()), "was in K, not in degC")
+    tally.add("repaired", subject, np.isfinite(values), "was in K, not in degC")
     return values - _KELVIN
 
 
@@ -198,14 +200,17 @@ def _doubt_unit(
     tally: Tally,
 ) -> None:
     """Mark a stretch in which most of the different values are impossible: another unit."""
-    different = np.unique(values[there])
-    wrong = np.unique(values[impossible])
-    if wrong.size >= _FEWEST and wrong.size > 0.5 * different.size:
-        tally.doubt(
-            subject, "most of its values are impossible: another unit or quantity?",
-            int(impossible.sum()), start=float(time[impossible].min()),
-            end=float(time[impossible].max()),
-        )  # fmt: skip
+    wrong = np.unique(values[impossible]).size
+    if wrong >= _FEWEST and wrong > 0.5 * np.unique(values[there]).size:
+        _doubt_impossible(subject, time[impossible], "", tally)
+
+
+def _doubt_impossible(subject: str, time: Array, deployment: str, tally: Tally) -> None:
+    """Mark the stretch of these times [s] as suspect."""
+    tally.doubt(
+        subject, "most of its values are impossible: another unit or quantity?", len(time),
+        deployment=deployment, start=float(time.min()), end=float(time.max()),
+    )  # fmt: skip
 
 
 def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
@@ -250,22 +255,141 @@ def _degrees_and_minutes(latitude: Array, longitude: Array) -> bool:
 
 def positions(latitude: Array, longitude: Array, subject: str, tally: Tally) -> tuple[Array, Array]:
     """Decimal degrees; NMEA ddmm.mmm where decimal degrees are native is converted, counted."""
-    usual = np.abs(latitude) < 1e6  # Slocum marks a position without fix by 69696969
-    usual &= np.abs(longitude) < 1e6
-    tally.add(
-        "removed", subject, int((~usual & np.isfinite(latitude)).sum()), "no position (sentinel)"
-    )
+    # Slocum marks a position without fix by 69696969
+    usual = (np.abs(latitude) < 1e6) & (np.abs(longitude) < 1e6)
+    tally.add("removed", subject, ~usual & np.isfinite(latitude), "no position (sentinel)")
     latitude, longitude = np.where(usual, latitude, np.nan), np.where(usual, longitude, np.nan)
+    unset = (latitude == 0.0) & (longitude == 0.0)
+    latitude = tally.removed(latitude, unset, subject, "no position yet (0, 0)")
     good = np.isfinite(latitude) & np.isfinite(longitude)
-    unset = good & (latitude == 0.0) & (longitude == 0.0)
-    tally.add("removed", subject, int(unset.sum()), "no position yet (0, 0)")
-    latitude, good = np.where(unset, np.nan, latitude), good & ~unset
     if _degrees_and_minutes(latitude[good], longitude[good]):
-        tally.add("repaired", subject, int(good.sum()), "was ddmm.mmm where degrees are native")
+        tally.add("repaired", subject, good, "was ddmm.mmm where degrees are native")
         latitude, longitude = degrees_minutes(latitude), degrees_minutes(longitude)
     # a longitude that is counted on past Greenwich is one
     impossible = good & ((np.abs(latitude) > 90.0) | (np.abs(longitude) > 2.0 * _TURN))
-    tally.add("removed", subject, int(impossible.sum()), "no position on Earth")
-    latitude = np.where(impossible, np.nan, latitude)
-    longitude = np.where(impossible, np.nan, longitude)
-    return latitude, (longitude + 180.0) % 360.0 - 180.0
+    latitude = tally.removed(latitude, impossible, subject, "no position on Earth")
+    return latitude, (np.where(impossible, np.nan, longitude) + 180.0) % 360.0 - 180.0
+
+
+CURRENTS = (
+    ("dac_north", "dac_east"),
+    ("measured_current_north", "measured_current_east"),
+)
+"""Currents that vehicles report, as pairs"""
+_OTHERS = {
+    "onboard_north": "true_north", "onboard_east": "true_east",
+    **{f"velocity_{axis}": "true_surge" for axis in ("north", "east", "down")},
+}  # fmt: skip
+"""Channels that a store does not hold as they are, and signals with the same limits"""
+_WORDS = 3
+"""Values by which sensors say that they have none"""
+_HALF = 0.5
+"""With more impossible values than this part, the rest is suspect too."""
+
+
+def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
+    """The log as its reader made it, without impossible values; what is left of them is suspect."""
+    _doubt_pitch(log, tally)
+    log = _without_impossible_currents(log, tally)
+    fixes, auxiliary = log.fixes, dict(log.auxiliary)
+    for name in [name for name in auxiliary if name.endswith("longitude")]:
+        one = auxiliary[name]
+        auxiliary[name] = Channel(one.time, _east_of_greenwich(one.values))
+
+    def possible(channels: Mapping[str, Channel]) -> dict[str, Channel]:
+        return {n: _possible(n, one, log.deployment, tally) for n, one in channels.items()}
+
+    channels, auxiliary = possible(log.channels), possible(auxiliary)
+    variation = possible({"magnetic_variation": log.magnetic_variation})
+    fixes = LoggedFixes(fixes.time, fixes.latitude, _east_of_greenwich(fixes.longitude))
+    return dataclasses.replace(
+        log,
+        channels={name: one for name, one in channels.items() if len(one)},
+        auxiliary=auxiliary,
+        magnetic_variation=variation["magnetic_variation"],
+        fixes=_on_earth(fixes, log.deployment, tally),
+    )
+
+
+def _east_of_greenwich(longitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Longitudes up to 360 degree as those of a store, from -180."""
+    turned = (longitude > 180.0) & (longitude <= 360.0)
+    return np.where(turned, longitude - 360.0, longitude) if turned.any() else longitude
+
+
+def _limits(name: str) -> tuple[float, float]:
+    """Lowest and highest value of a channel; without limits for what is no quantity."""
+    for axis in ("latitude", "longitude"):
+        if name.endswith(axis):
+            return LIMITS[axis].low, LIMITS[axis].high
+    if name == "magnetic_variation":
+        return -180.0, 180.0
+    if name in LIMITS:
+        return LIMITS[name].low, LIMITS[name].high
+    name = _OTHERS.get(name, name)
+    return recorded_limits(name) if name in VARIABLES else (-np.inf, np.inf)
+
+
+def _possible(name: str, channel: Channel, deployment: str, tally: Tally) -> Channel:
+    low, high = _limits(name)
+    bad = ~((channel.values >= low) & (channel.values <= high))
+    if not bad.any():
+        return channel
+    tally.add("removed", name, bad, f"outside {low:g} to {high:g}")
+    _doubt_rest(name, channel.time, channel.values, bad, deployment, tally)
+    return Channel(channel.time[~bad], channel.values[~bad])
+
+
+def _on_earth(fixes: LoggedFixes, deployment: str, tally: Tally) -> LoggedFixes:
+    bad = np.zeros(len(fixes), bool)
+    for axis, values in (("latitude", fixes.latitude), ("longitude", fixes.longitude)):
+        bad |= ~((values >= LIMITS[axis].low) & (values <= LIMITS[axis].high))
+    if not bad.any():
+        return fixes
+    tally.add("removed", "GPS fixes", bad, "no position on Earth")
+    _doubt_rest("GPS fixes", fixes.time, fixes.latitude, bad, deployment, tally)
+    return fixes.keep(~bad)
+
+
+def _doubt_rest(
+    subject: str, time: Array, values: Array, bad: NDArray[np.bool_], deployment: str, tally: Tally
+) -> None:
+    # a sensor that is off says one value, a wrong unit many
+    if bad.mean() > _HALF and np.unique(values[bad]).size > _WORDS:
+        _doubt_impossible(subject, time[bad], deployment, tally)
+
+
+def _doubt_pitch(log: DeploymentLog, tally: Tally) -> None:
+    """Mark a log as suspect whose flight is that of its pitch in radian."""
+    pitch = log.channel("measured_pitch")
+    depth = log.channel("measured_depth") or log.channel("measured_pressure")  # a dbar is a metre
+    if not len(pitch) or not len(depth) or np.percentile(np.abs(pitch.values), 99.0) > 0.5 * np.pi:
+        return
+    if sinks_in_radian(pitch.time, depth.at(pitch.time), pitch.values):
+        why = "the vehicle sinks and rises by its pitch in radian: another unit?"
+        tally.doubt("measured_pitch", why, len(pitch), deployment=log.deployment)
+
+
+def _without_impossible_currents(log: DeploymentLog, tally: Tally) -> DeploymentLog:
+    """The log without reported currents that no sea has; the dives that they are of are suspect."""
+    channels, auxiliary = dict(log.channels), dict(log.auxiliary)
+    fastest = LIMITS["dac_north"].high
+    for pair in CURRENTS:
+        both = [log.channel(name) for name in pair]
+        bad = np.union1d(*(one.time[~(np.abs(one.values) <= fastest)] for one in both))
+        if not bad.size:
+            continue
+        for name, one in zip(pair, both, strict=True):
+            kept = ~np.isin(one.time, bad)
+            place = channels if name in channels else auxiliary
+            if name in place:
+                place[name] = Channel(one.time[kept], one.values[kept])
+        times = np.union1d(*(one.time for one in both))
+        wrong = np.isin(times, bad)
+        before = np.concatenate([[-np.inf], times[:-1]])[wrong]
+        for k, (start, end) in enumerate(zip(before, times[wrong], strict=True)):
+            tally.doubt(
+                " and ".join(pair), f"a current of more than {fastest:g} m/s: no sea has it",
+                0 if k else len(bad), deployment=log.deployment, start=start, end=end,
+            )  # fmt: skip
+    return dataclasses.replace(log, channels=channels, auxiliary=auxiliary)

@@ -103,8 +103,7 @@ def _parquet(path: Path) -> Table:
             table = file.read()
         except Exception as error:
             raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
-    columns: dict[str, Array] = {}
-    texts: dict[str, NDArray[Any]] = {}
+    columns, texts = dict[str, Array](), dict[str, NDArray[Any]]()
     for name in table.column_names:
         values = _array(table[name])
         if values.dtype.kind == "M":
@@ -119,8 +118,8 @@ def _parquet(path: Path) -> Table:
 
 def _declared(metadata: Any) -> float:
     """[byte] of a parquet file's values in memory, of eight bytes each or as long as they are."""
-    groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
-    columns = [group.column(k) for group in groups for k in range(group.num_columns)]
+    groups = (metadata.row_group(k) for k in range(metadata.num_row_groups))
+    columns = (group.column(k) for group in groups for k in range(group.num_columns))
     return float(sum(max(8 * c.num_values, c.total_uncompressed_size) for c in columns))
 
 
@@ -154,30 +153,28 @@ _UNREADABLE = (OSError, EOFError, zlib.error)
 
 
 def _opened(path: Path) -> TextIO:
-    def opened() -> io.BufferedReader:
-        packed = path.suffix.lower() == ".gz"
-        return unpacked_file(path) if packed else path.open("rb")
-
-    with opened() as binary:
+    with plain(path) as binary:
         wide = binary.read(2) in (b"\xff\xfe", b"\xfe\xff")  # as spreadsheets write "Unicode text"
     encoding = "utf-16" if wide else "utf-8-sig"
-    return io.TextIOWrapper(opened(), newline="", encoding=encoding, errors="replace")
+    return io.TextIOWrapper(plain(path), newline="", encoding=encoding, errors="replace")
+
+
+def plain(path: Path) -> io.BufferedReader:
+    """A file for reading, unpacked where its name ends with .gz."""
+    return unpacked_file(path) if path.suffix.lower() == ".gz" else path.open("rb")
 
 
 def _header(file: TextIO) -> tuple[list[str], str]:
     """Column names in the first line, and what separates them: a comma, semicolon or tab."""
     line = file.readline(LONGEST_HEADER)
-    if len(line) == LONGEST_HEADER:
-        raise InputError(
-            f"{file.name} has a first line of more than {LONGEST_HEADER} characters: it is "
-            "not a table of columns"
-        )
     delimiter = max(",;\t", key=line.count)
-    if line.count(delimiter) >= MOST_COLUMNS:
-        raise InputError(
-            f"{file.name} has more than {MOST_COLUMNS} names in its first line: it is not a table "
-            "of columns"
-        )
+    what = ""
+    if len(line) == LONGEST_HEADER:
+        what = f"a first line of more than {LONGEST_HEADER} characters"
+    elif line.count(delimiter) >= MOST_COLUMNS:
+        what = f"more than {MOST_COLUMNS} names in its first line"
+    if what:
+        raise InputError(f"{file.name} has {what}: it is not a table of columns")
     return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
 
 
@@ -222,8 +219,7 @@ def _csv(path: Path) -> Table:
     # files that were appended to each other repeat their line of names
     again = (frame[list(range(len(names)))] == names).all(axis=1)
     frame = frame[~again]
-    columns: dict[str, Array] = {}
-    texts: dict[str, NDArray[Any]] = {}
+    columns, texts = dict[str, Array](), dict[str, NDArray[Any]]()
     for k, name in enumerate(names):
         if not name:  # the index that pandas writes, or a separator at the end
             continue
@@ -272,11 +268,11 @@ def tidy(
     suspect.
     """
     known = np.isfinite(time) & (time >= FIRST_SECOND) & (time <= LAST_SECOND)
-    tally.add("left out", subject, int((~known).sum()), "rows without a possible time")
+    tally.add("left out", subject, ~known, "rows without a possible time")
     tell_standing(time[known], {n: v[known] for n, v in columns.items()}, subject, tally)
     astray = _astray(time, known)
     tally.add(
-        "left out", subject, int(astray.sum()),
+        "left out", subject, astray,
         f"rows whose clock had jumped by {_JUMP / _YEAR:g} year or more",
     )  # fmt: skip
     known &= ~astray
@@ -288,26 +284,19 @@ def tidy(
     repeated = time.size - unique.size
     out: dict[str, Array] = {}
     for name, values in columns.items():
-        infinite = np.isinf(values)
-        tally.add("removed", name, int(infinite.sum()), "infinite")
-        out[name] = np.where(infinite, np.nan, values)[known][order]
-    if repeated:
-        out = _once(first, out, subject, tally)
-    return unique, out
+        out[name] = tally.removed(values, np.isinf(values), name, "infinite")[known][order]
+    return unique, _once(first, out, subject, tally) if repeated else out
 
 
 def _astray(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Rows so few and so far in time from the others that their clock was wrong."""
-    astray = np.zeros(len(time), bool)
     rows = np.flatnonzero(known)
     rows = rows[np.argsort(time[rows], kind="stable")]
     groups = np.split(rows, np.flatnonzero(np.diff(time[rows]) > _JUMP) + 1)
-    largest = max(len(group) for group in groups)
+    largest = max(map(len, groups))
     most = max(_FEW * largest, 1.0 if largest >= _SEVERAL else 0.0)
-    for group in groups:
-        if len(group) <= most:
-            astray[group] = True
-    return astray
+    few = [group for group in groups if len(group) <= most]
+    return np.isin(np.arange(len(time)), np.concatenate(few) if few else [])
 
 
 def _once(
@@ -337,9 +326,9 @@ def _once(
         clash[group[differs]] = True
     leading = np.lexsort((np.arange(total), ~some, group))[first]
     extra = np.bincount(group, minlength=len(first)) - 1
-    tally.add("repeated", subject, int(extra[~clash].sum()), "samples written twice: kept once")
+    tally.add("repeated", subject, extra[~clash], "samples written twice: kept once")
     tally.add(
-        "removed", subject, int(extra[clash].sum()),
+        "removed", subject, extra[clash],
         "rows that repeat a time with other values: the first is kept",
     )  # fmt: skip
     return {
@@ -349,12 +338,11 @@ def _once(
 
 def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict[str, Array]:
     """The named columns of all pieces one after the other; NaN where a piece lacks one."""
-    present = [name for name in names if any(name in piece for piece in pieces)]
+    empty = [np.full(len(next(iter(piece.values()))), np.nan) for piece in pieces]
     return {
-        name: np.concatenate(
-            [p.get(name, np.full(len(next(iter(p.values()))), np.nan)) for p in pieces]
-        )
-        for name in present
+        name: np.concatenate([p.get(name, e) for p, e in zip(pieces, empty, strict=True)])
+        for name in names
+        if any(name in piece for piece in pieces)
     }
 
 

@@ -30,6 +30,12 @@ class Channel:
     values: Array
     """In the unit of its name in `twin.records.schema`, shape (samples,)."""
 
+    @classmethod
+    def finite(cls, time: Array, values: Array) -> Channel:
+        """The samples that have a value, of columns at increasing times."""
+        there = np.isfinite(values)
+        return cls(time[there], values[there])
+
     def __len__(self) -> int:
         return len(self.time)
 
@@ -47,9 +53,7 @@ class Channel:
 
     def at(self, times: Array) -> Array:
         """Linear interpolation, the end values held outside; NaN for an empty channel."""
-        if not len(self):
-            return np.full(np.shape(times), np.nan)
-        return np.interp(times, self.time, self.values)
+        return np.interp(times, self.time, self.values) if len(self) else times * np.nan
 
     def known(self, times: Array) -> Array:
         """Linear interpolation where the channel covers the times; NaN elsewhere."""
@@ -131,12 +135,36 @@ class LoggedFixes:
     longitude: Array
     """[degree] east."""
 
+    @classmethod
+    def finite(cls, time: Array, latitude: Array, longitude: Array) -> LoggedFixes:
+        """The fixes of columns at increasing times that have a time and a place."""
+        fixes = cls(time, latitude, longitude)
+        return fixes.keep(np.isfinite(time) & np.isfinite(latitude) & np.isfinite(longitude))
+
     def __len__(self) -> int:
         return len(self.time)
 
-    def keep(self, mask: NDArray[np.bool_]) -> LoggedFixes:
-        """The fixes where `mask` is true."""
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Median latitude and longitude [degree]; on the equator where there is none."""
+        if not len(self):
+            return 0.0, 0.0
+        return float(np.median(self.latitude)), float(np.median(self.longitude))
+
+    def channels(self, prefix: str = "") -> dict[str, Channel]:
+        """Latitude and longitude as channels of these names, behind a prefix."""
+        return {
+            f"{prefix}latitude": Channel(self.time, self.latitude),
+            f"{prefix}longitude": Channel(self.time, self.longitude),
+        }
+
+    def keep(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> LoggedFixes:
+        """The fixes where `mask` is true, or at these indices."""
         return LoggedFixes(self.time[mask], self.latitude[mask], self.longitude[mask])
+
+    def once(self) -> LoggedFixes:
+        """The fixes in time order, each time once."""
+        return self.keep(np.unique(self.time, return_index=True)[1])
 
     def within(self, start: float, end: float) -> LoggedFixes:
         """The fixes from `start` to `end` [s], both included."""
@@ -253,12 +281,19 @@ def each_file(
             raise
         except Exception as error:
             refused.append((path, failed_reading(path, error)))
-    _tell(refused, len(paths), tally)
+    reasons = [(path.name, _reason(path, error)) for path, error in refused]
+    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for (_, error), one in zip(refused, reasons, strict=True):
+        subject = OTHER_KIND if isinstance(error, OtherKind) else UNREADABLE
+        groups.setdefault((subject, one[1]), []).append(one)
+        if subject == UNREADABLE:
+            tally.unreadable.append(one)
+    for (subject, _), several in groups.items():
+        tally.add("left out", subject, len(several), by_reason(several, len(paths))[0])
     if refused and not found:
         first = refused[0][1]
         if len(refused) == 1 or isinstance(first, OtherKind):
             raise first
-        reasons = [(path.name, _reason(path, error)) for path, error in refused]
         raise InputError("; ".join(by_reason(reasons, len(paths))))
     return found
 
@@ -269,11 +304,13 @@ OF_THE_MACHINE = (MemoryError, ImportError)
 
 def failed_reading(path: Path, error: Exception) -> InputError:
     """The error of a file at which its reader raised what no reader should."""
-    why = " ".join(str(error).split())[:160]
-    return InputError(
-        f"{path.name} is damaged, or of a kind that its reader does not know: "
-        f"{type(error).__name__}{f': {why}' if why else ''}"
-    )
+    why = f"{path.name} is damaged, or of a kind that its reader does not know"
+    return InputError(f"{why}: {_described(error)}")
+
+
+def _described(error: Exception) -> str:
+    """The class of an error, and what it says."""
+    return ": ".join(filter(None, (type(error).__name__, " ".join(str(error).split())[:160])))
 
 
 @contextlib.contextmanager
@@ -288,25 +325,10 @@ def naming(log: DeploymentLog) -> Iterator[None]:
     except (InputError, *OF_THE_MACHINE):
         raise
     except Exception as error:
-        why = " ".join(str(error).split())[:160]
         raise InputError(
             f"{log.deployment} ({summarise(log.files, 1)}) holds what cannot be cut into dives: "
-            f"{type(error).__name__}{f': {why}' if why else ''}"
+            f"{_described(error)}"
         ) from error
-
-
-def _tell(refused: Sequence[tuple[Path, InputError]], total: int, tally: Tally) -> None:
-    """Report the files that are left out, by reason."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for path, error in refused:
-        subject = OTHER_KIND if isinstance(error, OtherKind) else UNREADABLE
-        reason = _reason(path, error)
-        groups.setdefault((subject, reason), []).append(path.name)
-        if subject == UNREADABLE:
-            tally.unreadable.append((path.name, reason))
-    for (subject, reason), names in groups.items():
-        (why,) = by_reason([(name, reason) for name in names], total)
-        tally.add("left out", subject, len(names), why)
 
 
 def _reason(path: Path, error: InputError) -> str:

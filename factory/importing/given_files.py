@@ -56,16 +56,22 @@ def expand(
             raise InputError(f"no file {path}")
     unique = list({path.resolve(): path for path in files}.values())
     tally.add("left out", "files", len(files) - len(unique), "named twice")
-    lists = [path for path in unique if path.name == LIST]
-    tally.add("left out", "files", len(lists), f"no log: an export's list of checksums, {LIST}")
-    unique = _without_copies([path for path in unique if path not in lists], tally)
-    if not unique:
+    logs = [path for path in unique if path.name != LIST]
+    why = f"no log: an export's list of checksums, {LIST}"
+    tally.add("left out", "files", len(unique) - len(logs), why)
+    logs = _without_copies(logs, tally)
+    if not logs:
         raise InputError(
             f"no files to import; name {importer.name} logs or a folder that holds them"
         )
+    wrong: list[Path] = []
 
     def check(path: Path) -> None:
-        if _size(path) == 0:
+        try:
+            size = check_regular(path)
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror}") from error
+        if size == 0:
             raise InputError(f"{path} is empty")
         if _is_web_page(path):
             raise InputError(
@@ -78,19 +84,10 @@ def expand(
                 wrong.append(path)
             raise
 
-    wrong: list[Path] = []
-    usable = [path for path, _ in each_file(unique, check, tally)]
+    usable = [path for path, _ in each_file(logs, check, tally)]
     if wrong:
         _check_contents(importer, wrong[0])
     return usable
-
-
-def _size(path: Path) -> int:
-    """[byte] of a log that can be read to its end."""
-    try:
-        return check_regular(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
 
 
 WEB_PAGE = (b"<!doctype html", b"<html")

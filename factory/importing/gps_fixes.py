@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Channel, DeploymentLog, LoggedFixes
-from factory.importing.plausibility import DiveRules
+from factory.importing.plausibility import DiveRules, runs
 from factory.importing.tally import Tally
 from twin.geodesy import offset
 
@@ -57,15 +57,16 @@ def has_fix(columns: Mapping[str, Array], count: int) -> Mask:
     fixed = np.ones(count, bool)
     for name, values in columns.items():
         word = name.lower()
+        says = ~np.isfinite(values)
         if word in QUALITIES:
-            says = np.isin(values, MEASURED)
+            says |= np.isin(values, MEASURED)
         elif word in DILUTIONS:
-            says = values < NO_DILUTION
+            says |= values < NO_DILUTION
         elif word in SATELLITES and (values >= FEWEST_SATELLITES).any():
-            says = values >= FEWEST_SATELLITES  # a vehicle that does not count them writes 0
+            says |= values >= FEWEST_SATELLITES  # a vehicle that does not count them writes 0
         else:
             continue
-        fixed &= says | ~np.isfinite(values)
+        fixed &= says
     return fixed
 
 
@@ -82,14 +83,14 @@ def good_fixes(
         return fixes
     racing = coasting(fixes, rules.coast_speed)
     tally.add(
-        "removed", FIXES, int(racing.sum()),
+        "removed", FIXES, racing,
         f"constant velocity above {rules.coast_speed:g} m/s: the receiver coasts, or is carried",
     )  # fmt: skip
     fixes = fixes.keep(~racing)
     if station:
         near = np.abs(nearest(depth.time, fixes.time) - fixes.time) < _NEAR
         deep = (depth.at(fixes.time) > STATION_DEPTH) & near
-        tally.add("removed", FIXES, int(deep.sum()), f"deeper than {STATION_DEPTH:g} m")
+        tally.add("removed", FIXES, deep, f"deeper than {STATION_DEPTH:g} m")
         fixes = fixes.keep(~deep)
     elif len(depth):
         fixes = _afloat(fixes, depth, rules, tally)
@@ -98,7 +99,7 @@ def good_fixes(
         # alone away from both neighbours, which agree with each other
         if _apart(fixes, i - 1, i, rules) and _apart(fixes, i, i + 1, rules):
             keep[i] = _apart(fixes, i - 1, i + 1, rules)
-    tally.add("removed", FIXES, int((~keep).sum()), "away from their neighbours")
+    tally.add("removed", FIXES, ~keep, "away from their neighbours")
     return fixes.keep(keep)
 
 
@@ -114,8 +115,8 @@ def tell_read(logs: Sequence[DeploymentLog], tally: Tally) -> None:
 
 def tell_fixes(fixes: LoggedFixes, used: Mask, tally: Tally, *, kept: str, left_out: str) -> None:
     """Count the good fixes that rows hold and those that no row holds."""
-    tally.add("kept", FIXES, int(used.sum()), kept)
-    tally.add("left out", FIXES, int((~used).sum()), left_out)
+    tally.add("kept", FIXES, used, kept)
+    tally.add("left out", FIXES, ~used, left_out)
 
 
 def coasting(fixes: LoggedFixes, fastest: float) -> Mask:
@@ -127,78 +128,48 @@ def coasting(fixes: LoggedFixes, fastest: float) -> Mask:
     if len(fixes) <= _STEPS:
         return bad
     gap = np.diff(fixes.time)
-    north, east = (np.empty(len(gap)) for _ in range(2))
-    for i in range(len(gap)):
-        north[i], east[i] = offset(
-            fixes.latitude[i + 1], fixes.longitude[i + 1],
-            float(fixes.latitude[i]), float(fixes.longitude[i]),
-        )  # fmt: skip
-    velocity = (north + 1j * east) / np.maximum(gap, 1e-3)
+    velocity = np.array([complex(*_offset(fixes, i, i + 1)) for i in range(len(gap))])
+    velocity = velocity / np.maximum(gap, 1e-3)
     fast = (np.abs(velocity) > fastest) & (gap < _LONGEST_STEP)
     alike = fast[1:] & fast[:-1]
     alike &= np.abs(np.diff(velocity)) < _ALIKE * np.maximum(np.abs(velocity[1:]), fastest)
-    start = 0
-    while start < len(fast):
-        if not fast[start]:
-            start += 1
-            continue
-        end = start
-        while end < len(alike) and alike[end]:
-            end += 1
+    for start, end in runs(alike):  # of one step more
         if end - start + 1 >= _STEPS:
             bad[start + 1 : end + 2] = True
-        start = end + 1
     return bad
 
 
 def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) -> LoggedFixes:
     """Fixes at the surface, and those just below it where the receiver has hardly coasted yet."""
     away = np.abs(nearest(depth.time, fixes.time) - fixes.time)
+    right = np.clip(np.searchsorted(depth.time, fixes.time), 0, len(depth) - 1)
+    left = np.maximum(right - 1, 0)
+    least = np.minimum(depth.values[left], depth.values[right])
     # a silent log says little about the fix; well below on both sides it says enough
-    near = (away < rules.fix_lag) | ((away < _NEAR) & _well_below(fixes.time, depth))
-    deep = near & ~_at_surface(fixes.time, depth, rules)
+    near = (away < rules.fix_lag) | ((away < _NEAR) & (least > STATION_DEPTH))
+    # with rare depths it counts whether the vehicle can have been at the surface
+    rare = depth.time[right] - depth.time[left] > rules.fix_lag
+    shallow = depth.at(fixes.time) <= rules.fix_depth
+    deep = near & ~(shallow | (rare & (least <= rules.fix_depth)))
     keep = ~deep
-    coasted = 0
-    last = -1
+    coasted, last = 0, -1
     for i in range(len(fixes)):
         if not deep[i]:
             last = i
-            continue
-        if rules.coast > 0.0 and _just_dived(float(fixes.time[i]), depth, rules):
+        elif rules.coast > 0.0 and _just_dived(float(fixes.time[i]), depth, rules):
             known = last >= 0 and fixes.time[i] - fixes.time[last] < _LONGEST_STEP
-            moved = _distance(fixes, last, i) if known else 0.0
-            keep[i] = moved <= rules.coast
+            keep[i] = (_distance(fixes, last, i) if known else 0.0) <= rules.coast
             coasted += int(keep[i])
     wet = int((~keep).sum())
     if wet > _SHARE * near.sum() and wet >= _LEAST:
         tally.doubt(FIXES, _clocks(fixes.time, depth, rules), wet)
+    deeper = f"deeper than {rules.fix_depth:g} m"
+    tally.add("removed", FIXES, wet, f"under water: {deeper}")
     tally.add(
-        "removed", FIXES, int((~keep).sum()),
-        f"under water: deeper than {rules.fix_depth:g} m",
-    )  # fmt: skip
-    tally.add(
-        "note", FIXES, coasted,
-        f"deeper than {rules.fix_depth:g} m, within {rules.fix_lag:g} s of the surface and"
+        "note", FIXES, coasted, f"{deeper}, within {rules.fix_lag:g} s of the surface and"
         f" {rules.coast:g} m of the last one there: kept",
     )  # fmt: skip
     return fixes.keep(keep)
-
-
-def _well_below(times: Array, depth: Channel) -> Mask:
-    """Whether the samples before and after are both far below the surface."""
-    right = np.clip(np.searchsorted(depth.time, times), 0, len(depth) - 1)
-    left = np.maximum(right - 1, 0)
-    return np.minimum(depth.values[left], depth.values[right]) > STATION_DEPTH
-
-
-def _at_surface(times: Array, depth: Channel, rules: DiveRules) -> Mask:
-    """Whether the vehicle was at the surface; with rare depths, whether it can have been."""
-    shallow = depth.at(times) <= rules.fix_depth
-    right = np.clip(np.searchsorted(depth.time, times), 0, len(depth) - 1)
-    left = np.maximum(right - 1, 0)
-    rare = depth.time[right] - depth.time[left] > rules.fix_lag
-    least = np.minimum(depth.values[left], depth.values[right])
-    return shallow | (rare & (least <= rules.fix_depth))
 
 
 def _just_dived(time: float, depth: Channel, rules: DiveRules) -> bool:
@@ -226,12 +197,15 @@ def _clocks(times: Array, depth: Channel, rules: DiveRules) -> str:
     return text
 
 
+def _offset(fixes: LoggedFixes, i: int, j: int) -> tuple[Array, Array]:
+    """[m] North and east of the second of two fixes from the first."""
+    start = float(fixes.latitude[i]), float(fixes.longitude[i])
+    return offset(fixes.latitude[j], fixes.longitude[j], *start)
+
+
 def _distance(fixes: LoggedFixes, i: int, j: int) -> float:
     """[m] Between two fixes."""
-    north, east = offset(
-        fixes.latitude[j], fixes.longitude[j], float(fixes.latitude[i]), float(fixes.longitude[i])
-    )
-    return float(np.hypot(north, east))
+    return float(np.hypot(*_offset(fixes, i, j)))
 
 
 def _apart(fixes: LoggedFixes, i: int, j: int, rules: DiveRules) -> bool:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from factory.importing.cleaning import within_limits
 from factory.importing.deployment_log import OF_THE_MACHINE, UNREADABLE, each_file, failed_reading
 from factory.importing.dives.dive_store import build
 from factory.importing.formats.base import (
@@ -24,7 +25,6 @@ from factory.importing.formats.base import (
     kind_that_takes,
 )
 from factory.importing.given_files import expand
-from factory.importing.log_limits import within_limits
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import parse_payload
 from factory.importing.plausibility import DiveRules
@@ -73,7 +73,7 @@ def import_logs(
       InputError: a file cannot be used; the message names it and says why.
     """
     stamp = made_at().strftime("%Y-%m-%dT%H:%M:%SZ")
-    importer = IMPORTERS[kind]
+    importer, rules = IMPORTERS[kind], rules or DiveRules()
     if period is not None and not SHORTEST <= period <= LONGEST:
         raise InputError(f"period must be within {SHORTEST:g} to {LONGEST:g} s, not {period:g}")
     if variation_deg is not None and not -180.0 <= variation_deg <= 180.0:
@@ -99,27 +99,20 @@ def import_logs(
     own = [log.period for log in logs if log.period is not None]
     try:
         dataset, report = build(
-            logs,
-            kind=kind,
-            period=period or min(own, default=importer.period),
-            rules=rules or DiveRules(),
-            tally=tally,
+            logs, kind=kind, period=period or min(own, default=importer.period), rules=rules,
+            tally=tally, held=importer.held, lacks=importer.lacks,
             files=[path.name for path in paths if path.name in read] or [p.name for p in paths],
-            held=importer.held,
-            lacks=importer.lacks,
-        )
+        )  # fmt: skip
     except InputError as error:
         raise _with_left_out(error, tally) from error
-    rules = rules or DiveRules()
-    words = {
-        "period": period,
-        "min-depth": None if rules.min_depth == DiveRules().min_depth else rules.min_depth,
-        "variation-deg": variation_deg,
-        "cache": cache,
-        "mapping": mapping,
-    }
     command = ["factory", "import", kind, *map(str, files)]
-    for name, value in words.items():
+    for name, value in (
+        ("period", period),
+        ("min-depth", None if rules.min_depth == DiveRules().min_depth else rules.min_depth),
+        ("variation-deg", variation_deg),
+        ("cache", cache),
+        ("mapping", mapping),
+    ):
         command += [] if value is None else [f"--{name}", str(value)]
     command += ["--payload", *payload] if payload else []
     command += ["--recursive"] if recursive else []
@@ -147,7 +140,13 @@ def read_logs(
     importer = IMPORTERS[kind]
     try:
         paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
-        logs = _limited(_read(importer, paths, options, tally), tally)
+        logs = [
+            dataclasses.replace(
+                within_limits(log, tally),  # with what their reader doubts of them
+                doubts=tuple(d for d in tally.doubts if d.deployment in ("", log.deployment)),
+            )
+            for log in _read(importer, paths, options, tally)
+        ]
         if not keep_going:
             _expect_most(len({name for log in logs for name in log.files}), tally)
     except WrongFormat as error:
@@ -178,8 +177,8 @@ def _read(
     importer: Importer, paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
     read: Reader = imported(importer.read) if isinstance(importer.read, str) else importer.read
+    trial = copy.deepcopy(tally)
     try:
-        trial = copy.deepcopy(tally)
         try:
             logs = read(paths, options, trial)
         except (InputError, *OF_THE_MACHINE):
@@ -187,8 +186,6 @@ def _read(
             raise
         except Exception as error:
             return _read_others(importer, read, paths, options, tally, error)
-        tally.take(trial)
-        return logs
     except ModuleNotFoundError as error:
         if importer.extra is None:
             raise
@@ -196,6 +193,8 @@ def _read(
             f"these {importer.name} logs need the package {error.name}, which is not installed: "
             f"{installation(importer.extra)}"
         ) from error
+    tally.take(trial)
+    return logs
 
 
 def _read_others(
@@ -224,17 +223,6 @@ def _read_others(
             f"({failed_reading(paths[0], error)}); import them in smaller groups to find the pair"
         ) from error
     return _read(importer, good, options, tally)
-
-
-def _limited(logs: Sequence[DeploymentLog], tally: Tally) -> list[DeploymentLog]:
-    """The logs within the limits of each channel, with what their reader doubts of them."""
-    return [
-        dataclasses.replace(
-            within_limits(log, tally),
-            doubts=tuple(d for d in tally.doubts if d.deployment in ("", log.deployment)),
-        )
-        for log in logs
-    ]
 
 
 def _expect_most(read: int, tally: Tally) -> None:

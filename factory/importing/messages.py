@@ -68,12 +68,15 @@ def mapping_of(options: ReadOptions, vehicle: str, model: str | None, gap_s: flo
 
 def with_standard(mapping: Mapping, standard: Dict[str, Signal], tally: Tally) -> Mapping:
     """The mapping with signals of standard messages, where it does not map them itself."""
-    known = set(signal_names())
-    added = {n: s for n, s in standard.items() if n in known and n not in mapping.signals}
-    for name in added:
-        if mapping.reason(added[name].column) is not None:
-            tally.add("left out", name, 1, str(mapping.reason(added[name].column)))
-    kept = {n: s for n, s in added.items() if mapping.reason(s.column) is None}
+    known, kept = set(signal_names()), {}
+    for name, signal in standard.items():
+        if name not in known or name in mapping.signals:
+            continue
+        why = mapping.reason(signal.column)
+        if why is None:
+            kept[name] = signal
+        else:
+            tally.add("left out", name, 1, why)
     return dataclasses.replace(mapping, signals={**kept, **mapping.signals})
 
 
@@ -105,11 +108,9 @@ def _has_values(signal: Signal, tables: Dict[str, MessageTable]) -> bool:
 def wanted_fields(mapping: Mapping) -> dict[str, list[str]]:
     """The fields that a mapping reads, by topic."""
     found: dict[str, list[str]] = {}
-    for signal in mapping.signals.values():
-        topic, _, field = signal.column.partition(" ")
-        fields = found.setdefault(topic, [])
-        if field not in fields:
-            fields.append(field)
+    for column in dict.fromkeys(signal.column for signal in mapping.signals.values()):
+        topic, _, field = column.partition(" ")
+        found.setdefault(topic, []).append(field)
     return found
 
 

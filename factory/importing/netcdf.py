@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -213,11 +213,8 @@ def text_of(variable: Any) -> str:
 
 SINCE = " since "
 """In the units of every CF time"""
-_UNITS_SINCE = re.compile(r"(\w+) since (.+)")
-_SECONDS_IN = {
-    "nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "seconds": 1.0,
-    "minutes": 60.0, "hours": 3600.0, "days": 86400.0,
-}  # fmt: skip
+_SECONDS_IN = {"nanosecond": 1e-9, "microsecond": 1e-6, "millisecond": 1e-3, "second": 1.0,
+               "minute": 60.0, "hour": 3600.0, "day": 86400.0}  # fmt: skip
 
 
 def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: Tally) -> Array:
@@ -229,15 +226,13 @@ def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: 
     units = str(attributes.get("units", ""))
     if SINCE not in units:
         return unix_seconds(time, subject, tally)
-    match = _UNITS_SINCE.fullmatch(units.strip())
-    unit = match[1].lower() if match else ""
-    factor = _SECONDS_IN.get(unit if unit.endswith("s") else f"{unit}s")
-    if match is None or factor is None:
-        raise InputError(f"{subject}: its time has unknown units {units!r}")
-    zero = parse_stamps(np.array([_whole_stamp(match[2])]))[0]
-    if not np.isfinite(zero):
-        raise InputError(f"{subject}: its time has unknown units {units!r}")
-    return zero + factor * time
+    match = re.fullmatch(r"(\w+) since (.+)", units.strip())
+    if match is not None:
+        factor = _SECONDS_IN.get(match[1].lower().removesuffix("s"), np.nan)
+        zero = parse_stamps(np.array([_whole_stamp(match[2])]))[0]
+        if np.isfinite(factor * zero):
+            return zero + factor * time
+    raise InputError(f"{subject}: its time has unknown units {units!r}")
 
 
 def _whole_stamp(word: str) -> str:
@@ -247,3 +242,152 @@ def _whole_stamp(word: str) -> str:
     date, _, clock = word.replace("T", " ").partition(" ")
     date = "-".join(part.zfill(2) for part in date.split("-"))
     return f"{date} {clock}".strip()
+
+
+Index = NDArray[np.int64]
+
+COUNTS = ("row_size", "rowsize")
+"""Names, in small letters, of counts that say nothing of their dimension"""
+
+
+class Geometry:
+    """Samples of a file, and where along each dimension each of them lies.
+
+    The layouts are those of CF's chapter 9: a variable along the samples; one value for a profile
+    or a trajectory whose samples lie one after the other, counted by a variable with
+    `sample_dimension` (ERDDAP's `rowSize`); an index of the profile at each sample, with
+    `instance_dimension`; arrays of profiles by samples, padded.
+    """
+
+    def __init__(self, file: Any, measured: Sequence[str], subject: str) -> None:
+        """Find the samples.
+
+        Args:
+          file: open netCDF file.
+          measured: names of variables that are measured at the samples; the largest decides.
+          subject: file, for errors.
+
+        Raises:
+          InputError: counts or indices that do not fit the samples.
+        """
+        self._variables: Mapping[str, Any] = file.variables
+        self._subject = subject
+        there = [v for n in measured if (v := file.variables.get(n)) is not None and is_number(v)]
+        variable = max(there, key=lambda one: int(one.size), default=None)
+        self._along: dict[str, Index] = {}
+        self._own: set[str] = set()  # dimensions of the samples themselves
+        self.count = 0
+        """Samples, those that pad an array among them"""
+        if variable is None or not variable.dimensions:
+            return
+        self._own = {d for d in variable.dimensions if file.dimensions[d].size > 1}
+        self.count = int(variable.size)
+        for name, at in zip(variable.dimensions, np.indices(variable.shape), strict=True):
+            self._along[name] = at.ravel()
+        for name, one in file.dimensions.items():
+            if one.size == 1:
+                self._along.setdefault(name, np.zeros(self.count, np.int64))
+        while self._add_instances():
+            pass
+
+    def _add_instances(self) -> bool:
+        """Add a dimension whose elements are profiles or trajectories; whether one was found."""
+        for name, variable in self._variables.items():
+            if len(variable.dimensions) != 1 or variable.dtype == str or variable.dtype.kind != "i":
+                continue
+            own = variable.dimensions[0]
+            counted = getattr(variable, "sample_dimension", None)
+            if counted is None and name.lower() in COUNTS:
+                rest = [d for d in self._along if d != own]
+                counted = rest[0] if len(rest) == 1 else None
+            named = getattr(variable, "instance_dimension", None)
+            if counted in self._along and own not in self._along:
+                self._along[own] = self._counted(name, self._along[str(counted)], str(counted))
+                return True
+            if own in self._along and named is not None and named not in self._along:
+                index = as_array(variable[:])[self._along[own]]
+                self._along[str(named)] = self._whole(index, name)
+                return True
+        return False
+
+    def _counted(self, name: str, along: Index, counted: str) -> Index:
+        """Of each sample the element that counts it."""
+        counts = self._whole(as_array(self._variables[name][:]), name)
+        samples = along.max(initial=-1) + 1
+        if counts.sum() != samples:
+            raise InputError(
+                f"{self._subject} is damaged: {name} counts {counts.sum()} samples, and "
+                f"{counted} has {samples}"
+            )
+        return np.repeat(np.arange(len(counts)), counts)[along]
+
+    def _whole(self, values: Array, name: str) -> Index:
+        if not np.isfinite(values).all() or (values < 0).any():
+            raise InputError(f"{self._subject} is damaged: {name} has elements without a number")
+        return values.astype(np.int64)
+
+    def reaches(self, name: str) -> bool:
+        """Whether the variable has numbers at the samples."""
+        variable = self._variables.get(name)
+        known = variable is not None and is_number(variable) and bool(self.count)
+        return known and set(variable.dimensions) <= set(self._along)
+
+    def single(self, name: str) -> bool:
+        """Whether the variable has one value for several samples."""
+        return not self._own <= set(self._variables[name].dimensions)
+
+    def column(self, name: str) -> Array:
+        """Numbers of a variable, (samples,); of one that `reaches` them."""
+        variable = self._variables[name]
+        values = as_array(variable[...])
+        index = tuple(self._along[d] for d in variable.dimensions)
+        try:
+            found = values.reshape(variable.shape)[index] if index else values
+        except IndexError as error:
+            raise InputError(
+                f"{self._subject} is damaged: {name} has fewer elements than its index names"
+            ) from error
+        return np.array(np.broadcast_to(found, (self.count,)), np.float64)
+
+    def texts(self, name: str) -> NDArray[np.object_] | None:
+        """Texts of a variable, (samples,), a number as it is written; None: it has none there."""
+        variable = self._variables.get(name)
+        if variable is None or not self.count:
+            return None
+        values, dimensions = variable[...], variable.dimensions
+        if getattr(values, "dtype", None) is not None and values.dtype.kind == "S" and dimensions:
+            letters = np.ascontiguousarray(np.ma.filled(values, b""))
+            values = letters.view(f"S{max(letters.shape[-1], 1)}")[..., 0]
+        if np.ndim(values) < len(dimensions):  # the last dimension is of letters
+            dimensions = dimensions[:-1]
+        if not set(dimensions) <= set(self._along):
+            return None
+        words = np.array([_text(one) for one in np.ma.filled(values).ravel()], object)
+        shape = np.shape(values)
+        found = words.reshape(shape)[tuple(self._along[d] for d in dimensions)] if shape else words
+        return np.broadcast_to(found, (self.count,))
+
+    def clocks(self, usual: str, tally: Tally) -> dict[str, Array]:
+        """Times [s] unix of all variables of time that reach the samples, the usual one first."""
+        found = {}
+        for name in (usual, *(n for n in self._variables if n != usual)):
+            if not self.reaches(name):
+                continue
+            said = attributes_of(self._variables[name])
+            if name == usual:
+                found[name] = seconds_of(self.column(name), said, self._subject, tally)
+            elif SINCE in str(said.get("units", "")):
+                with contextlib.suppress(InputError):  # no clock: it has units that are none
+                    found[name] = seconds_of(self.column(name), said, self._subject, Tally())
+        return found
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace").strip("\0 ")
+    return f"{value:g}" if isinstance(value, (int, float, np.number)) else str(value).strip("\0 ")
+
+
+def is_number(variable: Any) -> bool:
+    """Whether a variable holds numbers."""
+    return variable.dtype != str and getattr(variable.dtype, "kind", "") in "fiu"

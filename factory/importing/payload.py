@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from factory.importing.deployment_log import EMPTY, Channel
 from factory.importing.tally import Tally, leave_out
@@ -16,7 +17,7 @@ _ANY = (-1e9, 1e9)
 """Limits of a signal of which only the name is known."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class PayloadSignal:
     """One signal of a payload and the names under which files have it, the best first."""
 
@@ -26,58 +27,42 @@ class PayloadSignal:
     units: str | None = None
     """None: what the file says, else 1."""
     long_name: str = ""
-    standard_name: str | None = None
     limits: tuple[float, float] = _ANY
+    standard_name: str | None = None
     by_user: bool = False
     """Whether the user gives the unit, whatever a file says."""
 
 
 KNOWN = (
     PayloadSignal(
-        signal="measured_oxygen",
-        sources=(
-            "sci_oxy4_oxygen", "sci_oxy3835_oxygen", "sci_oxy3835_wphase_oxygen", "AROD_FT_DO",
-            "LEGATO_CODA_DO", "eng_aa4330_O2", "DOXY",
-        ),
-        units="umol L-1",
-        long_name="dissolved oxygen",
-        standard_name="mole_concentration_of_dissolved_molecular_oxygen_in_sea_water",
-        limits=(-10.0, 1000.0),
+        "measured_oxygen",
+        ("sci_oxy4_oxygen", "sci_oxy3835_oxygen", "sci_oxy3835_wphase_oxygen", "AROD_FT_DO",
+         "LEGATO_CODA_DO", "eng_aa4330_O2", "DOXY"),
+        "umol L-1", "dissolved oxygen", (-10.0, 1000.0),
+        "mole_concentration_of_dissolved_molecular_oxygen_in_sea_water",
     ),
     PayloadSignal(
-        signal="measured_chlorophyll",
-        sources=(
-            "sci_flbbcd_chlor_units", "sci_flntu_chlor_units", "sci_flbb_chlor_units",
-            "FLBBCD_CHL_SCALED", "FLNTU_CHL_SCALED", "CHLA",
-        ),
-        units="ug L-1",
-        long_name="chlorophyll by its fluorescence",
-        standard_name="mass_concentration_of_chlorophyll_in_sea_water",
-        limits=(-10.0, 1000.0),
+        "measured_chlorophyll",
+        ("sci_flbbcd_chlor_units", "sci_flntu_chlor_units", "sci_flbb_chlor_units",
+         "FLBBCD_CHL_SCALED", "FLNTU_CHL_SCALED", "CHLA"),
+        "ug L-1", "chlorophyll by its fluorescence", (-10.0, 1000.0),
+        "mass_concentration_of_chlorophyll_in_sea_water",
     ),
     PayloadSignal(
-        signal="measured_dissolved_organic_matter",
-        sources=("sci_flbbcd_cdom_units", "FLBBCD_CDOM_SCALED", "CDOM"),
-        units="1e-9",
-        long_name="coloured dissolved organic matter by its fluorescence, ppb",
-        limits=(-100.0, 10_000.0),
+        "measured_dissolved_organic_matter",
+        ("sci_flbbcd_cdom_units", "FLBBCD_CDOM_SCALED", "CDOM"),
+        "1e-9", "coloured dissolved organic matter by its fluorescence, ppb", (-100.0, 10_000.0),
     ),
     PayloadSignal(
-        signal="measured_backscatter",
-        sources=("sci_flbbcd_bb_units", "sci_flbb_bb_units", "FLBBCD_BB_700_SCALED"),
-        units="m-1 sr-1",
-        long_name="volume scattering near 700 nm",
-        limits=(-1.0, 100.0),
+        "measured_backscatter",
+        ("sci_flbbcd_bb_units", "sci_flbb_bb_units", "FLBBCD_BB_700_SCALED"),
+        "m-1 sr-1", "volume scattering near 700 nm", (-1.0, 100.0),
     ),
     PayloadSignal(
-        signal="measured_turbidity",
-        sources=("sci_flntu_turb_units", "FLNTU_NTU_SCALED", "TURBIDITY"),
-        units="1",
-        long_name="turbidity, NTU",
-        limits=(-100.0, 10_000.0),
+        "measured_turbidity", ("sci_flntu_turb_units", "FLNTU_NTU_SCALED", "TURBIDITY"),
+        "1", "turbidity, NTU", (-100.0, 10_000.0),
     ),
 )  # fmt: skip
-"""What is read without being asked for: names whose unit is known."""
 
 _MAPPING = re.compile(r"(?P<name>[a-z][a-z0-9_]*)=(?P<source>[^=\[\]]+)(\[(?P<units>[^\]]+)\])?")
 
@@ -89,6 +74,7 @@ def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
       InputError: of another form, or a signal that every log has already.
     """
     found = []
+    known = {one.signal: one for one in KNOWN}
     for word in words:
         match = _MAPPING.fullmatch(word.strip())
         if match is None:
@@ -96,23 +82,18 @@ def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
                 f"payload {word!r}: write NAME=COLUMN or NAME=COLUMN[UNITS], such as "
                 "oxygen=sci_oxy4_oxygen or nitrate=NO3[umol L-1]; NAME in small letters"
             )
-        signal = f"measured_{match['name']}"
-        known = {one.signal: one for one in KNOWN}
+        name, source, units = match["name"], (match["source"],), match["units"]
+        signal = f"measured_{name}"
         if signal in _OTHERS:
             raise InputError(
                 f"payload {word!r}: {signal} is a signal of every store; choose another name"
             )
         base = known.get(signal)
-        if base is not None and match["units"] in (None, base.units):
-            by_user = match["units"] is not None
-            found.append(dataclasses.replace(base, sources=(match["source"],), by_user=by_user))
+        if base is not None and units in (None, base.units):
+            found.append(dataclasses.replace(base, sources=source, by_user=units is not None))
         else:
-            found.append(
-                PayloadSignal(
-                    signal=signal, sources=(match["source"],), units=match["units"], by_user=True,
-                    long_name=match["name"].replace("_", " "),
-                )
-            )  # fmt: skip
+            words_of = name.replace("_", " ")
+            found.append(PayloadSignal(signal, source, units, words_of, by_user=True))
     return tuple(found)
 
 
@@ -147,7 +128,7 @@ def payload_channels(
     payload: Sequence[PayloadSignal],
     tally: Tally,
     *,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Channel]:
     """Signals of a log's payload; of several names for one signal the first with values.
 
@@ -169,28 +150,26 @@ def payload_channels(
         there = [name for name in there if name not in idle]
         if not there:
             continue
-        leave_out(there[1:], f"{there[0]} is taken as {one.signal}", tally)
-        channel = found[there[0]]
-        said = (units or {}).get(there[0], "")
-        channel = _in_unit(channel, said, one, there[0], tally)
-        if not len(channel):
-            continue
-        unit = one.units or said or "1"
+        source = there[0]
+        leave_out(there[1:], f"{source} is taken as {one.signal}", tally)
+        said = units.get(source, "")
+        channel = _in_unit(found[source], said, one, source, tally)
         low, high = one.limits
         good = (channel.values >= low) & (channel.values <= high)
-        tally.add("removed", there[0], int((~good).sum()), f"outside {low:g} to {high:g}")
+        tally.add("removed", source, ~good, f"outside {low:g} to {high:g}")
         if not good.any():
             continue
         entry = Variable(
-            one.signal, unit, one.long_name or one.signal, one.standard_name, one.limits, True
-        )
+            one.signal, one.units or said or "1", one.long_name or one.signal, one.standard_name,
+            one.limits, True,
+        )  # fmt: skip
         try:
             declare(entry)
         except InputError:
             if one.signal in mapped:
                 raise
             why = f"a sensor of your own gives {one.signal} another meaning; map it by --payload"
-            leave_out(there[:1], why, tally)
+            leave_out([source], why, tally)
             continue
         channels[one.signal] = Channel(channel.time[good], channel.values[good])
     return channels

@@ -92,49 +92,39 @@ _LEVEL = 1e-6
 
 def check_signs(log: DeploymentLog, tally: Tally) -> None:
     """Report channels whose sign or scale contradicts the dives, as `suspect`."""
-    depth = log.channel("measured_depth")
+
+    def doubt(name: str, why: str) -> None:
+        tally.doubt(name, f"{log.deployment} {why}", len(log.channel(name)))
+
+    depth, roll, pitch, pump = (
+        log.channel(f"measured_{name}") for name in ("depth", "roll", "pitch", "pump")
+    )
     rate = vertical_speed(depth)
     below = depth.values > _BELOW
-    roll = log.channel("measured_roll")
     rolled = below & roll.covers(depth.time)
     if rolled.sum() > _ENOUGH:
         usual = float(np.median(np.abs(roll.at(depth.time[rolled]))))
         if usual > _ROLLED:
-            tally.doubt(
-                "measured_roll",
-                f"{log.deployment} rolls by {usual:.0f} degree: wrong unit or column",
-                len(roll),
-            )
-    pitch, pump = log.channel("measured_pitch"), log.channel("measured_pump")
+            doubt("measured_roll", f"rolls by {usual:.0f} degree: wrong unit or column")
     # a vehicle's computer that is silent says nothing of its signs
-    known = below & (pitch if len(pitch) else pump).covers(depth.time)
+    known = below & (pitch or pump).covers(depth.time)
     down, up = known & (rate > _MOVING), known & (rate < -_MOVING)
     if min(down.sum(), up.sum()) < _ENOUGH:
         return
     if len(pitch):
         angle = pitch.at(depth.time)
         if np.median(angle[down]) > np.median(angle[up]):
-            tally.doubt(
-                "measured_pitch",
-                f"{log.deployment} sinks nose up: wrong sign or column",
-                len(pitch),
-            )
+            doubt("measured_pitch", "sinks nose up: wrong sign or column")
         speed = speed_along_pitch(depth, pitch)
         if speed > FASTEST or speed < SLOWEST:
-            tally.doubt(
-                "measured_depth",
-                f"{log.deployment} would move at {speed:.2g} m/s: wrong unit of depth or pitch",
-                len(depth),
-            )
-    propelled = len(log.channel("thruster")) and np.mean(log.channel("thruster").values) > 0.0
-    if len(pump) and not propelled:
-        volume = pump.at(depth.time)
-        if np.median(volume[down]) > np.median(volume[up]):
-            tally.doubt(
-                "measured_pump",
-                f"{log.deployment} sinks with more volume than it rises with: wrong sign or column",
-                len(pump),
-            )
+            why = f"would move at {speed:.2g} m/s: wrong unit of depth or pitch"
+            doubt("measured_depth", why)
+    thruster = log.channel("thruster").values
+    propelled = len(thruster) and np.mean(thruster) > 0.0
+    volume = pump.at(depth.time)
+    if len(pump) and not propelled and np.median(volume[down]) > np.median(volume[up]):
+        why = "sinks with more volume than it rises with: wrong sign or column"
+        doubt("measured_pump", why)
 
 
 _BESIDE = 2
@@ -243,14 +233,14 @@ def lone_zeros(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
       values: finite, [dbar] or [m], shape (samples,).
       rate, jump: by which other samples are judged (`unreachable`).
     """
-    other = np.flatnonzero(values != 0.0)
     zero = values == 0.0
+    bad = np.zeros(len(values), bool)
+    other = np.flatnonzero(~zero)
     if not zero.any() or not other.size:
-        return np.zeros(len(values), bool)
+        return bad
     # neither is a sentinel a place from which to judge
     other = other[~unreachable(time[other], values[other], rate=rate, jump=jump)]
     at = np.searchsorted(other, np.arange(len(values)))
-    bad = np.zeros(len(values), bool)
     for near, there in ((at - 1, at > 0), (at, at < len(other))):
         beside = other[np.clip(near, 0, len(other) - 1)]
         reach = jump + FASTEST_RESTART * np.abs(time - time[beside])
@@ -282,6 +272,5 @@ def short_runs(mask: Mask, longest: int) -> Mask:
     """True where `mask` is, in runs of `longest` samples at most."""
     short = np.zeros(len(mask), bool)
     for start, end in runs(mask):
-        if end - start <= longest:
-            short[start:end] = True
+        short[start:end] = end - start <= longest
     return short

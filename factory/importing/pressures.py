@@ -9,19 +9,132 @@ Zero error of a depth sensor: what it shows at the surface is subtracted from th
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import gsw
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.cleaning import counts_upward
+from factory.importing.cleaning import clean, counts_upward, kelvin_to_celsius
 from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog
 from factory.importing.gps_fixes import coasting, nearest
 from factory.importing.plausibility import FASTEST, SLOWEST, DiveRules, speed_along_pitch
-from factory.importing.seawater import pressure_of
 from factory.importing.tally import Tally
 from factory.importing.units import factor_of, is_of
 from twin.errors import InputError
+
+_MS_PER_CM = 10.0
+"""gsw takes conductivity in mS/cm; 1 S/m is 10 of them."""
+_SWAPPED = 9.0
+"""[S/m] No sea water conducts more: such a median is in mS/cm."""
+
+
+_NONE, _DISTILLED = -0.01, 5e-4
+"""[S/m] What a CTD says that is off or in the air, with its noise: less than any natural water
+conducts. Below are sentinels of the conductivity alone."""
+
+
+def pressure_of(depth: Array, latitude_deg: Array | float) -> Array:
+    """Sea pressure [dbar] at a depth [m].
+
+    TEOS-10 ends 5 m above the sea. Further up, where only a sensor's offset leads, the pressure
+    falls on as it does there.
+    """
+    below = np.maximum(depth, -_HIGHEST)
+    pressure = gsw.p_from_z(-below, latitude_deg)
+    if np.any(depth < -_HIGHEST):
+        pressure = pressure + (depth - below) * gsw.p_from_z(-1.0, latitude_deg)
+    return np.asarray(pressure, np.float64)
+
+
+_HIGHEST = 4.0
+"""[m] above the sea"""
+
+
+def siemens(conductivity: Array, subject: str, tally: Tally) -> Array:
+    """Conductivity in S/m; mS/cm where S/m is native is converted, counted."""
+    good = conductivity[np.isfinite(conductivity)]
+    if good.size and np.median(good) > _SWAPPED:
+        tally.add("repaired", subject, good.size, "was in mS/cm where S/m is native")
+        return conductivity / _MS_PER_CM
+    return conductivity
+
+
+def ctd_channels(
+    time: Array,
+    *,
+    temperature: Array,
+    pressure: Array,
+    latitude: Array | float,
+    longitude: Array | float,
+    tally: Tally,
+    conductivity: Array | None = None,
+    practical: Array | None = None,
+) -> dict[str, Channel]:
+    """Temperature, salinity and density as clean channels.
+
+    Samples where one of the sensors has no value, or an impossible one, are left out together; a
+    CTD that is off or in the air, by its conductivity, has no temperature either. Where both are
+    given, the practical salinity is taken, and the conductivity [S/m] tells only that. Places
+    [degree] are one for all samples or one for each: where a log grows, those of a dive must not
+    depend on later ones.
+    """
+    off = np.zeros(len(time), bool)
+    if conductivity is not None:
+        off |= (conductivity > _NONE) & (conductivity < _DISTILLED)
+    if practical is not None:
+        off |= (practical <= 0.0) & (temperature == 0.0)
+    why = "the CTD is off or in the air"
+    tally.add("removed", "temperature", off & np.isfinite(temperature), why)
+    temperature = kelvin_to_celsius(np.where(off, np.nan, temperature), "temperature", tally)
+    warm = clean("measured_temperature", time, temperature, tally, subject="temperature")
+    if practical is not None:
+        use = np.isin(time, warm.time)
+        values = practical[use]
+    elif conductivity is not None:
+        conducts = clean("conductivity", time, conductivity, tally)
+        use = np.isin(time, np.intersect1d(warm.time, conducts.time))
+        with np.errstate(invalid="ignore"):
+            values = gsw.SP_from_C(conductivity[use] * _MS_PER_CM, temperature[use], pressure[use])
+    else:
+        return {"measured_temperature": warm}
+    fresh = clean("measured_salinity", time[use], np.asarray(values), tally, subject="salinity")
+    use = np.isin(time, fresh.time)
+    north, east = (np.broadcast_to(one, np.shape(time))[use] for one in (latitude, longitude))
+    with np.errstate(invalid="ignore"):
+        absolute = gsw.SA_from_SP(fresh.values, pressure[use], east, north)
+        conservative = gsw.CT_from_t(absolute, temperature[use], pressure[use])
+        dense = np.asarray(gsw.rho(absolute, conservative, pressure[use]), np.float64)
+    channels = {
+        "measured_temperature": warm,
+        "measured_salinity": fresh,
+        "measured_density": clean("measured_density", time[use], dense, tally, subject="density"),
+    }
+    return {name: channel for name, channel in channels.items() if len(channel)}
+
+
+def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
+    """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
+
+    A log whose rows are no dives may have neither.
+
+    Raises:
+      InputError: it has neither.
+    """
+    track = log.channel("latitude").values
+    latitude = float(np.median(track)) if len(track) and not len(log.fixes) else log.fixes.middle[0]
+    pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
+    made = {}
+    if len(pressure):
+        below = np.asarray(-gsw.z_from_p(pressure.values, latitude), np.float64)
+        made["measured_depth"] = Channel(pressure.time, below)
+    elif len(depth):
+        made["measured_pressure"] = Channel(depth.time, pressure_of(depth.values, latitude))
+        tally.add("note", "measured_pressure", len(depth), "computed from the vehicle's depth")
+    elif log.pieces is None:
+        raise InputError(f"{log.deployment}: the log has neither pressure nor depth")
+    return dataclasses.replace(log, channels={**log.channels, **made})
+
 
 Array = NDArray[np.float64]
 
@@ -70,29 +183,29 @@ def to_dbar(
     if sure and factor_of(declared, "dbar") != size:
         values, native = values * (size / factor_of(declared, "dbar")), declared
         size = factor_of(declared, "dbar")
-    use = np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0.0)
-    if use.sum() < _FEWEST:
+    some = np.flatnonzero(np.isfinite(values) & np.isfinite(depth) & (depth > _DEEP) & (values > 0))
+    if len(some) < _FEWEST:
         return values * size
-    some = np.flatnonzero(use)
     some = some[:: max(1, len(some) // _COMPARED)]
     beside, middle = depth[some], float(np.median(depth[some]))
-    units = dict.fromkeys((native, *UNITS))
+
+    def missed_by(unit: str, air: float) -> float:
+        metres = np.asarray(-gsw.z_from_p(values[some] * factor_of(unit, "dbar") - air, _MIDDLE))
+        return float(np.median(np.abs(metres - beside)))
+
     missed = {
-        (unit, air): float(
-            np.median(np.abs(_metres(values[some] * factor_of(unit, "dbar") - air) - beside))
-        )
-        for unit in units
+        (unit, air): missed_by(unit, air)
+        for unit in dict.fromkeys((native, *UNITS))
         for air in (0.0, AIR)
     }
     plain, absolute = missed[native, 0.0], missed[native, AIR]
-    best = min(missed, key=lambda one: missed[one])
     count = int(np.isfinite(values).sum())
     if min(plain, absolute) <= _FAILS * middle:
         if plain > _OFFSET and absolute < 0.3 * plain:
             tally.add("repaired", subject, count, "with the air's pressure in it, by the depth")
             return values * size - AIR
         return values * size
-    unit, air = best
+    unit, air = best = min(missed, key=lambda one: missed[one])
     if missed[best] <= _FITS * middle:
         why = f"was in {unit} where {native} is {'declared' if sure else 'native'}"
         tally.add("repaired", subject, count, why + (" and with the air's pressure" if air else ""))
@@ -122,10 +235,6 @@ def with_dbar_by_depth(
     return {**channels, "measured_pressure": Channel(pressure.time, values)}
 
 
-def _metres(dbar: Array) -> Array:
-    return np.asarray(-gsw.z_from_p(dbar, _MIDDLE), np.float64)
-
-
 def pressure_by_flight(pressure: Channel, pitch: Channel, subject: str, tally: Tally) -> Channel:
     """Pressure [dbar] whose scale the flight contradicts by a factor of ten, corrected; counted.
 
@@ -138,6 +247,39 @@ def pressure_by_flight(pressure: Channel, pitch: Channel, subject: str, tally: T
             tally.add("repaired", subject, len(pressure), f"was in {unit} is native, by its speed")
             return Channel(pressure.time, pressure.values * factor)
     return pressure
+
+
+def pressure_channels(
+    time: Array,
+    pressure: Array | None,
+    depth: Array | None,
+    subject: str,
+    tally: Tally,
+    *,
+    pitch: Channel = EMPTY,
+    depth_subject: str = "",
+    declared: str = "",
+    deployment: str = "",
+) -> dict[str, Channel]:
+    """Pressure by the depth or the flight beside it, or without one the depth, as clean channels.
+
+    Args:
+      pressure: [dbar], depth: [m], (samples,) each.
+      subject, depth_subject: variables that they are, for the report.
+      pitch: [degree], which tells the scale where there is no depth.
+      declared, deployment: as of `to_dbar`.
+    """
+    below = EMPTY
+    if pressure is not None:
+        dbar = to_dbar(
+            pressure, depth, subject, tally, native="dbar", declared=declared, deployment=deployment
+        )
+        below = clean("measured_pressure", time, dbar, tally, subject=subject)
+        if depth is None:
+            below = pressure_by_flight(below, pitch, subject, tally)
+    if depth is None or len(below):
+        return {"measured_pressure": below} if len(below) else {}
+    return {"measured_depth": clean("measured_depth", time, depth, tally, subject=depth_subject)}
 
 
 _HIGHEST_LAKE = 0.5
@@ -176,9 +318,7 @@ def without_air(
     swum = {one: _is_swum(time[good], values[good] * factor_of(one, "dbar")) for one in UNITS}
     sizes = {one: factor_of(one, "dbar") for one in UNITS if swum[one]}
     absolute = [one for one, s in sizes.items() if abs(low * s - AIR) < _AT_SURFACE * AIR]
-    gauge = [
-        one for one, s in sizes.items() if abs(low * s) < _AFLOAT and (high - low) * s > _SEEN
-    ]  # fmt: skip
+    gauge = [one for one, s in sizes.items() if abs(low * s) < _AFLOAT and (high - low) * s > _SEEN]
     if len(absolute) == 1:
         why = f"was in {absolute[0]} where {unit} is declared: by the air at the surface"
         tally.add("repaired", subject, count, why)
@@ -223,8 +363,7 @@ _LEAST, _MOST = 0.5, 15.0
 """[m] Smaller offsets are waves and the antenna's height; larger ones are another fault."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Stay:
+class Stay(NamedTuple):
     """One stay at the surface."""
 
     time: float
@@ -246,37 +385,27 @@ def zeroed(log: DeploymentLog, rules: DiveRules, tally: Tally) -> DeploymentLog:
       log: with `measured_depth`; `afloat` holds times at which the vehicle says that it floats.
     """
     depth = log.channel("measured_depth")
-    if log.station or not len(depth):
-        return log
-    every = stays(log, depth, rules)
+    every = [] if log.station or not len(depth) else stays(log, depth, rules)
     if not every:
         return log
-    shown = np.array([stay.depth for stay in every])
+    times, shown, spread = (np.array(one) for one in zip(*every, strict=True))
     if len(shown) > 1 and np.median(np.abs(np.diff(shown))) > _SPREAD:
         return log
     half = _WINDOW // 2
-    around = np.array(
-        [np.median(shown[max(0, k - half) : k + half + 1]) for k in range(len(shown))]
-    )
-    steady = np.array([stay.spread <= _SPREAD for stay in every])
-    agree = steady & (np.abs(shown - around) <= _SPREAD)
+    around = [np.median(shown[max(0, k - half) : k + half + 1]) for k in range(len(shown))]
+    agree = (spread <= _SPREAD) & (np.abs(shown - np.array(around)) <= _SPREAD)
     if agree.mean() <= _PART:
         return log
     offsets = shown[agree]
     middle = float(np.median(offsets))
     if not _LEAST <= abs(middle) <= _MOST:
         return log
-    times = np.array([stay.time for stay in every])[agree]
-    corrected = depth.values - np.interp(depth.time, times, offsets)
+    corrected = depth.values - np.interp(depth.time, times[agree], offsets)
     low, high = float(offsets.min()), float(offsets.max())
     size = f"{middle:.2f} m" if high - low < 0.1 else f"{low:.2f} to {high:.2f} m"
-    tally.add(
-        "repaired", "measured_depth", len(depth),
-        f"{log.deployment}: depth offset {size} at the surface, taken off",
-    )  # fmt: skip
-    pressure = pressure_of(
-        corrected, float(np.median(log.fixes.latitude)) if len(log.fixes) else 0.0
-    )
+    why = f"{log.deployment}: depth offset {size} at the surface, taken off"
+    tally.add("repaired", "measured_depth", len(depth), why)
+    pressure = pressure_of(corrected, log.fixes.middle[0])
     channels = {
         **log.channels,
         "measured_depth": Channel(depth.time, corrected),
@@ -291,8 +420,6 @@ def stays(log: DeploymentLog, depth: Channel, rules: DiveRules) -> list[Stay]:
     times = np.unique(np.concatenate([fixes.time, log.channel("afloat").time]))
     at = nearest(depth.time, times)
     times = np.unique(at[np.abs(at - times) <= _NEAR])
-    if not times.size:
-        return []
     index = np.searchsorted(depth.time, times)
     shown = depth.values[index]
     breaks = [
@@ -304,14 +431,17 @@ def stays(log: DeploymentLog, depth: Channel, rules: DiveRules) -> list[Stay]:
     ]
     found = []
     for part in np.split(np.arange(len(times)), breaks):
-        if len(part) < _STAY:
-            continue
-        low, high = np.percentile(shown[part], [25.0, 75.0])
-        found.append(
-            Stay(
-                time=float(np.median(times[part])),
-                depth=float(np.median(shown[part])),
-                spread=float(high - low),
-            )
-        )
+        if len(part) >= _STAY:
+            low, high = np.percentile(shown[part], [25.0, 75.0])
+            middle, depth_then = (float(np.median(one[part])) for one in (times, shown))
+            found.append(Stay(middle, depth_then, float(high - low)))
     return found
+
+
+def used_of_left(left: Channel) -> Channel:
+    """Charge taken [A h] of a counter of what is left [A h]: 0 at its first sample."""
+    return Channel(left.time, left.values[:1] - left.values) if len(left) else left
+
+
+SEA_LEVEL = 101_325.0
+"""[Pa] standard pressure of the air, from which a vacuum counts"""

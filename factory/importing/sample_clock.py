@@ -6,6 +6,7 @@ another name, or not at all.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -43,10 +44,8 @@ def standing(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
     found = np.zeros(len(time), bool)
     known = np.flatnonzero(np.isfinite(time))
     known = known[np.argsort(time[known], kind="stable")]
-    own = time[known]
-    first = np.flatnonzero(np.append(True, own[1:] != own[:-1])) if own.size else known
-    count = np.diff(np.append(first, own.size))
-    step = np.concatenate([[np.inf], np.diff(own[first]), [np.inf]])
+    moments, first, count = np.unique(time[known], return_index=True, return_counts=True)
+    step = np.concatenate([[np.inf], np.diff(moments), [np.inf]])
     still = (count >= FEWEST) & (np.minimum(step[:-1], step[1:]) > TICK)
     if not still.any():
         return found
@@ -146,7 +145,7 @@ def tell_standing(
         tally.doubt(
             subject,
             "several samples have one time and other values: the clock stands",
-            int(rows[begin : end + 1].sum()),
+            rows[begin : end + 1],
             deployment=deployment,
             start=float(max(moments[max(at[begin] - 1, 0)], moments[at[begin]] - LONGEST)),
             end=float(min(moments[min(at[end] + 1, len(moments) - 1)], moments[at[end]] + LONGEST)),
@@ -174,17 +173,16 @@ def parse_stamps(words: NDArray[Any], layouts: Sequence[str] = CSV_FORMATS) -> A
 
 def _stamp(word: str, layouts: Sequence[str]) -> float:
     word = word.removesuffix("UTC").removesuffix("GMT").rstrip()
-    try:
-        moment = datetime.fromisoformat(word)
-    except ValueError:
-        for layout in layouts:
-            try:
-                moment = datetime.strptime(word, layout)
-                break
-            except ValueError:
-                continue
-        else:
-            return math.nan
+    with contextlib.suppress(ValueError):
+        return in_utc(datetime.fromisoformat(word))
+    for layout in layouts:
+        with contextlib.suppress(ValueError):
+            return in_utc(datetime.strptime(word, layout))
+    return math.nan
+
+
+def in_utc(moment: datetime) -> float:
+    """[s] Unix time of a moment, which is UTC where it has no zone."""
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
@@ -200,15 +198,7 @@ def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
     if not good.size:
         return time
     middle, today = float(np.median(good)), datetime.now(UTC).timestamp()
-    for factor, offset, unit in (
-        (1.0, 0.0, ""),
-        (1e-3, 0.0, "milliseconds"),
-        (1e-6, 0.0, "microseconds"),
-        (1e-9, 0.0, "nanoseconds"),
-        (86400.0, -719529.0, "MATLAB days"),
-        (86400.0, 0.0, "days since 1970"),
-        (86400.0, -7305.0, "days since 1950"),
-    ):
+    for unit, (factor, offset) in _CLOCKS.items():
         latest = today + AHEAD if unit else LAST_SECOND
         if FIRST_SECOND <= (middle + offset) * factor <= latest:
             if unit:
@@ -217,3 +207,15 @@ def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
     raise InputError(
         f"{subject}: time {middle:g} is not a unix time in seconds; logs begin in 1979 or later"
     )
+
+
+_CLOCKS = {
+    "": (1.0, 0.0),
+    "milliseconds": (1e-3, 0.0),
+    "microseconds": (1e-6, 0.0),
+    "nanoseconds": (1e-9, 0.0),
+    "MATLAB days": (86400.0, -719529.0),
+    "days since 1970": (86400.0, 0.0),
+    "days since 1950": (86400.0, -7305.0),
+}
+"""Units of clocks: each in seconds, and 1970 in it"""

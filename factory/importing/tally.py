@@ -15,6 +15,11 @@ from twin.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+    Count = int | np.integer[Any] | Mask
 
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
 """What became of a name in a file: used; known and not used; unknown; known, without a value."""
@@ -66,17 +71,25 @@ class Tally:
         self.unreadable: list[tuple[str, str]] = []
         """Files that could not be read, by name, and why."""
 
-    def add(self, action: str, subject: str, count: int = 1, detail: str = "") -> None:
-        """Count something; nothing is recorded for a count of 0."""
-        if count:
+    def add(self, action: str, subject: str, count: Count = 1, detail: str = "") -> None:
+        """Count something, or the true values of a mask; nothing is recorded for a count of 0."""
+        number = count if isinstance(count, int) else int(count.sum())
+        if number:
             key = (action, subject, detail)
-            self._counts[key] = self._counts.get(key, 0) + int(count)
+            self._counts[key] = self._counts.get(key, 0) + number
+
+    def removed(self, values: Array, bad: Mask, subject: str, why: str) -> Array:
+        """The values, NaN where they are bad, which is counted."""
+        import numpy as np  # the list of kinds needs this file for its errors alone
+
+        self.add("removed", subject, bad, why)
+        return np.where(bad, np.nan, values)
 
     def doubt(
         self,
         subject: str,
         why: str,
-        count: int = 1,
+        count: Count = 1,
         *,
         deployment: str = "",
         start: float = -math.inf,
@@ -159,13 +172,6 @@ class ImportReport:
         return dataclasses.asdict(self)
 
 
-def finite(values: np.ndarray) -> int:
-    """How many values are finite."""
-    import numpy as np  # the list of kinds needs this file for its errors alone
-
-    return int(np.isfinite(values).sum())
-
-
 def summarise(names: Sequence[str], limit: int = 6) -> str:
     """The names in one line, cut after `limit`."""
     head = ", ".join(map(one_line, names[:limit]))
@@ -198,12 +204,11 @@ _NAMED = 12
 """Names that one line shows; the report's `names` holds all of them."""
 _ALIKE = 0.6
 """Similarity (difflib) from which a name may stand for another."""
-_WORDS = {
-    "measured_pitch": "pitch", "measured_roll": "roll", "measured_heading": "heading",
-    "measured_pump": "pump", "measured_shift": "shift", "measured_depth": "depth",
-    "measured_pressure": "pressure",
-}  # fmt: skip
-"""What a name holds that may mean the channel."""
+_MEANT = frozenset(
+    f"measured_{word}"
+    for word in ("pitch", "roll", "heading", "pump", "shift", "depth", "pressure")
+)
+"""Channels that a name which holds their last word may mean"""
 
 
 def note_unread(kind: str, present: Iterable[str], read: Iterable[str], tally: Tally) -> None:
@@ -275,15 +280,11 @@ def likely_replacements(
     """Of each missing channel, the unread name that may be it: `pitch` for `measured_pitch`."""
     names = [name for several in unread.values() for name in several]
     found: dict[str, str] = {}
-    for channel in lacking:
-        word = _WORDS.get(channel)
-        if word is None:
-            continue
-        holding = [n for n in names if word in n.lower()]
+    for channel in [one for one in lacking if one in _MEANT]:
+        word = channel.removeprefix("measured_")
+        holding = sorted((n for n in names if word in n.lower()), key=len)
         near = difflib.get_close_matches(word, [n.lower() for n in names], n=1, cutoff=_ALIKE)
-        choice = min(holding, key=len) if holding else next(
-            (n for n in names if near and n.lower() == near[0]), None
-        )  # fmt: skip
-        if choice is not None:
-            found[channel] = choice
+        choices = holding or [n for n in names if [n.lower()] == near]
+        if choices:
+            found[channel] = choices[0]
     return found

@@ -193,17 +193,13 @@ def converted(
       units: that the file declares.
       native: units of the format where they differ from the wanted ones.
     """
-    found = dict(columns)
+    found: dict[str, Array | None] = dict(columns)
     for name in [one for one in columns if one in wanted]:
-        values = declared(
+        found[name] = declared(
             columns[name], units.get(name, ""), wanted[name], name, tally,
             native=native.get(name, ""), deployment=deployment,
         )  # fmt: skip
-        if values is None:
-            del found[name]
-        else:
-            found[name] = values
-    return found
+    return {name: values for name, values in found.items() if values is not None}
 
 
 def unit_to_take(
@@ -228,12 +224,11 @@ def unit_to_take(
     if found:
         tally.add("left out", subject, max(count, 1), _refusal(unit, wanted, found))
         return None
-    if count:
-        why = f"its unit {unit[:_LONGEST]!r} is not known: taken as {native}"
-        if Doubt(subject, why, deployment) in tally.doubts:  # of another file
-            tally.add("suspect", subject, count, why)
-        else:
-            tally.doubt(subject, why, count, deployment=deployment)
+    why = f"its unit {unit[:_LONGEST]!r} is not known: taken as {native}"
+    if count and Doubt(subject, why, deployment) in tally.doubts:  # of another file
+        tally.add("suspect", subject, count, why)
+    elif count:
+        tally.doubt(subject, why, count, deployment=deployment)
     return native
 
 
@@ -267,9 +262,7 @@ def _readings(unit: str, wanted: str) -> list[str]:
     whole = " ".join(unit.strip("\0 \t\n").split())
     for written in dict.fromkeys((whole, _ASIDE.sub("", whole))):
         plain = written.lower()
-        for table in (wanted, ""):
-            if plain in _WORDS.get(table, {}):
-                found.append(_WORDS[table][plain])
+        found += [_WORDS[table][plain] for table in (wanted, "") if plain in _WORDS.get(table, {})]
         if wanted == "degree" and _DIRECTION.fullmatch(plain):
             found.append("degree")
         found += [written, plain, _PER.sub("/", plain)]
@@ -337,11 +330,9 @@ def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
     """Pumped volume in cm3 where no unit is declared; litres and m3 are known by their range."""
     good = values[np.isfinite(values)]
     good = good[np.abs(good) <= _LARGEST_PUMP]
-    if good.size < 20:
+    span = float(np.ptp(np.percentile(good, [1.0, 99.0]))) if good.size >= 20 else 0.0
+    if not _STILL < span < _LITRES:
         return values
-    span = float(np.ptp(np.percentile(good, [1.0, 99.0])))
-    if _STILL < span < _LITRES:
-        factor, unit = (1e3, "litres") if span > _LITRES * 1e-3 else (1e6, "m3")
-        tally.add("repaired", subject, good.size, f"was in {unit} where cm3 is native")
-        return values * factor
-    return values
+    factor, unit = (1e3, "litres") if span > _LITRES * 1e-3 else (1e6, "m3")
+    tally.add("repaired", subject, good.size, f"was in {unit} where cm3 is native")
+    return values * factor

@@ -19,8 +19,7 @@ from twin.errors import InputError
 from twin.physics.scenario import SAMPLE_PERIOD
 from twin.records.attributes import SPLITS
 from twin.water.current.axes import Origin
-from twin.water.current.base import Current, current_from_dict
-from twin.water.current.current_text import parse_current
+from twin.water.current.base import Current, current_from_dict, parse_current
 from twin.water.current.sampler import Floats
 
 TRAIN, VALIDATION, TEST = 0, 1, 2

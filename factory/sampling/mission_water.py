@@ -33,7 +33,7 @@ from twin.water.current import (
     Uniform,
 )
 from twin.water.current.axes import DEFAULT_TIME, Origin, coriolis
-from twin.water.current.log_layer import VON_KARMAN
+from twin.water.current.layers import VON_KARMAN
 from twin.water.density import REFERENCE_DENSITY, DensityProfile
 from twin.water.floor import RoughFloor
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -71,20 +70,12 @@ class ExportNetwork(JsonOption):
             digits=3,
         )
         console.say()
-        console.say(_inputs_line(run.features) if self.to == "c" else _features_line(run.features))
+        if self.to == "c":
+            from twin.navigation import sources
+            from twin.navigation.features import channels_of
+
+            text = f"a sample holds: {', '.join(sources(channels_of(run.features)))}"
+        else:
+            text = f"features of each model, in this order: {', '.join(run.features)}"
+        console.say(textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False))
         return EXIT_OK
-
-
-def _features_line(features: Sequence[str]) -> str:
-    """The inputs in their order, in lines of a terminal."""
-    text = f"features of each model, in this order: {', '.join(features)}"
-    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
-
-
-def _inputs_line(features: Sequence[str]) -> str:
-    """What a sample of the C code holds, in lines of a terminal."""
-    from twin.navigation import sources
-    from twin.navigation.features import channels_of
-
-    text = f"a sample holds: {', '.join(sources(channels_of(features)))}"
-    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from learn.data.dataset import TARGETS, MissionSequence
 from twin.errors import InputError, StoreError, unknown_name
 from twin.frames import euler_to_matrix
-from twin.navigation.dvl_cleaning import (
+from twin.navigation.estimators.dvl import (
     BOTTOM,
     SMOOTHING_S,
     SMOOTHINGS,
@@ -56,7 +56,7 @@ class LabelConfig:
     """What is taken off bottom track: `none` is known, so that bottom track is no label; `store`,
     the current that the store holds at the vehicle; or NORTH,EAST [m/s] of a steady one."""
     smoothing: Smoothing = "gaussian"
-    """After outliers are removed, see `twin.navigation.dvl_cleaning`."""
+    """After outliers are removed, see `twin.navigation.estimators.dvl`."""
 
     def __post_init__(self) -> None:
         for what, given, allowed in (

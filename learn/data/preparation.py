@@ -9,13 +9,24 @@ from typing import Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import TARGETS, Division, MissionSequence, Selection, any_channel
+from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection, any_channel
 from learn.data.labels import LabelConfig, count_labels
-from learn.data.logs import SPEED
-from learn.data.normalisation import Normalisation, NormalisationFit
-from learn.data.sequences import Mirror, Sequences, SequenceSource, StreamedSequences
-from learn.data.several_stores import Stores, each_store, open_stores
-from learn.data.store_checks import no_doppler_labels, no_truth, parts_of
+from learn.data.sequences import (
+    Mirror,
+    Normalisation,
+    NormalisationFit,
+    Sequences,
+    SequenceSource,
+    StreamedSequences,
+)
+from learn.data.stores import (
+    Stores,
+    each_store,
+    no_doppler_labels,
+    no_truth,
+    open_stores,
+    parts_of,
+)
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import channels_of, mirror_signs
 from twin.navigation.flight_filter import FlightSpread

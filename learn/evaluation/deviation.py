@@ -26,13 +26,13 @@ from twin.errors import InputError
 from twin.navigation.current import Leg, consistency_of
 from twin.navigation.dead_reckoning import (
     LEAST_COSINE,
+    SHALLOW_DEPTH,
     Array,
     horizontal_error,
     horizontal_velocity,
     integrate,
 )
 from twin.navigation.estimators.base import VelocityDeviation
-from twin.navigation.estimators.series import SHALLOW_DEPTH
 from twin.navigation.settings import ADAPTED
 
 if TYPE_CHECKING:

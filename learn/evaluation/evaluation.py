@@ -6,9 +6,8 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from learn.data.dataset import Selection, any_channel
+from learn.data.dataset import SPEED, Selection, any_channel
 from learn.data.labels import LabelConfig
-from learn.data.logs import SPEED
 from learn.evaluation.judged_tracks import DvlComparison, compare, summarise
 from learn.evaluation.log_score import score_logs
 from learn.evaluation.score import (
@@ -147,18 +146,35 @@ def evaluate(
         # a log is judged by what it has; one whose rows are no dives may have no depth
         wanted = [c for c in wanted if c in present or c not in NAVIGATION_CHANNELS]
         wanted += [c for c in (SPEED,) if c in present]
-        return _evaluate_logs(
-            networks, store, split, wanted, kinds, missing, attributes, vehicle, watch, period,
-            labels or LabelConfig(),
-        )  # fmt: skip
+        if split != "all":
+            with Selection(store, any_channel(store), split=split):  # says which parts there are
+                pass
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in kinds}}
     beside_log: list[DvlComparison] = []
     surge = networks["surge"]
+    some: dict[str, Any] = {} if logged else {"split": split, "limit": limit}
     with Selection(
-        store, wanted, split=split, limit=limit, period=period, start=surge.start,
-        spread=surge.spread,
-    ) as selection:  # fmt: skip
+        store, wanted, period=period, start=surge.start, spread=surge.spread, **some
+    ) as selection:
         runners = {name: kind(vehicle, selection.period) for name, kind in kinds.items()}
+        if logged:
+            judged = score_logs(
+                selection.groups(GROUP),
+                lambda mission: split in ("all", mission.split),
+                networks=networks,
+                baselines=runners,
+                vehicle=vehicle,
+                labels=labels or LabelConfig(),
+                watch=watch,  # type: ignore[arg-type]  # of a log it sees a LogReference
+            )
+            return Evaluation(
+                store=str(store),
+                split=split,
+                methods={name: Method(name, rows) for name, rows in judged.scores.items()},
+                missing=missing,
+                provenance=attributes,
+                counts=judged.counts,
+            )
         for group in selection.groups(GROUP):
             predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
             for k, mission in enumerate(group):
@@ -212,45 +228,6 @@ def pooled(each: Sequence[Evaluation]) -> Evaluation:
         propelled=all(one.propelled for one in each),
         against_dvl=tuple(found for one in each for found in one.against_dvl),
     )  # fmt: skip
-
-
-def _evaluate_logs(
-    networks: Mapping[str, Ensemble],
-    store: str | StorePath,
-    split: str,
-    channels: Sequence[str],
-    kinds: Mapping[str, type[VelocityEstimator]],
-    missing: Mapping[str, str],
-    attributes: Mapping[str, Any],
-    vehicle: Vehicle,
-    watch: Any,
-    period: float | None,
-    labels: LabelConfig,
-) -> Evaluation:
-    if split != "all":
-        with Selection(store, any_channel(store), split=split):  # says which parts there are
-            pass
-    surge = networks["surge"]
-    with Selection(
-        store, channels, period=period, start=surge.start, spread=surge.spread
-    ) as selection:
-        judged = score_logs(
-            selection.groups(GROUP),
-            lambda mission: split in ("all", mission.split),
-            networks=networks,
-            baselines={n: kind(vehicle, selection.period) for n, kind in kinds.items()},
-            vehicle=vehicle,
-            labels=labels,
-            watch=watch,
-        )
-    return Evaluation(
-        store=str(store),
-        split=split,
-        methods={name: Method(name, rows) for name, rows in judged.scores.items()},
-        missing=missing,
-        provenance=attributes,
-        counts=judged.counts,
-    )
 
 
 def _unusable(kind: type[VelocityEstimator], vehicle: Vehicle, present: set[str]) -> str:

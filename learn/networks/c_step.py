@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-from torch import Tensor
+from torch import Tensor, nn
 
 from twin.navigation.c_math import table
 
@@ -105,6 +105,17 @@ def indented(text: str) -> str:
 def transposed(matrix: Tensor) -> Tensor:
     """A weight matrix (rows, columns) as the prelude's functions read it."""
     return matrix.T.contiguous()
+
+
+def read_out(arrays: dict[str, Tensor], lines: list[str], out: nn.Linear, source: str) -> CStep:
+    """A step that ends by a linear layer over `source`, which gives the output."""
+    lines += [
+        "float out[1];",
+        f"gt_dense(out, weight_out, bias_out, {source}, {out.in_features}, 1);",
+        "return out[0];",
+    ]
+    arrays |= {"weight_out": out.weight, "bias_out": out.bias}
+    return CStep(arrays=arrays, body="\n".join(lines))
 
 
 def perceptron(sizes: list[int], activation: str, source: str = "x") -> str:

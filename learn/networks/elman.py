@@ -17,9 +17,8 @@ import torch
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from learn.networks.base import Network
-from learn.networks.c_step import CStep, transposed
-from learn.networks.config import NetworkConfig
+from learn.networks.base import Network, NetworkConfig
+from learn.networks.c_step import CStep, read_out, transposed
 
 
 class Elman(Network):
@@ -93,9 +92,7 @@ class Elman(Network):
                 f"gt_append({past}, {delays}, {hidden}, h{k});",
             ]
             source = f"h{k}"
-        arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
-        lines += ["float out[1];", f"gt_dense(out, weight_out, bias_out, {source}, {hidden}, 1);"]
-        return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))
+        return read_out(arrays, lines, self.out, source)
 
 
 class ContextDelay(nn.Module):

@@ -16,9 +16,8 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from learn.networks.base import Network
+from learn.networks.base import Network, NetworkConfig
 from learn.networks.c_step import CStep, perceptron, transposed
-from learn.networks.config import NetworkConfig
 from twin.errors import InputError
 
 

@@ -11,9 +11,8 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from learn.networks.base import Network
-from learn.networks.c_step import CStep, transposed
-from learn.networks.config import NetworkConfig
+from learn.networks.base import Network, NetworkConfig
+from learn.networks.c_step import CStep, read_out, transposed
 
 
 class Gated(Network):
@@ -71,9 +70,7 @@ class Gated(Network):
                 "}",
             ]
             source, size = f"state + {k * hidden}", hidden
-        arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
-        lines += ["float out[1];", f"gt_dense(out, weight_out, bias_out, {source}, {hidden}, 1);"]
-        return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))
+        return read_out(arrays, lines, self.out, source)
 
 
 class Gru(Gated):

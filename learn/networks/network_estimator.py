@@ -13,14 +13,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from learn.networks.familiarity import widened
+from learn.networks.familiarity import HELD_TO, widened
 from learn.networks.predictor import Ensemble, Prediction
-from learn.networks.tether import HELD_TO
 from learn.run import TARGETS, Run, open_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
 from twin.identify.logged_missions import Log
-from twin.identify.translation import Translation
+from twin.identify.translation import Translation, Velocity
 from twin.logs.flight_estimator import FlightEstimator
 from twin.navigation.channel_guard import ChannelGuard
 from twin.navigation.estimators.base import (
@@ -29,7 +28,6 @@ from twin.navigation.estimators.base import (
     VelocityDeviation,
     VelocityEstimator,
 )
-from twin.navigation.estimators.glide_deviation import usual_speed
 from twin.navigation.features import FeatureSteps
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import OUTPUTS
@@ -69,7 +67,7 @@ class NetworkVelocity(VelocityEstimator):
           networks: `surge` and `sway`.
           period: [s] between the samples that they were trained on.
           vehicle: as its file says; only networks that read estimated channels need it.
-          deviation: of their velocity, such as `network_deviation`; None: nothing is stated.
+          deviation: of their velocity, such as `Run.velocity_deviation`; None: nothing is stated.
 
         Raises:
           InputError: they do, and there is no vehicle or none that the flight filter suits.
@@ -122,7 +120,7 @@ class NetworkVelocity(VelocityEstimator):
         if not argument:
             raise InputError("the estimator network needs a run: network:runs/NAME")
         run = open_run(argument)
-        return cls(run.networks(vehicle), run.period, vehicle, network_deviation(run, vehicle))
+        return cls(run.networks(vehicle), run.period, vehicle, run.velocity_deviation(vehicle))
 
     @property
     def deviation(self) -> VelocityDeviation:
@@ -243,12 +241,6 @@ def bounded(value: float) -> float:
     return min(max(value, -FASTEST), FASTEST) if value == value else 0.0
 
 
-def network_deviation(run: Run, vehicle: Vehicle) -> VelocityDeviation:
-    """What validation missions said of a run's error, at a vehicle's usual speed."""
-    deviation = run.error_model().velocity_sd
-    return VelocityDeviation(scale=deviation / usual_speed(vehicle), noise=deviation)
-
-
 def _below(prefix: str, state: State) -> dict[str, NDArray[Any]]:
     """The entries whose names begin so, without that."""
     return {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}
@@ -277,11 +269,7 @@ class NetworkFlight(FlightEstimator):
         return cls(open_run(argument))
 
     def motion(
-        self,
-        store: MissionStore,
-        log: Log,
-        calibration: Calibration,
-        start: tuple[float, float, float],
+        self, store: MissionStore, log: Log, calibration: Calibration, start: Velocity
     ) -> Translation:
         """See `FlightEstimator.motion`; between the samples of a coarser run, linear."""
         if store.path not in self._predictions:

@@ -17,12 +17,10 @@ import torch
 from numpy.typing import NDArray
 
 from learn.data.dataset import MissionSequence, Selection, pieces
-from learn.data.normalisation import Normalisation
+from learn.data.sequences import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
-from learn.networks.base import Network, build_network
-from learn.networks.config import NetworkConfig
-from learn.networks.familiarity import Familiarity
-from learn.networks.tether import HELD_TO, Tether
+from learn.networks.base import Network, NetworkConfig, build_network
+from learn.networks.familiarity import HELD_TO, Familiarity, Tether
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
 from twin.navigation.features import channels_of, feature

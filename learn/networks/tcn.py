@@ -5,9 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from learn.networks.base import Network
-from learn.networks.c_step import CStep, transposed
-from learn.networks.config import NetworkConfig
+from learn.networks.base import Network, NetworkConfig
+from learn.networks.c_step import CStep, read_out, transposed
 
 
 class CausalConvolutions(Network):
@@ -51,7 +50,9 @@ class CausalConvolutions(Network):
 
     def c_step(self) -> CStep:
         """See `Network.c_step`."""
-        config, arrays, lines = self.config, {}, []
+        config = self.config
+        arrays: dict[str, Tensor] = {}
+        lines: list[str] = []
         source, size, place = "x", config.inputs, 0
         for k, taps in enumerate(self.taps):
             assert isinstance(taps, nn.Conv1d)
@@ -69,10 +70,4 @@ class CausalConvolutions(Network):
             if self.reach[k]:
                 lines.append(f"gt_append(state + {place}, {self.reach[k]}, {size}, {source});")
             source, size, place = f"h{k}", config.hidden, place + self.widths[k]
-        arrays |= {"weight_out": self.out.weight, "bias_out": self.out.bias}
-        lines += [
-            "(void)state;",
-            "float out[1];",
-            f"gt_dense(out, weight_out, bias_out, {source}, {size}, 1);",
-        ]
-        return CStep(arrays=arrays, body="\n".join([*lines, "return out[0];"]))
+        return read_out(arrays, [*lines, "(void)state;"], self.out, source)

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from learn.data.logs import SPEED
+from learn.data.dataset import SPEED
 from learn.report.result_tables import summary_rows, verdicts
 from learn.run import MORE_STORES, ORIGIN, TRUTH, Run
 from learn.seams import NETWORKS

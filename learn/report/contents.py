@@ -1,4 +1,4 @@
-"""Contents: everything that a page is made of, and what a figure of it is.
+"""Contents: everything that a page is made of.
 
 Names and colours of the methods, the same in every table and figure.
 Shown missions: the few missions of an evaluation that a report draws.
@@ -6,13 +6,10 @@ Shown missions: the few missions of an evaluation that a report draws.
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
-
-from matplotlib.figure import Figure
+from typing import Any
 
 from learn.data.dataset import MissionSequence
 from learn.evaluation.deviation import ErrorModel
@@ -142,29 +139,3 @@ class Contents:
     def tracks(self) -> tuple[Shown, ...]:
         """Missions whose tracks are drawn: the paper's where they were flown."""
         return (self.paper_test or self.test).shown
-
-
-SECTIONS = (
-    *("velocities", "dead_reckoning", "doppler", "over_ground", "tracks", "uncertainty"),
-    "training",
-)
-"""Places on the page, in its order."""
-
-
-class ReportFigure(abc.ABC):
-    """A figure of the page; it looks at the page's contents and may have nothing to show."""
-
-    summary: ClassVar[str]
-    """What it shows, a few words."""
-    section: ClassVar[str]
-    """Where it stands, one of `SECTIONS`."""
-    beside: ClassVar[bool] = False
-    """Whether it stands beside the next one that is so, where the window is wide enough."""
-
-    @abc.abstractmethod
-    def draw(self, contents: Contents) -> Figure | None:
-        """The drawing; None where the contents have nothing for it."""
-
-    @abc.abstractmethod
-    def caption(self, contents: Contents) -> str:
-        """What a reader sees in it, in whole sentences."""

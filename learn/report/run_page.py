@@ -5,98 +5,227 @@ Of real logs the true tracks are unknown: their page has what is judged between 
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.figure import Figure
+
+from learn.evaluation.deviation import network_position_sd
 from learn.evaluation.log_score import sentences
+from learn.evaluation.score import NETWORK
 from learn.report import result_tables
-from learn.report.contents import Contents, ReportFigure, RunEvaluation, Study
-from learn.report.error_figures import DopplerErrors, ErrorDistribution, Errors
-from learn.report.lines import Learning, learning_figure
-from learn.report.track_figures import DopplerTrack, DopplerTrack3d, Track3d, TrackFigure
-from learn.report.training_data import TrainingData
-from learn.report.velocities import Dives, UncertaintyFigure, Velocities, dive_figure
+from learn.report.contents import Contents, RunEvaluation, Shown, Study
+from learn.report.dot_figures import distribution_figure, dive_figure
+from learn.report.track_figures import (
+    BESIDE_DVL,
+    doppler_error_figure,
+    drawn_methods,
+    error_figure,
+    ground_lines,
+    track_3d_figure,
+    track_figure,
+    water_lines,
+    with_bottom_lock,
+)
+from learn.report.velocity_figures import (
+    LABELS,
+    learning_figure,
+    training_figure,
+    uncertainty_figure,
+    velocity_figure,
+)
 from twin.cli.text_table import format_number
 from twin.show.figures.page_layout import Page
 
 if TYPE_CHECKING:
     from learn.run import Run
 
-FIGURES: Mapping[str, type[ReportFigure]] = {
-    "velocities": Velocities,
-    "distribution": ErrorDistribution,
-    "doppler_track": DopplerTrack,
-    "doppler_track_3d": DopplerTrack3d,
-    "doppler_errors": DopplerErrors,
-    "dives": Dives,
-    "track": TrackFigure,
-    "track_3d": Track3d,
-    "errors": Errors,
-    "uncertainty": UncertaintyFigure,
-    "training_data": TrainingData,
-    "learning": Learning,
+DOTS = "Every mission a dot, the median a bar."
+DIVE_DOTS = "Every dive a dot, the median a bar."
+IN_SPACE = "The same with the measured depth; the vertical scale is its own."
+ERRORS = (
+    "North and east error of the networks' dead-reckoned track, measured attitude, no fixes: "
+    "through the water, and over ground with an unknown current."
+)
+STEADY_ERRORS = (
+    " Through the water a steady current changes nothing, so that the lines cover each other; over "
+    "ground its speed is their slope."
+)
+Drawn = tuple[Figure, str]
+"""A figure and its caption, in whole sentences"""
+
+
+def _velocities_drawn(contents: Contents) -> Drawn | None:
+    if not contents.test.shown:
+        return None
+    shown = contents.test.shown[0]
+    return velocity_figure(shown), (
+        f"Predicted against true velocity through the water, {shown.label}. The networks run free "
+        "from the launch."
+    )
+
+
+def _by_doppler(draw: Callable[[Shown], Drawn]) -> Callable[[Contents], Drawn | None]:
+    """Draw the longest mission in which a Doppler log mostly saw the bottom, if there is one."""
+
+    def drawn(contents: Contents) -> Drawn | None:
+        shown = with_bottom_lock(contents.test.shown)
+        return None if shown is None else draw(shown)
+
+    return drawn
+
+
+def _doppler_track(shown: Shown) -> Drawn:
+    return track_figure(shown, BESIDE_DVL, ground_lines(shown, BESIDE_DVL)), (
+        f"Tracks over ground without fixes, {shown.label}: the networks' is the one through the "
+        "water, since they do not know the current."
+    )
+
+
+def _doppler_errors(shown: Shown) -> Drawn:
+    return doppler_error_figure(shown), (
+        f"Position errors over ground without fixes, {shown.label}. The paper had no truth and "
+        "judged its networks by DVL-aided dead reckoning, whose own error stands beside."
+    )
+
+
+def _dives(contents: Contents) -> Drawn | None:
+    figure = dive_figure(contents.test.evaluation)
+    return None if figure is None else (figure, DIVE_DOTS)
+
+
+def _track(contents: Contents) -> Drawn | None:
+    if not contents.tracks:
+        return None
+    shown = contents.tracks[0]
+    methods = [name for name in drawn_methods() if name in shown.estimates]
+    figure = track_figure(shown, methods, water_lines(shown, methods))
+    return figure, f"Dead-reckoned tracks through the water, {shown.label}."
+
+
+def _track_3d(contents: Contents) -> Drawn | None:
+    if not contents.tracks:
+        return None
+    shown = contents.tracks[0]
+    return track_3d_figure(shown, water_lines(shown, drawn_methods())), IN_SPACE
+
+
+def _errors(contents: Contents) -> Drawn | None:
+    if not contents.tracks:
+        return None
+    steady = STEADY_ERRORS if contents.paper_test is not None else ""
+    return error_figure(contents.tracks), ERRORS + steady
+
+
+def _uncertainty(contents: Contents) -> Drawn | None:
+    if contents.error_model is None or not contents.test.shown:
+        return None
+    shown = contents.test.shown[0]
+    deviation = network_position_sd(shown.reference, shown.estimates[NETWORK], contents.error_model)
+    share = contents.test.figures.get("uncertainty", {}).get("within_2sd")
+    text = "" if share is None else f" {100 * share:.0f} % of the missions end within two of them."
+    return uncertainty_figure(shown, deviation), (
+        f"Horizontal error through the water and the predicted standard deviation, {shown.label}."
+        f"{text}"
+    )
+
+
+def _training_data(contents: Contents) -> Drawn | None:
+    mission = contents.training
+    if mission is None:
+        return None
+    learned = "the velocities to learn in blue"
+    if set(LABELS.values()) & set(mission.signals):
+        learned = "the velocities to learn, from the Doppler log, in orange, the truth in pale blue"
+    return training_figure(mission), (
+        f"A training mission ({mission.index}): {learned}, and what was measured."
+    )
+
+
+def _learning(contents: Contents) -> Drawn | None:
+    if not contents.metrics:
+        return None
+    caption = "Error of the free run over whole validation missions during training."
+    return learning_figure(contents.metrics), caption
+
+
+@dataclasses.dataclass(frozen=True)
+class ReportFigure:
+    """A figure of the page, which may have nothing to show."""
+
+    section: str
+    """Place on the page"""
+    draw: Callable[[Contents], Drawn | None]
+    beside: bool = False
+    """Whether it stands beside the next one that is so, where the window is wide enough"""
+
+
+FIGURES: Mapping[str, ReportFigure] = {
+    "velocities": ReportFigure("velocities", _velocities_drawn),
+    "distribution": ReportFigure(
+        "dead_reckoning", lambda contents: (distribution_figure(contents.test.evaluation), DOTS)
+    ),
+    "doppler_track": ReportFigure("doppler", _by_doppler(_doppler_track), beside=True),
+    "doppler_track_3d": ReportFigure(
+        "doppler",
+        _by_doppler(lambda one: (track_3d_figure(one, ground_lines(one, BESIDE_DVL)), IN_SPACE)),
+        beside=True,
+    ),
+    "doppler_errors": ReportFigure("doppler", _by_doppler(_doppler_errors)),
+    "dives": ReportFigure("over_ground", _dives),
+    "track": ReportFigure("tracks", _track, beside=True),
+    "track_3d": ReportFigure("tracks", _track_3d, beside=True),
+    "errors": ReportFigure("tracks", _errors),
+    "uncertainty": ReportFigure("uncertainty", _uncertainty),
+    "training_data": ReportFigure("training", _training_data),
+    "learning": ReportFigure("training", _learning),
 }
-"""Figures of a report, in the order of the page."""
+"""Figures of a report, in the order of the page"""
 
 
-class Drawings:
-    """Puts the figures of a section on a page when its turn comes."""
-
-    def __init__(self, page: Page, contents: Contents) -> None:
-        self._page, self._contents = page, contents
-
-    def place(self, section: str, heading: str = "") -> None:
-        """Draw what has something to show.
-
-        Args:
-          section: one of `learn.report.contents.SECTIONS`.
-          heading: stands above the first figure.
-        """
-        drawn = []
-        for name, kind in FIGURES.items():
-            if kind.section != section:
-                continue
-            figure = kind()
-            drawing = figure.draw(self._contents)
-            if drawing is not None:
-                drawn.append((kind.beside, (name, drawing, figure.caption(self._contents))))
-        if drawn and heading:
-            self._page.section(heading)
-        for beside, group in itertools.groupby(drawn, key=lambda entry: entry[0]):
-            entries = [entry for _, entry in group]
-            if beside:
-                self._page.pair(entries)
-                continue
-            for entry in entries:
-                self._page.figure(*entry)
+def _draw(page: Page, contents: Contents, section: str, heading: str = "") -> None:
+    """Draw the figures of a section that have something to show, below a heading."""
+    drawn = []
+    for name, kind in FIGURES.items():
+        if kind.section == section and (found := kind.draw(contents)) is not None:
+            drawn.append((kind.beside, (name, *found)))
+    if drawn and heading:
+        page.section(heading)
+    for beside, group in itertools.groupby(drawn, key=lambda entry: entry[0]):
+        entries = [entry for _, entry in group]
+        if beside:
+            page.pair(entries)
+            continue
+        for entry in entries:
+            page.figure(*entry)
 
 
 def build_page(folder: Path, contents: Contents) -> Path:
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path."""
     page = Page(folder, contents.title, contents.lead)
     test = contents.test
-    drawn = Drawings(page, contents)
     _key_figures(page, test.figures)
     page.points([*contents.labels, *result_tables.verdicts(test.figures)])
     page.section("Velocities")
     _velocities(page, test)
-    drawn.place("velocities")
+    _draw(page, contents, "velocities")
     page.section("Dead reckoning")
     _dead_reckoning(page, test)
-    drawn.place("dead_reckoning")
+    _draw(page, contents, "dead_reckoning")
     if rows := result_tables.doppler_rows(test.figures):
         _doppler(page, rows, test.figures)
-        drawn.place("doppler")
+        _draw(page, contents, "doppler")
     _over_ground(page, test)
-    drawn.place("over_ground")
+    _draw(page, contents, "over_ground")
     if contents.paper_test is not None:
         _paper_test(page, contents.paper_test)
-    drawn.place("tracks")
-    drawn.place("uncertainty", "Uncertainty")
+    _draw(page, contents, "tracks")
+    _draw(page, contents, "uncertainty", "Uncertainty")
     _studies(page, contents.studies)
-    drawn.place("training", "Training")
+    _draw(page, contents, "training", "Training")
     return _signed(page, contents.provenance, contents.command)
 
 
@@ -239,7 +368,7 @@ def build_log_page(
             "and pitch. Between fixes the truth is unknown, so that a track that is corrected "
             "afterwards shows no error.",
         )
-        page.figure("dives", drawn, "Every dive a dot, the median a bar.")
+        page.figure("dives", drawn, DIVE_DOTS)
     if metrics := run.metrics():
         page.section("Training")
         page.figure(

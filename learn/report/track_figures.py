@@ -1,54 +1,96 @@
-"""Track: tracks through the water from above, and how far they are from the truth.
-
-Track 3-D: tracks through the water in space.
-Doppler track: networks and DVL-aided dead reckoning over ground from above, and the truth.
-Doppler track 3-D: networks and DVL-aided dead reckoning over ground in space.
-"""
+"""Track figures: dead-reckoned tracks from above and in space, and how far they are off."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from learn.report.contents import Contents, ReportFigure, Shown, colour_of, title_of
-from learn.report.lines import (
-    BESIDE_DVL,
-    MARKS,
-    drawn_methods,
-    ground_lines,
-    look,
-    water_lines,
-    with_bottom_lock,
-)
+from learn.data.labels import MODE
+from learn.evaluation.score import DVL, FLOOR, NETWORK
+from learn.report.contents import Shown, colour_of, title_of
 from twin.navigation.dead_reckoning import Array
+from twin.navigation.estimators.base import baselines
+from twin.navigation.estimators.dvl import BOTTOM
 from twin.show import style
 from twin.show.figures.track import LEGEND, space_axes
 
+DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))
+"""Of methods in their order: each tells itself from the others without its colour"""
+TRUTH_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 4.0, "alpha": 0.35, "label": "truth"}
+"""Wide and pale, so that what lies on it is seen"""
+MARKS = {"start": (0, "o"), "end": (-1, "s")}
+BESIDE_DVL = (NETWORK, DVL)
+LEAST_BOTTOM_SHARE = 0.5
+"""Of the samples of a mission that is drawn beside a Doppler log's track over ground"""
 LEAST_DISTANCE_M = 0.01
 """Lower end of logarithmic distances: a centimetre"""
+LEAST_ERROR_M = 0.05
+"""Span of an error axis that hardly varies: centimetres are noise to a navigator."""
+MARGIN = 0.12
+"""Of the range, above and below the lines together"""
+MISSION_DASHES = ((0, ()), (0, (7, 4)), (0, (1.5, 3)))
+"""Of missions: gaps leave what lies below visible"""
+MISSION_COLOURS = (style.TRUTH, style.PALETTE["orange"], style.PALETTE["black"])
+PAIRS: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
+    (NETWORK, "truth", "networks − truth", {"color": colour_of(NETWORK), "lw": 1.6}),
+    (
+        NETWORK, DVL, "networks − DVL-aided, as the paper",
+        {"color": style.PALETTE["sky"], "lw": 1.4, "ls": (0, (6, 2))},
+    ),
+    (DVL, "truth", "DVL-aided − truth", {"color": colour_of(DVL), "lw": 1.1, "ls": (0, (1, 1.4))}),
+)  # fmt: skip
+"""Which track is compared with which, in words, and its line"""
+LEAST_SHARE = 0.02
+"""Of the whole path: a share of the distance so far means nothing before that"""
 
 
-class TrackFigure(ReportFigure):
-    """See the module."""
+def drawn_methods() -> tuple[str, ...]:
+    """Those whose tracks are drawn; more would hide each other."""
+    return (NETWORK, *(name for name, kind in baselines().items() if kind.drawn))
 
-    summary = "dead-reckoned tracks of a mission from above"
-    section = "tracks"
-    beside = True
 
-    def draw(self, contents: Contents) -> Figure | None:
-        """See `ReportFigure`."""
-        if not contents.tracks:
-            return None
-        shown = contents.tracks[0]
-        methods = [name for name in drawn_methods() if name in shown.estimates]
-        return track_figure(shown, methods, water_lines(shown, methods))
+def water_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
+    """Tracks through the water [m], (time, 2), of the truth and of methods that have one."""
+    lines = {"truth": shown.reference.water_track}
+    for name in methods:
+        track = shown.water_track(name) if name in shown.estimates else None
+        if track is not None and name != FLOOR:
+            lines[name] = track
+    return lines
 
-    def caption(self, contents: Contents) -> str:
-        """See `ReportFigure`."""
-        return f"Dead-reckoned tracks through the water, {contents.tracks[0].label}."
+
+def ground_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
+    """Tracks over ground [m], (time, 2), of the truth and of methods that have one."""
+    lines = {"truth": shown.reference.ground_track}
+    for name in methods:
+        track = shown.reference.tracks(shown.estimates[name]).get("ground")
+        if track is not None:
+            lines[name] = track
+    return lines
+
+
+def with_bottom_lock(missions: Sequence[Shown]) -> Shown | None:
+    """The longest of the missions in which a Doppler log saw the bottom most of the time."""
+    seen = [
+        shown
+        for shown in missions
+        if DVL in shown.estimates
+        and shown.estimates[DVL].ground_track is not None
+        and np.mean(shown.reference.mission.signals[MODE] == BOTTOM) >= LEAST_BOTTOM_SHARE
+    ]
+    return max(seen, key=lambda shown: float(shown.reference.path[-1]), default=None)
+
+
+def look(name: str, place: int) -> dict[str, Any]:
+    """Line of a method, `place` in the order of those drawn; the truth is the first."""
+    if name == "truth":
+        return TRUTH_LINE
+    dashes = DASHES[(place - 1) % len(DASHES)]
+    return {"color": colour_of(name), "lw": 1.4, "ls": dashes, "label": title_of(name)}
 
 
 def track_figure(shown: Shown, methods: Sequence[str], lines: dict[str, Array]) -> Figure:
@@ -113,25 +155,6 @@ def _ends(axes: Axes, track: Array, name: str) -> None:
         )  # fmt: skip
 
 
-class Track3d(ReportFigure):
-    """See the module."""
-
-    summary = "the same tracks in space"
-    section = "tracks"
-    beside = True
-
-    def draw(self, contents: Contents) -> Figure | None:
-        """See `ReportFigure`."""
-        if not contents.tracks:
-            return None
-        shown = contents.tracks[0]
-        return track_3d_figure(shown, water_lines(shown, drawn_methods()))
-
-    def caption(self, contents: Contents) -> str:
-        """See `ReportFigure`."""
-        return "The same with the measured depth; the vertical scale is its own."
-
-
 def track_3d_figure(shown: Shown, lines: dict[str, Array]) -> Figure:
     """Tracks in space, depth down, and the truth on the floor; its own vertical scale.
 
@@ -157,44 +180,78 @@ def track_3d_figure(shown: Shown, lines: dict[str, Array]) -> Figure:
     return figure
 
 
-class DopplerTrack(ReportFigure):
-    """See the module."""
+def error_figure(missions: Sequence[Shown]) -> Figure:
+    """North and east error of the networks' track against time, one line per mission.
 
-    summary = "networks and DVL-aided dead reckoning over ground from above"
-    section = "doppler"
-    beside = True
-
-    def draw(self, contents: Contents) -> Figure | None:
-        """See `ReportFigure`."""
-        shown = with_bottom_lock(contents.test.shown)
-        if shown is None:
-            return None
-        return track_figure(shown, BESIDE_DVL, ground_lines(shown, BESIDE_DVL))
-
-    def caption(self, contents: Contents) -> str:
-        """See `ReportFigure`."""
-        shown = with_bottom_lock(contents.test.shown)
-        assert shown is not None
-        return (
-            f"Tracks over ground without fixes, {shown.label}: the networks' is the one through "
-            "the water, since they do not know the current."
+    The paper's figure for its three currents, through the water (above) and over ground with
+    nothing known of the current (below); no fixes. Both panels of a row have one scale.
+    """
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 4.6)
+        axes = figure.subplots(2, 2, sharex=True, sharey="row")
+        seconds, unit = style.time_unit(max((s.time for s in missions), key=len))
+        for k, shown in enumerate(missions):
+            track = shown.water_track(NETWORK)
+            assert track is not None
+            for row, truth in zip(
+                axes, (shown.reference.water_track, shown.reference.ground_track), strict=True
+            ):
+                for place, values in zip(row, (track - truth).T, strict=True):
+                    time, error = style.thin(shown.time / seconds, values)
+                    place.plot(
+                        time, error, lw=1.5, label=shown.label,
+                        color=MISSION_COLOURS[k % len(MISSION_COLOURS)],
+                        ls=MISSION_DASHES[k % len(MISSION_DASHES)],
+                    )  # fmt: skip
+        for row in axes:
+            for place in row:
+                place.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=0)
+            values = np.concatenate([np.asarray(line.get_ydata()) for a in row for line in a.lines])
+            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+            reach = 0.5 * max((1.0 + MARGIN) * (high - low), LEAST_ERROR_M)
+            row[0].set_ylim(0.5 * (low + high) - reach, 0.5 * (low + high) + reach)
+        for row, where in zip(axes, ("through the water", "over ground"), strict=True):
+            for place, name in zip(row, ("north", "east"), strict=True):
+                place.set_title(f"{name} error, {where}")
+            row[0].set_ylabel("estimate − truth [m]")
+            row[1].tick_params(labelleft=True)
+        for place in axes[1]:
+            style.label_time(place, unit)
+        figure.suptitle("position error of the networks' dead reckoning", x=0.01, ha="left")
+        figure.legend(
+            *axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=len(missions)
         )
+    return figure
 
 
-class DopplerTrack3d(ReportFigure):
-    """See the module."""
-
-    summary = "the same tracks in space"
-    section = "doppler"
-    beside = True
-
-    def draw(self, contents: Contents) -> Figure | None:
-        """See `ReportFigure`."""
-        shown = with_bottom_lock(contents.test.shown)
-        if shown is None:
-            return None
-        return track_3d_figure(shown, ground_lines(shown, BESIDE_DVL))
-
-    def caption(self, contents: Contents) -> str:
-        """See `ReportFigure`."""
-        return "The same with the measured depth; the vertical scale is its own."
+def doppler_error_figure(shown: Shown) -> Figure:
+    """North and east error over time, and the horizontal error in % of the path so far."""
+    lines = ground_lines(shown, (NETWORK, DVL))
+    path = shown.reference.path
+    travelled = path >= LEAST_SHARE * path[-1]
+    with style.styled():
+        figure = style.new_figure(style.PAGE_WIDTH, 2.9)
+        axes = figure.subplots(1, 3)
+        seconds, unit = style.time_unit(shown.time)
+        for name, other, label, look in PAIRS:
+            error = lines[name] - lines[other]
+            for place, values in zip(axes[:2], error.T, strict=True):
+                time, drawn = style.thin(shown.time / seconds, values)
+                place.plot(time, drawn, label=label, **look)
+            share = 100.0 * np.hypot(*error.T)[travelled] / path[travelled]
+            time, drawn = style.thin(shown.time[travelled] / seconds, share)
+            axes[2].plot(time, drawn, **look)
+        for place in axes[:2]:
+            place.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=0)
+        axes[2].set_ylim(bottom=0.0)
+        for place, title in zip(
+            axes,
+            ("north error [m]", "east error [m]", "error [% of the path so far]"),
+            strict=True,
+        ):
+            place.set_title(title)
+            style.label_time(place, unit)
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=len(PAIRS)
+        )
+    return figure

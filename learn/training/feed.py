@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from learn.data.sequences import Sequences, batches, cut_windows, pack_windows
-from learn.networks.base import Network, build_network
-from learn.networks.config import NetworkConfig
+from learn.networks.base import Network, NetworkConfig, build_network
 from learn.networks.fixed_memory import FixedMemory
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 
 SIDE_BY_SIDE = 64
 """Windows of one piece of the error over all samples."""

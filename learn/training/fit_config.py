@@ -13,13 +13,12 @@ from typing import Any
 
 from learn.data.dataset import Division
 from learn.data.labels import LabelConfig
-from learn.data.several_stores import Stores, each_store
-from learn.data.store_checks import check_window, input_groups, parts_of
-from learn.networks.config import NetworkConfig
+from learn.data.stores import Stores, check_window, each_store, input_groups, parts_of
+from learn.networks.base import NetworkConfig
 from learn.networks.familiarity import training_hulls
 from learn.run import DEFAULT_STORE, DESCRIPTION, TARGETS, open_run, read_description
 from learn.seams import NETWORKS, OPTIMISERS
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 from learn.training.settings import FitSettings
 from twin.errors import InputError, StoreError, unknown_name
 from twin.navigation.features import (

@@ -9,12 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from learn.data.dataset import load_missions
+from learn.data.dataset import SPEED, load_missions
 from learn.data.labels import LabelCounts
-from learn.data.logs import SPEED
 from learn.data.preparation import training_lengths
-from learn.data.several_stores import open_stores
-from learn.data.store_checks import check_truth, few_labels, few_missions, labels_in
+from learn.data.stores import check_truth, few_labels, few_missions, labels_in, open_stores
 from learn.run import (
     DESCRIPTION,
     FORMAT,

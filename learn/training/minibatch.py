@@ -16,8 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from learn.training.optimiser import MinibatchOptimiser
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import MinibatchOptimiser, TrainingConfig
 
 
 class Soap(torch.optim.Optimizer):

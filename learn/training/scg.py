@@ -7,37 +7,13 @@ direction comes from a second gradient, and a Levenberg-Marquardt term lambda ke
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from learn.training.optimiser import FullBatchOptimiser, Objective
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import FullBatchOptimiser, Objective, TrainingConfig
 from twin.errors import InputError
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ScgConfig:
-    """Constants of the method. Moller asks for sigma <= 1e-4 and lambda_start <= 1e-6."""
-
-    sigma: float = 1e-4
-    """Length of the finite difference that measures curvature. Float32 gradients want a larger one
-    than Moller's: the difference of two gradients must stand out of their rounding."""
-    lambda_start: float = 1e-6
-    """First scale of the curvature."""
-    gradient_tolerance: float = 0.0
-    """Stop when the gradient's length falls to this."""
-
-    def __post_init__(self) -> None:
-        for name in ("sigma", "lambda_start"):
-            if not getattr(self, name) > 0.0:
-                raise InputError(f"scg {name} must be positive, got {getattr(self, name)}")
-        if self.gradient_tolerance < 0.0:
-            raise InputError(
-                f"scg gradient_tolerance must not be negative, got {self.gradient_tolerance}"
-            )
 
 
 class ScaledConjugateGradient:
@@ -48,25 +24,49 @@ class ScaledConjugateGradient:
             optimiser.step()
 
     `parameters` (n,) and `error` are those of the last accepted point: the error never rises.
+
+    Args:
+      sigma: length of the finite difference that measures curvature, at most 1e-4 by Moller.
+        Float32 gradients want a larger one: the difference of two gradients must stand out of
+        their rounding.
+      lambda_start: first scale of the curvature, at most 1e-6 by Moller.
+      gradient_tolerance: the gradient's length at which to stop.
+
+    Raises:
+      InputError: one of them is not above 0; the tolerance may be 0.
     """
 
     def __init__(
-        self, objective: Objective, start: Tensor, config: ScgConfig | None = None
+        self,
+        objective: Objective,
+        start: Tensor,
+        *,
+        sigma: float = 1e-4,
+        lambda_start: float = 1e-6,
+        gradient_tolerance: float = 0.0,
     ) -> None:
+        for name, value in (("sigma", sigma), ("lambda_start", lambda_start)):
+            if not value > 0.0:
+                raise InputError(f"scg {name} must be positive, got {value}")
+        if gradient_tolerance < 0.0:
+            raise InputError(
+                f"scg gradient_tolerance must not be negative, got {gradient_tolerance}"
+            )
         self.objective = objective
-        self.config = config or ScgConfig()
+        self.sigma, self.lambda_start = sigma, lambda_start
+        self.gradient_tolerance = gradient_tolerance
         self.parameters = start.detach().clone()
         self.error, gradient = objective(self.parameters)
         self.residual = -gradient
         self.direction = self.residual.clone()
-        self.scale = self.config.lambda_start
+        self.scale = self.lambda_start
         self.scale_added = 0.0
         self.curvature = 0.0
         self.success = True
         self.successes = 0
         self.iterations = 0
         self.evaluations = 1
-        self.converged = float(self.residual.norm()) <= self.config.gradient_tolerance
+        self.converged = float(self.residual.norm()) <= self.gradient_tolerance
 
     def step(self) -> bool:
         """One iteration. Returns whether a better point was accepted; False may follow True."""
@@ -77,7 +77,7 @@ class ScaledConjugateGradient:
             return False
         self.iterations += 1
         if self.success:  # step 2: curvature along the direction, from a second gradient
-            reach = self.config.sigma / length2**0.5
+            reach = self.sigma / length2**0.5
             _, ahead = self.objective(self.parameters + reach * direction)
             self.evaluations += 1
             self.curvature = float(direction.dot(ahead + self.residual)) / reach
@@ -104,12 +104,12 @@ class ScaledConjugateGradient:
             self.success = False
         if not comparison >= 0.25:  # step 8
             finite = abs(comparison) < float("inf")
-            factor = (1.0 - comparison) if finite else 1.0 / self.config.lambda_start
+            factor = (1.0 - comparison) if finite else 1.0 / self.lambda_start
             self.scale += self.curvature * factor / length2
         # A scale this large moves no parameter any more: nothing better is near.
         tiny = torch.finfo(self.parameters.dtype).eps
         lost = not accepted and abs(length) * length2**0.5 <= tiny * float(self.parameters.norm())
-        small = float(self.residual.norm()) <= self.config.gradient_tolerance
+        small = float(self.residual.norm()) <= self.gradient_tolerance
         if lost and not torch.equal(self.direction, self.residual):
             self._restart()
         else:
@@ -133,7 +133,7 @@ class ScaledConjugateGradient:
     def _restart(self) -> None:
         """Steepest descent again: rounding has spoilt the conjugate direction."""
         self.direction = self.residual.clone()
-        self.scale, self.scale_added = self.config.lambda_start, 0.0
+        self.scale, self.scale_added = self.lambda_start, 0.0
         self.success = True
 
     def state_dict(self) -> dict[str, Any]:
@@ -176,4 +176,4 @@ class ScgOptimiser(FullBatchOptimiser):
         self, objective: Objective, start: Tensor, config: TrainingConfig
     ) -> ScaledConjugateGradient:
         """See `FullBatchOptimiser`."""
-        return ScaledConjugateGradient(objective, start, ScgConfig(sigma=FLOAT32_SIGMA))
+        return ScaledConjugateGradient(objective, start, sigma=FLOAT32_SIGMA)

@@ -18,14 +18,18 @@ import torch
 from torch import Tensor
 
 from learn.data.sequences import SequenceSource, ahead
-from learn.networks.base import Network, build_network
-from learn.networks.config import NetworkConfig
+from learn.networks.base import Network, NetworkConfig, build_network
 from learn.networks.predictor import free_run, groups_by_length
 from learn.seams import OPTIMISERS
 from learn.training.checkpoint import read_checkpoint, write_checkpoint
 from learn.training.feed import Feed, feed_for
-from learn.training.optimiser import FullBatchOptimiser, MinibatchOptimiser
-from learn.training.schedule import TrainingClock, TrainingConfig, step_size
+from learn.training.optimiser import (
+    FullBatchOptimiser,
+    MinibatchOptimiser,
+    TrainingClock,
+    TrainingConfig,
+    step_size,
+)
 from twin.errors import InputError, StoreError
 from twin.extras import preload_triton
 from twin.records.windows import Places, buffers

@@ -9,10 +9,19 @@ import numpy as np
 import pytest
 from logs import SHARED
 
-from benchmarks.real_logs.equal import Method, common, median_rows, rmse_rows
-from benchmarks.real_logs.factory_model import factory_sink
-from benchmarks.real_logs.intervals import LEAST_DIVES, median_interval, rmse_interval
-from benchmarks.real_logs.row import Row, best, table
+from benchmarks.real_logs.fixes import factory_sink
+from benchmarks.real_logs.row import (
+    LEAST_DIVES,
+    Method,
+    Row,
+    best,
+    common,
+    median_interval,
+    median_rows,
+    rmse_interval,
+    rmse_rows,
+    table,
+)
 from benchmarks.real_logs.source import Deployment, imported, logs_folder
 
 RNG = np.random.default_rng(3)

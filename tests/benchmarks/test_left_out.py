@@ -10,10 +10,8 @@ import pytest
 from logs import Flight, write_csv, write_slocum
 
 from benchmarks.real_logs import left_out
-from benchmarks.real_logs.equal import Method
-from benchmarks.real_logs.intervals import pooled_draws
 from benchmarks.real_logs.left_out import Labelled
-from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.row import Method, Row, pooled_draws, rmse
 from benchmarks.real_logs.source import Deployment, imported
 from benchmarks.real_logs.surge_networks import INPUTS, TUNED, Pretrained, Weights, fit_network
 

@@ -13,14 +13,11 @@ from logs import SHARED, Flight, write_csv, write_slocum
 from benchmarks.real_logs import dvl
 from benchmarks.real_logs.__main__ import PROGRAM
 from benchmarks.real_logs.folds import blocks, thinned
-from benchmarks.real_logs.markdown import keep, kept
-from benchmarks.real_logs.page import chart
+from benchmarks.real_logs.page import chart, keep, kept
 from benchmarks.real_logs.public import SteadyModel, fit_steady, kinematic
-from benchmarks.real_logs.published import figures, published_rows
-from benchmarks.real_logs.ridge import ridge
-from benchmarks.real_logs.row import Row, rmse
+from benchmarks.real_logs.row import Row, figures, published_rows, rmse
 from benchmarks.real_logs.run import SECTIONS, TASKS, run_benchmark
-from benchmarks.real_logs.samples import AVERAGE, averaged, level_speed
+from benchmarks.real_logs.samples import AVERAGE, averaged, level_speed, ridge
 from benchmarks.real_logs.source import gather, imported
 from twin.errors import InputError
 from twin.identify import density_of, load_calibration

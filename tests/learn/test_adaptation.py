@@ -19,9 +19,9 @@ from learn.__main__ import PROGRAM
 from learn.data.dataset import load_missions
 from learn.evaluation.score import summarise_scores
 from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
+from learn.networks.familiarity import Tether
 from learn.networks.network_estimator import NetworkVelocity
 from learn.networks.predictor import Adapted
-from learn.networks.tether import Tether
 from learn.report import verdicts
 from learn.run import ADAPTATION, FAMILIARITY, FILTER, TETHER, Run, open_run, write_description
 from twin.errors import InputError, StoreError

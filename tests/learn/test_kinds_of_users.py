@@ -95,7 +95,7 @@ def test_a_module_is_named_when_its_network_is_not_registered(flown_store, tmp_p
 
 
 def test_a_network_that_torch_cannot_export_is_explained(tmp_path):
-    from learn.data.normalisation import Normalisation
+    from learn.data.sequences import Normalisation
     from learn.networks.base import build_network
     from learn.networks.onnx_export import step_model
     from learn.networks.predictor import Predictor

@@ -25,9 +25,9 @@ from twin.navigation.estimators.base import (
     VELOCITY_ESTIMATORS,
     Estimate,
     VelocityEstimator,
+    WindowedEstimator,
     check_estimate,
 )
-from twin.navigation.estimators.windowed import WindowedEstimator
 
 PAGE = "".join(
     (Path(__file__).parents[2] / "docs" / "reference" / name).read_text(encoding="utf-8")

@@ -23,8 +23,8 @@ from twin.mission.plan import Mission
 from twin.records.presence import read_attributes
 from twin.records.store import open_store, write_zarr
 from twin.records.tracks import read_tracks
-from twin.water.current.current_text import parse_current
-from twin.water.density_spec import parse_density
+from twin.water.current.base import parse_current
+from twin.water.density import parse_density
 
 SURFACE = '[[segments]]\nkind = "surface"\n'
 

@@ -17,7 +17,7 @@ from twin.sensors.base import SENSORS
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.profile import Profile
 from twin.water.density import DensityProfile
-from twin.water.floor.spec import KINDS
+from twin.water.floor.bathymetry import KINDS
 
 NONE = ["x", "3", None, [], {}, True, b"x", object(), (1.0, 2.0)]
 PLAN = Mission.from_dict({"segments": [{"kind": "surface"}]})

@@ -32,10 +32,9 @@ from twin.vehicle.presets import vehicle_names
 from twin.vehicle.steady_motion import Trim
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.base import Current
-from twin.water.current.gauss_markov import GaussMarkov
-from twin.water.current.profile import Profile
+from twin.water.current.profile import Profile, Uniform
+from twin.water.current.series import GaussMarkov
 from twin.water.current.tide import TidalEllipse, Tide
-from twin.water.current.uniform import Uniform
 
 Array = NDArray[np.float64]
 
@@ -119,27 +118,21 @@ def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> M
         heavy = heavy if rng.random() < 0.5 else -heavy
     depths = np.linspace(START_DEPTH - 400.0, START_DEPTH + 400.0, 9)
     profile = rng.normal(0.0, SHEAR, (2, depths.size))
-    current: Current = Uniform(
-        north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1))
-    ) + Profile(depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1]))
-    current += Tide(
-        ellipses=(
-            TidalEllipse(
-                constituent="M2",
-                semi_major=TIDE,
-                direction_deg=float(rng.uniform(0.0, 360.0)),
-                phase_deg=float(rng.uniform(0.0, 360.0)),
-            ),
-        )
+    steady = Uniform(north=float(rng.normal(0, 0.1)), east=float(rng.normal(0, 0.1)))
+    sheared = Profile(depth=tuple(depths), north=tuple(profile[0]), east=tuple(profile[1]))
+    direction, phase, wandering = (float(rng.uniform(0.0, 360.0)) for _ in range(3))
+    ellipse = TidalEllipse(
+        constituent="M2", semi_major=TIDE, direction_deg=direction, phase_deg=phase
     )
-    current += GaussMarkov(
+    wander = GaussMarkov(
         speed=0.0,
         speed_std=WANDER,
-        direction_deg=float(rng.uniform(0.0, 360.0)),
+        direction_deg=wandering,
         direction_std_deg=60.0,
         correlation_time=600.0,
         seed=seed,
     )
+    current = steady + sheared + Tide(ellipses=(ellipse,)) + wander
     start = Start(
         depth=START_DEPTH,
         heading=rng.uniform(0, 2 * math.pi),
@@ -157,7 +150,7 @@ def fly_both(
     duration: float = DURATION,
     timestep: float | None = None,
 ) -> tuple[Trajectory, FossenTrajectory]:
-    """The same manoeuvre in both models, sampled alike.
+    """Fly one manoeuvre in both models, sampled alike.
 
     timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model has a step of its own, no
     longer than the file's.
@@ -233,7 +226,7 @@ def check_manoeuvres(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EndsApart:
-    """How far a flight in lanes ended from that of its scenario in MuJoCo."""
+    """Distance of a flight's end in lanes from that of its scenario in MuJoCo."""
 
     time_s: float
     """[s] of the sample that is compared"""
@@ -277,7 +270,7 @@ def state_at(run: Trajectory, index: int) -> Array:
 
 
 def ends_apart(time: float, state: Array, theirs: Trajectory | SimulationUnstable) -> EndsApart:
-    """How far a flight is from MuJoCo's at a time [s] that both have.
+    """Distance of a flight from MuJoCo's at a time [s] that both have.
 
     Args:
       state: its own, see `state_at`.

@@ -47,7 +47,7 @@ FINER = 20
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Steps:
-    """What the steps do in one vehicle's manoeuvres, medians over STEPPED of them."""
+    """Effect of the steps in one vehicle's manoeuvres, medians over STEPPED of them."""
 
     timestep_s: float
     """the vehicle file's"""
@@ -69,21 +69,18 @@ class VehicleAgreement:
     steps: Steps | None
     """None where none flew to the end"""
 
-    def quantiles(self) -> dict[str, dict[str, float]]:
-        """Of each figure, by QUANTILES in percent."""
-        return quantiles(self.differences)
-
     def beyond(self) -> list[str]:
         """Figures beyond what is asked for, as texts."""
         found = [f"{self.vehicle}: manoeuvre {seed} went unstable" for seed in self.unstable]
-        for name, limit in LIMITS.items():
-            values = self.quantiles()[name]
+        for name, values in quantiles(self.differences).items():
+            limit = LIMITS[name]
             for share, most in ((WITHIN, limit), (1.0, FARTHEST * limit)):
-                value = values.get(percent(share), 0.0)
+                percent = f"{100.0 * share:g}"
+                value = values.get(percent, 0.0)
                 if value > most:
                     found.append(
-                        f"{self.vehicle}: {percent(share)} % of the manoeuvres are within "
-                        f"{value:.3g} in {name}, asked is {most:g}"
+                        f"{self.vehicle}: {percent} % of the manoeuvres are within {value:.3g} in "
+                        f"{name}, asked is {most:g}"
                     )
         return found
 
@@ -99,12 +96,8 @@ class EngineCheck:
         """Of all vehicles."""
         return [difference for one in self.vehicles for difference in one.differences]
 
-    def quantiles(self) -> dict[str, dict[str, float]]:
-        """Of each figure over all vehicles, by QUANTILES in percent."""
-        return quantiles(self.differences)
-
     def beyond(self) -> list[str]:
-        """What is beyond the limits, vehicle by vehicle."""
+        """Figures beyond the limits, vehicle by vehicle."""
         return [text for one in self.vehicles for text in one.beyond()]
 
     def worst(self) -> tuple[str, Difference] | None:
@@ -123,14 +116,14 @@ class EngineCheck:
             "manoeuvres": len(self.differences),
             "duration_s": DURATION,
             "limits": LIMITS,
-            "quantiles": self.quantiles(),
+            "quantiles": quantiles(self.differences),
             "worst": worst and {"vehicle": worst[0], **dataclasses.asdict(worst[1])},
             "vehicles": [
                 {
                     "vehicle": one.vehicle,
                     "flown": len(one.differences),
                     "unstable": one.unstable,
-                    "quantiles": one.quantiles(),
+                    "quantiles": quantiles(one.differences),
                     "steps": one.steps and dataclasses.asdict(one.steps),
                 }
                 for one in self.vehicles
@@ -139,16 +132,13 @@ class EngineCheck:
         }
 
 
-def percent(share: float) -> str:
-    """A share as the answers name it."""
-    return f"{100.0 * share:g}"
-
-
 def quantiles(differences: Sequence[Difference]) -> dict[str, dict[str, float]]:
     """Of each figure of LIMITS, by QUANTILES in percent; empty without differences."""
     return {
         name: {
-            percent(share): float(np.quantile([getattr(one, name) for one in differences], share))
+            f"{100.0 * share:g}": float(
+                np.quantile([getattr(one, name) for one in differences], share)
+            )
             for share in QUANTILES
             if differences
         }

@@ -226,7 +226,7 @@ def _native(law, values, parts, density, motions):  # type: ignore[no-untyped-de
 
 
 def _by_fossen(vehicle: Vehicle, at: Array) -> Wrenches:
-    """The same by the Fossen model's code."""
+    """Wrenches of hull and parts by the Fossen model's code."""
     parameters = FossenModel(vehicle).parameters
     density = float(vehicle.reference_density)
     return lambda nu: np.asarray(_fossen(parameters, at, density, nu))

@@ -29,7 +29,7 @@ FIGURES = {
     "turn_rate": "turn_rate_rad_s",
     "vertical_speed": "vertical_speed_m_s",
 }
-"""What can be published of a motion, and its field of `Trim`"""
+"""Figures that can be published of a motion, and their fields of `Trim`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

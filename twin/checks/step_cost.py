@@ -10,7 +10,7 @@ import dataclasses
 import math
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -29,8 +29,8 @@ from twin.physics.simulation import Simulation
 from twin.physics.start import Start
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
-from twin.water.current.current_text import parse_current
-from twin.water.density_spec import parse_density
+from twin.water.current.base import parse_current
+from twin.water.density import parse_density
 
 ROUNDS, BATCHES = 40, 3
 """Pairs of stretches; which of the two comes first changes from pair to pair"""
@@ -75,15 +75,15 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     dry.model.opt.gravity[:] = 0.0  # without water it would fall out of range
     dry.data.xfrc_applied[:] = 0.0
     with_water, bare, untimed, with_guidance = [], [], [], []
-    for index in range(rounds):
-        if index % 2:
-            bare.append(_bare_stretch(dry))
-            untimed.append(_bare_stretch(dry, timers=False))
-            with_water.append(_stretch(wet))
-        else:
-            with_water.append(_stretch(wet))
-            untimed.append(_bare_stretch(dry, timers=False))
-            bare.append(_bare_stretch(dry))
+    turn: list[Callable[[], None]] = [
+        lambda: with_water.append(_stretch(wet)),
+        lambda: untimed.append(_bare_stretch(dry, timers=False)),
+        lambda: bare.append(_bare_stretch(dry)),
+    ]
+    for _ in range(rounds):
+        for measure in turn:
+            measure()
+        turn.reverse()
         guided.reset()
         with_guidance.append(_stretch(guided))
     ratios = sorted(a / c for a, c in zip(with_water, bare, strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ from twin.physics.true_signals import LiveTruth
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from twin.control.physics import WaterPhysics
+    from twin.control.physics import Physics
 
 
 LARGEST_SEED = 2**31
@@ -57,7 +58,7 @@ class Believed:
         self._on_board: OnBoard | None = None
         self._time = -math.inf
 
-    def look(self, physics: WaterPhysics) -> None:
+    def look(self, physics: Physics) -> None:
         """Measure, once for every time."""
         time = physics.time()
         if self._on_board is not None and time <= self._time:
@@ -82,7 +83,7 @@ class Believed:
         self._time = time
         self._seen = self._on_board.observe(time)
 
-    def _begin(self, physics: WaterPhysics, floor: Array, current: Array) -> OnBoard:
+    def _begin(self, physics: Physics, floor: Array, current: Array) -> OnBoard:
         seed = int(self._random.randint(LARGEST_SEED))
         depth = max(physics.depth(), 0.1)  # a Start is under water
         scenario = Scenario(
@@ -104,29 +105,11 @@ class Believed:
         """[s] of the last sample."""
         return self._time
 
-    def north(self) -> float:
-        """[m] from the origin."""
-        return self._seen.north
-
-    def east(self) -> float:
-        """[m] from the origin."""
-        return self._seen.east
-
-    def depth(self) -> float:
-        """[m] below the surface."""
-        return self._seen.depth
-
-    def roll(self) -> float:
-        """[rad]"""
-        return self._seen.roll
-
-    def pitch(self) -> float:
-        """[rad]"""
-        return self._seen.pitch
-
-    def heading(self) -> float:
-        """[rad] in [0, 2 pi)"""
-        return self._seen.heading
+    def __getattr__(self, name: str) -> Callable[[], float]:
+        """north, east [m] from the origin, depth [m]; roll, pitch, heading in [0, 2 pi) [rad]."""
+        if name not in ("north", "east", "depth", "roll", "pitch", "heading"):
+            raise AttributeError(name)
+        return lambda: float(getattr(self._seen, name))
 
     def rates(self) -> Array:
         """Roll, pitch, yaw rate [rad/s], (3,)."""
@@ -168,7 +151,7 @@ class Believed:
         return float(net_mass(self.vehicle, volume, np.maximum(depth, 0.0))[0])
 
 
-def block_state(physics: WaterPhysics) -> np.void:
+def block_state(physics: Physics) -> np.void:
     """What native code keeps of the water at the vehicle, a record of `block.STATE`."""
     found: np.void = physics.mj_data.userdata[: block.STATE_WORDS].view(block.STATE)[0]
     return found

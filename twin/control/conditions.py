@@ -3,6 +3,7 @@
 `randomise` of an environment draws them anew for every episode. It is an object with a method
 `draw`, or the settings of a registered one: a name, or a mapping from parameters to distributions.
 A distribution of one's own brings a kind under the entry-point group `glider_twin.randomisers`.
+What is drawn is written here into a model of MuJoCo, whose vehicle is put at its start.
 """
 
 from __future__ import annotations
@@ -11,16 +12,23 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+import mujoco
 import numpy as np
 
 from twin import seams
 from twin.errors import InputError
 from twin.physics.ballast import Ballast
+from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
+from twin.physics.lookup_tables import Tables
+from twin.physics.model_block import header, room, table, write_tables
+from twin.physics.mujoco_model import refit
+from twin.physics.native.install import install
+from twin.physics.start import Start
 from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
-from twin.water.current.base import Current, CurrentSum
-from twin.water.current.current_text import parse_current
+from twin.water.current.base import Current, CurrentSum, parse_current
+from twin.water.current.sampler import sample
 from twin.water.density import DensityProfile
 
 TABLE, BASE = "table", "preset"
@@ -29,7 +37,7 @@ TABLE, BASE = "table", "preset"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """Of one episode; what is None is as the vehicle file and the task say."""
+    """Vehicle and water of one episode; None is as the vehicle file and the task say."""
 
     vehicle: Vehicle | None = None
     """The vehicle as it is; the task, its pilot and the trims keep to the one of the file."""
@@ -42,7 +50,7 @@ class Conditions:
     origin: Origin | None = None
     """Place that the current is compiled for; None is `Origin()`."""
     density: DensityProfile | None = None
-    """Of the water, None is the reference density."""
+    """Density of the water; None is the reference density."""
 
     @property
     def only_current(self) -> bool:
@@ -53,16 +61,15 @@ class Conditions:
     def flowing(self, current: Current | None) -> Conditions:
         """With another current added."""
         both = [part for part in (self.current, current) if part is not None]
-        if len(both) > 1:
-            return dataclasses.replace(self, current=CurrentSum(parts=tuple(both)))
-        return dataclasses.replace(self, current=both[0] if both else None)
+        total = CurrentSum(parts=tuple(both)) if len(both) > 1 else next(iter(both), None)
+        return dataclasses.replace(self, current=total)
 
 
 class Randomiser(Protocol):
     """Draws the conditions of episodes."""
 
     def draw(self, random: np.random.RandomState) -> Conditions:
-        """Those of one episode, from its own random numbers."""
+        """The conditions of one episode, from its own random numbers."""
 
 
 Maker = Callable[..., Randomiser]
@@ -135,3 +142,93 @@ def conditions_of(
             "draw(random)"
         )
     return EpisodeConditions(current=current, randomiser=randomise)
+
+
+OF_THE_VEHICLE = ("qpos0", "body_ipos", "dof_invweight0", "dof_M0", "body_invweight0")
+"""Fields of a model beside the block that a real vehicle has of its own"""
+
+
+class Nominal:
+    """What conditions change in a model, as it was compiled."""
+
+    def __init__(self, model: mujoco.MjModel):
+        """Remember a model that has no water of its own yet."""
+        self._model = model
+        self._values = {
+            name: getattr(model, name).copy() for name in ("numeric_data", *OF_THE_VEHICLE)
+        }
+
+    def restore(self) -> None:
+        """Make the model so again."""
+        for name, values in self._values.items():
+            getattr(self._model, name)[...] = values
+
+
+def write_conditions(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    vehicle: Vehicle,
+    conditions: Conditions,
+    duration: float,
+) -> None:
+    """Put the vehicle and the water of an episode of `duration` [s] into a model as compiled.
+
+    `data` are the model's and are overwritten.
+
+    Raises:
+      InputError: the water takes more room than the model has. VehicleError: a vehicle that needs
+        a model of its own.
+    """
+    real = conditions.vehicle
+    if real is not None:
+        refit(model, data, vehicle, real)
+    tables = water_of(conditions, real or vehicle, duration)
+    if tables.words > room(model):
+        raise InputError(
+            f"the water of an episode takes {tables.words} numbers, the model has room for "
+            f"{room(model)}: draw a coarser current, or shorten the episodes"
+        )
+    write_tables(model, tables)
+    install(current=tables.current.size > 0)
+
+
+def water_of(conditions: Conditions, vehicle: Vehicle, duration: float) -> Tables:
+    """The water of an episode of `duration` [s] around the real vehicle."""
+    current, density, nothing = conditions.current, conditions.density, np.zeros(0)
+    if density is None:
+        tables = Tables()
+    else:
+        warm = density.compile_temperature() if vehicle.hull_thermal_expansion else nothing
+        tables = Tables(density=density.compile(), temperature=warm)
+    if current is None:
+        return tables
+    return dataclasses.replace(tables, current=current.compile(duration, conditions.origin))
+
+
+def place_vehicle(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    start: Start,
+    vehicle: Vehicle | None = None,
+    conditions: Conditions | None = None,
+) -> None:
+    """Write a start into data that were reset, with the water that the model carries.
+
+    The start is the vehicle's of the file; the errors of a real one act from there on.
+    """
+    program, water = table(model, "current"), np.zeros(3)
+    if program.size:
+        at = (data.time, start.north, start.east, start.depth, 0.0, 0.0, 0.0)
+        water = np.array(sample(program, *at)[:3])
+    data.userdata[:] = 0.0
+    set_start(model, data, start, water)
+    if header(model)["centred"]:
+        stagger(model, data)
+    if conditions is not None and vehicle is not None:
+        apply_real_vehicle(
+            model,
+            conditions.vehicle or vehicle,
+            ballast=conditions.ballast,
+            density=conditions.density,
+            encoder_zeros=conditions.encoder_zeros,
+        )

@@ -74,13 +74,13 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from twin.control.environment import Environment, load_environment
-from twin.control.physics import WaterPhysics
+from twin.control.physics import Physics
 from twin.physics.model_block import header
 from twin.physics.native.install import install
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 
-class SuitePhysics(dm_mujoco.Physics, WaterPhysics):
+class SuitePhysics(dm_mujoco.Physics, Physics):
     """A vehicle in water: `dm_control.mujoco.Physics` with the twin's model and callbacks.
 
     Build it with `from_vehicle`. Models that `compile_model` did not make are refused, because

@@ -14,7 +14,7 @@ import numpy as np
 
 from twin.control.believed import Believed
 from twin.control.conditions import Randomiser, conditions_of
-from twin.control.physics import WaterPhysics
+from twin.control.physics import Physics
 from twin.control.registry import TASKS, task_arguments
 from twin.control.task import GliderTask, Observation
 from twin.errors import InputError, UnknownName
@@ -45,7 +45,7 @@ class Environment:
 
     def __init__(
         self,
-        physics: WaterPhysics,
+        physics: Physics,
         task: GliderTask,
         *,
         time_limit: float = math.inf,
@@ -146,7 +146,7 @@ class Environment:
 
 
 def build(
-    physics: WaterPhysics,
+    physics: Physics,
     task: GliderTask,
     *,
     time_limit: float,

@@ -11,10 +11,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from twin.control.environment import SETTINGS, Environment, load_environment
-from twin.control.observations import FLAT, Observations, Observed
+from twin.control.observations import FLAT, Observed
 from twin.control.registry import task_arguments
 from twin.control.task import LARGEST_SEED, episode_random
-from twin.control.white_noise import Noise
 from twin.errors import InputError, UnknownName, unknown_name
 
 OWN = ("observation", "noise", "render_mode", "render_kwargs")
@@ -110,13 +109,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
             **self.metadata,
             "render_fps": 1.0 / self._environment.control_timestep(),
         }
-        found = self._environment.reset()
-        widths = {name: int(np.size(value)) for name, value in found.items()}
-        self._noise = Noise(noise, self.task.goals_from, widths)
-        self._observations = Observations(
-            self.task, widths, observation, deviations=self._noise.deviations
-        )
-        self.task.noise = self._errors if self._noise.deviations else None
+        self._observe(self.task, self._environment.reset(), observation, noise)
         self.observation_space = self._observations.space
         self.action_space = action_space(self._environment)
         self._seed: int | None = None

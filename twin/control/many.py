@@ -11,8 +11,13 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import ArrayLike, NDArray
 
-from twin.control.conditions import Conditions
-from twin.control.placing import OF_THE_VEHICLE, Nominal, place_vehicle, write_conditions
+from twin.control.conditions import (
+    OF_THE_VEHICLE,
+    Conditions,
+    Nominal,
+    place_vehicle,
+    write_conditions,
+)
 from twin.errors import InputError
 from twin.frames import flip_vector
 from twin.numbers import Array

@@ -9,12 +9,12 @@ from __future__ import annotations
 import concurrent.futures
 import itertools
 import os
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.control.conditions import Conditions
-from twin.control.placing import water_of
+from twin.control.conditions import Conditions, water_of
 from twin.errors import InputError, VehicleError
 from twin.fossen import lanes as ln
 from twin.fossen.lane_block import AT, LANES, PART, PARTS_AT, empty_block
@@ -26,6 +26,17 @@ from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 
 WIDTH = LANES[-1]
+
+
+def _row(name: str, offset: int, text: str, *, width: int = 0) -> Callable[[ManyLanes], Array]:
+    """A measurement: one number of each vehicle, (count,), or a vector of some `width`."""
+
+    def measured(self: ManyLanes) -> Array:
+        first = AT[name] + offset
+        return self._vector(first, width) if width else self._get(first)
+
+    measured.__doc__ = text
+    return measured
 
 
 class ManyLanes:
@@ -170,66 +181,25 @@ class ManyLanes:
         rows = np.array(self._rows[:, row : row + width].transpose(0, 2, 1), order="C")
         return rows.reshape(-1, width)[: self.count]
 
-    def time(self) -> Array:
-        """[s]"""
-        return self._get(AT["time"])
-
-    def north(self) -> Array:
-        """[m]"""
-        return self._get(AT["state"])
-
-    def east(self) -> Array:
-        """[m]"""
-        return self._get(AT["state"] + 1)
-
-    def depth(self) -> Array:
-        """[m]"""
-        return self._get(AT["state"] + 2)
-
-    def roll(self) -> Array:
-        """[rad]"""
-        return self._get(AT["euler"])
-
-    def pitch(self) -> Array:
-        """[rad]"""
-        return self._get(AT["euler"] + 1)
-
-    def heading(self) -> Array:
-        """[rad] in [0, 2 pi)"""
-        return self._get(AT["euler"] + 2)
-
-    def velocity_over_ground(self) -> Array:
-        """[m/s], NED, shape (count, 3)."""
-        return self._vector(AT["rate"], 3)
-
-    def velocity_through_water(self) -> Array:
-        """Surge, sway, heave [m/s], FRD, shape (count, 3)."""
-        return self._vector(AT["state"] + 7, 3)
-
-    def rates(self) -> Array:
-        """Roll, pitch, yaw rate [rad/s], FRD, shape (count, 3)."""
-        return self._vector(AT["state"] + 10, 3)
-
-    def depth_rate(self) -> Array:
-        """[m/s]"""
-        return self._get(AT["rate"] + 2)
+    time = _row("time", 0, "[s]")
+    north = _row("state", 0, "[m]")
+    east = _row("state", 1, "[m]")
+    depth = _row("state", 2, "[m]")
+    roll = _row("euler", 0, "[rad]")
+    pitch = _row("euler", 1, "[rad]")
+    heading = _row("euler", 2, "[rad] in [0, 2 pi)")
+    depth_rate = _row("rate", 2, "[m/s]")
+    net_buoyancy = _row("net_mass", 0, "[kg] of the immersed vehicle, + = heavy.")
+    immersion = _row("immersion", 0, "Immersed fraction of the hull.")
+    velocity_over_ground = _row("rate", 0, "[m/s], NED, shape (count, 3).", width=3)
+    velocity_through_water = _row("state", 7, "Surge, sway, heave [m/s], FRD, (count, 3).", width=3)
+    rates = _row("state", 10, "Roll, pitch, yaw rate [rad/s], FRD, shape (count, 3).", width=3)
+    current = _row("current", 0, "Velocity of the water at the CB [m/s], NED, (count, 3).", width=3)
 
     def speed(self) -> Array:
         """[m/s] through the water."""
         found: Array = np.linalg.norm(self.velocity_through_water(), axis=1)
         return found
-
-    def net_buoyancy(self) -> Array:
-        """[kg] of the immersed vehicle, + = heavy."""
-        return self._get(AT["net_mass"])
-
-    def immersion(self) -> Array:
-        """Immersed fraction of the hull."""
-        return self._get(AT["immersion"])
-
-    def current(self) -> Array:
-        """Velocity of the water at the CB [m/s], NED, shape (count, 3)."""
-        return self._vector(AT["current"], 3)
 
     def activation(self) -> Array:
         """Positions of the parts, in their order and units, shape (count, parts)."""

@@ -16,9 +16,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.control.conditions import Conditions
+from twin.control.conditions import Conditions, Nominal, place_vehicle, write_conditions
 from twin.control.pictures import Pictures
-from twin.control.placing import Nominal, place_vehicle, write_conditions
 from twin.errors import InputError, SimulationUnstable, unknown_name
 from twin.frames import flip_vector
 from twin.numbers import Array
@@ -71,13 +70,46 @@ ROOM = 4096
 """Numbers of a current and a density profile that fit a model without compiling it again."""
 
 
-class WaterPhysics:
-    """What `Physics` and that of `twin.control.dm_suite` share: water and measurements."""
+class Physics:
+    """A vehicle in water; build it with `from_vehicle`.
+
+    Models that `compile_model` did not make are refused, because they would move in vacuum. Copies
+    and pickles carry their water with them. That of `twin.control.dm_suite` has dm_control's own
+    way to make, step and draw a model, and water and measurements from here.
+    """
 
     unstable: ClassVar[type[Exception]] = SimulationUnstable
     """Raised by `step` when the state leaves the finite numbers"""
 
     # --- making one ---------------------------------------------------------------------------
+
+    def __init__(self, data: mujoco.MjData):
+        """Of a model's data, which are taken as they are.
+
+        Raises:
+          VehicleError: the model does not carry the twin's parameter block.
+        """
+        self._attach(data.model, data)
+        self._pictures: Pictures | None = None
+
+    @classmethod
+    def from_model(cls, model: mujoco.MjModel) -> Self:
+        """From a model that `compile_model` made, taken as it is.
+
+        Raises:
+          VehicleError: the model does not carry the twin's parameter block.
+        """
+        header(model)
+        made = cls(mujoco.MjData(model))
+        with made.reset_context():
+            pass
+        return made
+
+    def __getstate__(self) -> mujoco.MjData:
+        return self.data
+
+    def __setstate__(self, data: mujoco.MjData) -> None:
+        Physics.__init__(self, data)
 
     @classmethod
     def from_vehicle(
@@ -89,30 +121,19 @@ class WaterPhysics:
         integrator: str | None = None,
     ) -> Self:
         """A vehicle in still water; the arguments are those of `compile_model`."""
-        model = compile_model(
-            vehicle,
-            hydrodynamics=hydrodynamics,
-            timestep=timestep,
-            integrator=integrator,
-            reserve=ROOM,
-            centred=True,
-        )
-        return cls.from_model(model)
-
-    @classmethod
-    def from_model(cls, model: mujoco.MjModel) -> Self:
-        """From a model that `compile_model` made, taken as it is.
-
-        Raises:
-          VehicleError: the model does not carry the twin's parameter block.
-        """
-        raise NotImplementedError
+        return cls.from_model(
+            compile_model(
+                vehicle, hydrodynamics=hydrodynamics, timestep=timestep, integrator=integrator,
+                reserve=ROOM, centred=True,
+            )
+        )  # fmt: skip
 
     def _attach(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Measure these from now on."""
         head = header(model)  # raises for models without a block
         install(current=head["current"]["size"] > 0.0, floor=head["floor"]["size"] > 0.0)
-        self._mj_model, self._mj_data = model, data
+        self.mj_model, self.mj_data = model, data
+        """MuJoCo's own"""
         self._nominal: Nominal | None = None
         self._head, self._parts = head, part_table(model)
         self._names = part_names(model)
@@ -121,52 +142,80 @@ class WaterPhysics:
         self._water = state(data)
 
     @property
-    def mj_model(self) -> mujoco.MjModel:
+    def model(self) -> mujoco.MjModel:
         """MuJoCo's own model."""
-        return self._mj_model
+        return self.mj_model
 
     @property
-    def mj_data(self) -> mujoco.MjData:
+    def data(self) -> mujoco.MjData:
         """MuJoCo's own data."""
-        return self._mj_data
+        return self.mj_data
 
     # --- state --------------------------------------------------------------------------------
 
-    def reset_context(self) -> Any:
-        """Back to the model's initial state; after the block everything is up to date."""
-        raise NotImplementedError
+    @contextmanager
+    def reset_context(self) -> Iterator[Self]:
+        """Back to the model's initial state; after the block everything is up to date.
+
+        Raises:
+          SimulationUnstable: the state that the block wrote is not finite.
+        """
+        mujoco.mj_resetData(self.mj_model, self.mj_data)
+        self.mj_data.userdata[:] = 0.0
+        yield self
+        self.forward()
+
+    def forward(self) -> None:
+        """Bring everything up to date with the state.
+
+        Raises:
+          SimulationUnstable: the state is not finite.
+        """
+        with self._watched():
+            mujoco.mj_forward(self.mj_model, self.mj_data)
 
     def step(self, nstep: int = 1) -> None:
         """Advance by `nstep` steps.
 
         Raises:
-          unstable: the state left the finite numbers.
+          SimulationUnstable: the state left the finite numbers.
         """
-        raise NotImplementedError
+        model, data = self.mj_model, self.mj_data
+        with self._watched():  # the first half of a step is always done: see `reset_context`
+            mujoco.mj_step2(model, data)
+            if nstep > 1:
+                mujoco.mj_step(model, data, nstep - 1)
+            mujoco.mj_step1(model, data)
 
     def set_control(self, control: ArrayLike) -> None:
         """Command the parts, in their order and units, shape (parts,)."""
-        raise NotImplementedError
+        self.mj_data.ctrl[:] = control
 
-    def render(self, **settings: Any) -> NDArray[Any]:
-        """What a camera sees now: height, width [pixel], camera_id, depth, segmentation, ..."""
-        raise NotImplementedError
-
-    def free(self) -> None:
-        """Release what draws; `render` takes it up again."""
-        raise NotImplementedError
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        """Raise where MuJoCo warns, or where native code found numbers that are not finite."""
+        warned = self.mj_data.warning.number
+        before = warned.copy()
+        with quiet_mujoco():
+            yield
+        found = self._failure()
+        if found is None and (warned > before).any():
+            kinds = [mujoco.mjtWarning(int(kind)).name for kind in np.flatnonzero(warned > before)]
+            found = f"MuJoCo warns at {self.time():g} s: {', '.join(kinds)}"
+        if found is not None:
+            raise SimulationUnstable(found, mission=0, time_s=self.time())
 
     def time(self) -> float:
         """[s] since the start."""
-        return float(self._mj_data.time)
+        return float(self.mj_data.time)
 
     def timestep(self) -> float:
         """[s] of a step."""
-        return float(self._mj_model.opt.timestep)
+        return float(self.mj_model.opt.timestep)
 
     def control(self) -> Array:
         """Commanded positions of the parts, in their order and units, shape (parts,)."""
-        return self._mj_data.ctrl.copy()
+        return self.mj_data.ctrl.copy()
 
     def activation(self) -> Array:
         """Positions of the parts, in their order and units, shape (parts,)."""
@@ -195,7 +244,7 @@ class WaterPhysics:
                 "a start's place and time have no effect here: give them to "
                 "set_current(current, duration, origin=Origin(...)), which reads the water there"
             )
-        model, data = self._mj_model, self._mj_data
+        model, data = self.mj_model, self.mj_data
         place_vehicle(model, data, start)
 
     def place(
@@ -208,7 +257,7 @@ class WaterPhysics:
         duration: float,
     ) -> None:
         """Begin an episode of a task, as `twin.control.many.ManyPhysics.place`; `at` is ()."""
-        model, data = self._mj_model, self._mj_data
+        model, data = self.mj_model, self.mj_data
         if conditions is not None and conditions.only_current:
             self.set_current(conditions.current, duration, conditions.origin)
         elif conditions is not None:
@@ -242,7 +291,7 @@ class WaterPhysics:
         Raises:
           InputError: they do not fit; the message says how to make room.
         """
-        model = self._mj_model
+        model = self.mj_model
         tables = {name: table(model, name).copy() for name in ("current", "density", "floor")}
         tables.update(changed)
         needed = sum(values.size for values in tables.values())
@@ -390,100 +439,6 @@ class WaterPhysics:
         """Actuator positions as fractions of their travel, -1 to 1, shape (parts,)."""
         low, high = self.actuator_range()
         return 2.0 * (self._act - low) / (high - low) - 1.0
-
-
-class Physics(WaterPhysics):
-    """A vehicle in water; build it with `from_vehicle`.
-
-    Models that `compile_model` did not make are refused, because they would move in vacuum. Copies
-    and pickles carry their water with them.
-    """
-
-    def __init__(self, data: mujoco.MjData):
-        """Of a model's data, which are taken as they are.
-
-        Raises:
-          VehicleError: the model does not carry the twin's parameter block.
-        """
-        self._attach(data.model, data)
-        self._pictures: Pictures | None = None
-
-    @classmethod
-    def from_model(cls, model: mujoco.MjModel) -> Self:
-        """See `WaterPhysics`."""
-        header(model)
-        made = cls(mujoco.MjData(model))
-        with made.reset_context():
-            pass
-        return made
-
-    def __getstate__(self) -> mujoco.MjData:
-        return self.data
-
-    def __setstate__(self, data: mujoco.MjData) -> None:
-        Physics.__init__(self, data)
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """MuJoCo's own model."""
-        return self._mj_model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's own data."""
-        return self._mj_data
-
-    @contextmanager
-    def reset_context(self) -> Iterator[Self]:
-        """Back to the model's initial state; after the block everything is up to date.
-
-        Raises:
-          SimulationUnstable: the state that the block wrote is not finite.
-        """
-        mujoco.mj_resetData(self._mj_model, self._mj_data)
-        self._mj_data.userdata[:] = 0.0
-        yield self
-        self.forward()
-
-    def forward(self) -> None:
-        """Bring everything up to date with the state.
-
-        Raises:
-          SimulationUnstable: the state is not finite.
-        """
-        with self._watched():
-            mujoco.mj_forward(self._mj_model, self._mj_data)
-
-    def step(self, nstep: int = 1) -> None:
-        """Advance by `nstep` steps.
-
-        Raises:
-          SimulationUnstable: the state left the finite numbers.
-        """
-        model, data = self._mj_model, self._mj_data
-        with self._watched():  # the first half of a step is always done: see `reset_context`
-            mujoco.mj_step2(model, data)
-            if nstep > 1:
-                mujoco.mj_step(model, data, nstep - 1)
-            mujoco.mj_step1(model, data)
-
-    def set_control(self, control: ArrayLike) -> None:
-        """Command the parts, in their order and units, shape (parts,)."""
-        self._mj_data.ctrl[:] = control
-
-    @contextmanager
-    def _watched(self) -> Iterator[None]:
-        """Raise where MuJoCo warns, or where native code found numbers that are not finite."""
-        warned = self._mj_data.warning.number
-        before = warned.copy()
-        with quiet_mujoco():
-            yield
-        found = self._failure()
-        if found is None and (warned > before).any():
-            kinds = [mujoco.mjtWarning(int(kind)).name for kind in np.flatnonzero(warned > before)]
-            found = f"MuJoCo warns at {self.time():g} s: {', '.join(kinds)}"
-        if found is not None:
-            raise SimulationUnstable(found, mission=0, time_s=self.time())
 
     # --- pictures -----------------------------------------------------------------------------
 

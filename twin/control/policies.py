@@ -11,12 +11,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from twin.control.physics import WaterPhysics
+from twin.control.physics import Physics
 from twin.control.task import GliderTask, wrap_angle
 from twin.errors import MissionError
 from twin.mission.turning import turn_factor
 from twin.mission.way import way
 from twin.numbers import Array
+from twin.vehicle.vehicle import Vehicle
 
 Policy = Callable[[Any], Array]
 
@@ -29,7 +30,7 @@ class Flown(Protocol):
         """The task that it flies."""
 
     @property
-    def physics(self) -> WaterPhysics:
+    def physics(self) -> Physics:
         """The vehicle that it flies."""
 
 
@@ -38,10 +39,10 @@ LARGEST_ROTATION = math.radians(60.0)
 
 
 class Autopilot:
-    """Flies the task's reference with the vehicle's own gains: a policy for a viewer or a loop.
+    """Flies the task's reference with the vehicle's own gains: a policy for a viewer or a loop."""
 
-    It reads the physics and not the observation, so it knows what the task knows.
-    """
+    damping = 1.0
+    """Part of the file's gains of the rates that is used"""
 
     def __init__(self, environment: Flown):
         self._environment = environment
@@ -53,33 +54,31 @@ class Autopilot:
         vehicle = task.vehicle
         wanted = task.reference(physics)
         command = vehicle.rest
-        _, pitch_rate, yaw_rate = physics.rates()
+        _, pitch_rate, yaw_rate = self.damping * physics.rates()
         pump, driving = vehicle.steered_index("buoyancy"), vehicle.steered_index("speed")
         if pump is not None:
             command[pump] = vehicle.pump_for_net_mass(wanted.net_mass)
         if driving is not None:
             command[driving] = task.cruise.command[driving]
         trim, turn = self._trim(wanted.pitch, wanted.net_mass)
-        pitching = vehicle.steered("pitch")
+        pitching, turning = vehicle.steered("pitch"), vehicle.steered("heading")
         if pitching is not None:
             kp, _, kd = vehicle.pitch_pid
             loop = kp * (wanted.pitch - physics.pitch()) - kd * pitch_rate
             place = vehicle.part_names.index(pitching.name)
-            command[place] = trim[place]
-            command[place] += pitching.sense("pitch") * loop
-        turning = vehicle.steered("heading")
+            command[place] = trim[place] + pitching.sense("pitch") * loop
         if turning is not None and wanted.heading is not None:
             kp, _, kd = vehicle.heading_pid
             error = wrap_angle(wanted.heading - physics.heading())
-            loop = kp * error - kd * yaw_rate
-            rotation = min(max(turn * loop, -LARGEST_ROTATION), LARGEST_ROTATION)
+            rotation = turn * (kp * error - kd * yaw_rate)
+            rotation = min(max(rotation, -LARGEST_ROTATION), LARGEST_ROTATION)
             command[vehicle.part_names.index(turning.name)] = rotation
         return task.to_action(vehicle.allocated(command))
 
     def _trim(self, pitch: float, net_mass: float) -> tuple[Array, float]:
-        """Positions that hold the steady way, and what the heading loop is multiplied by there.
+        """Positions that hold the steady way, and the factor of the heading loop there.
 
-        At rest, and by the part's own sense, where there is no such way.
+        Where there is no such way: at rest, and the sense of the part that turns the vehicle.
         """
         key = (pitch, net_mass)
         if key not in self._trims:
@@ -91,52 +90,27 @@ class Autopilot:
                 found = way(vehicle, "task", "pitch", degrees, net_mass, None, within_travel=True)
                 self._trims[key] = found.command, turn_factor(vehicle, found)
             except MissionError:
-                turning = vehicle.steered("heading")
-                sense = 1.0 if turning is None else turning.sense("heading")
-                self._trims[key] = vehicle.rest, sense
+                self._trims[key] = untrimmed(vehicle)
         return self._trims[key]
 
 
-class Proportional:
+def untrimmed(vehicle: Vehicle) -> tuple[Array, float]:
+    """Positions of the parts at rest, and the sense of the one that turns the vehicle."""
+    turning = vehicle.steered("heading")
+    return vehicle.rest, 1.0 if turning is None else turning.sense("heading")
+
+
+class Proportional(Autopilot):
     """The task's reference flown by proportional gains alone, without rates and without trims.
 
     The pump follows the wanted net buoyancy, a propeller turns as in the cruise, and what pitches
     and turns the vehicle moves in proportion to the error, by the gains of the vehicle file.
     """
 
-    def __init__(self, environment: Flown):
-        self._environment = environment
+    damping = 0.0
 
-    def __call__(self, time_step: Any = None) -> Array:
-        """The action now."""
-        task, physics = self._environment.task, self._environment.physics
-        vehicle, wanted = task.vehicle, task.reference(physics)
-        command = vehicle.rest
-        pump, driving = vehicle.steered_index("buoyancy"), vehicle.steered_index("speed")
-        if pump is not None:
-            command[pump] = vehicle.pump_for_net_mass(wanted.net_mass)
-        if driving is not None:
-            command[driving] = task.cruise.command[driving]
-        pitching, turning = vehicle.steered("pitch"), vehicle.steered("heading")
-        if pitching is not None:
-            moved = vehicle.pitch_pid[0] * (wanted.pitch - physics.pitch())
-            command[vehicle.part_names.index(pitching.name)] += pitching.sense("pitch") * moved
-        if turning is not None and wanted.heading is not None:
-            error = wrap_angle(wanted.heading - physics.heading())
-            moved = turning.sense("heading") * vehicle.heading_pid[0] * error
-            moved = min(max(moved, -LARGEST_ROTATION), LARGEST_ROTATION)
-            command[vehicle.part_names.index(turning.name)] = moved
-        return task.to_action(vehicle.allocated(command))
-
-
-def autopilot(environment: Flown, seed: int) -> Policy:
-    """The suite's own pilot."""
-    return Autopilot(environment)
-
-
-def proportional(environment: Flown, seed: int) -> Policy:
-    """Proportional gains alone."""
-    return Proportional(environment)
+    def _trim(self, pitch: float, net_mass: float) -> tuple[Array, float]:
+        return untrimmed(self._environment.task.vehicle)
 
 
 def random(environment: Flown, seed: int) -> Policy:
@@ -153,8 +127,8 @@ def still(environment: Flown, seed: int) -> Policy:
 
 
 POLICIES: Mapping[str, Callable[[Flown, int], Policy]] = {
-    "autopilot": autopilot,
-    "proportional": proportional,
+    "autopilot": lambda environment, _: Autopilot(environment),
+    "proportional": lambda environment, _: Proportional(environment),
     "random": random,
     "still": still,
 }

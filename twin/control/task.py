@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from twin.control.believed import Believed
 from twin.control.conditions import Conditions, Randomiser
-from twin.control.physics import WaterPhysics
-from twin.control.white_noise import UNSHOWN, Noisy
+from twin.control.observations import UNSHOWN, Noisy
+from twin.control.physics import Physics
 from twin.errors import InputError, VehicleError
 from twin.mission.way import Way
 from twin.mission.way import way as steady_way
@@ -209,7 +209,7 @@ class GliderTask:
             return values
         return 2.0 * (values - self._low) / (self._high - self._low) - 1.0
 
-    def before_step(self, action: ArrayLike, physics: WaterPhysics) -> None:
+    def before_step(self, action: ArrayLike, physics: Physics) -> None:
         """Command the actuators."""
         physics.set_control(self.to_command(action))
 
@@ -257,14 +257,14 @@ class GliderTask:
         """Where one vehicle begins and what it is to reach."""
         raise NotImplementedError
 
-    def initialize_episode(self, physics: WaterPhysics) -> None:
+    def initialize_episode(self, physics: Physics) -> None:
         """Draw an episode and begin it."""
         episode = self.place(physics, ())
         self.begin(physics, (), episode)
         self.mark(physics)
         self.after_step(physics)
 
-    def place(self, physics: WaterPhysics, at: Place) -> Episode:
+    def place(self, physics: Physics, at: Place) -> Episode:
         """Draw an episode of one vehicle and write its start; `begin` follows."""
         random = self.generator(at)
         episode = self.draw_episode(random)
@@ -278,14 +278,14 @@ class GliderTask:
         )
         return episode
 
-    def begin(self, physics: WaterPhysics, at: Place, episode: Episode) -> None:
+    def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
         """Take over an episode whose vehicle has been placed."""
         self.put(at, **episode.goal)
 
-    def mark(self, physics: WaterPhysics) -> None:
+    def mark(self, physics: Physics) -> None:
         """Move the marker of a task that has one; it is called for a single vehicle."""
 
-    def after_step(self, physics: WaterPhysics) -> None:
+    def after_step(self, physics: Physics) -> None:
         """Colour the hull by the reward when rewards are shown."""
         if not self.visualize_reward:
             return
@@ -296,11 +296,11 @@ class GliderTask:
         blend = min(max(self.get_reward(physics), 0.0), 1.0) ** _COLOUR_POWER
         colours[material, :3] = blend * _REWARDED + (1.0 - blend) * self._colour
 
-    def get_termination(self, physics: WaterPhysics) -> float | None:
+    def get_termination(self, physics: Physics) -> float | None:
         """Discount 0 at the surface and below the depth limit, None otherwise."""
         return 0.0 if self.lost(physics) else None
 
-    def lost(self, physics: WaterPhysics) -> Any:
+    def lost(self, physics: Physics) -> Any:
         """Whether the hull is at the surface or below the depth limit, for each vehicle."""
         return (physics.immersion() < 1.0) | (physics.depth() > self.max_depth)
 
@@ -321,7 +321,7 @@ class GliderTask:
 
     # --- observations -------------------------------------------------------------------------
 
-    def observe_vehicle(self, physics: WaterPhysics) -> Observation:
+    def observe_vehicle(self, physics: Physics) -> Observation:
         """What a vehicle knows about itself.
 
         attitude: roll, pitch [rad]; rates: p, q, r [rad/s]; velocity: surge, sway, heave through
@@ -338,7 +338,7 @@ class GliderTask:
             net_buoyancy=row(physics.net_buoyancy()),
         )
 
-    def get_observation(self, physics: WaterPhysics) -> Observation:
+    def get_observation(self, physics: Physics) -> Observation:
         """The vehicle's state and then what the task asks for; as it is believed on board where the
         environment is navigated, and with errors where there is noise."""
         seen: Any = physics
@@ -387,15 +387,15 @@ class GliderTask:
         """The size that an observation usually has, in its unit; 1 where nothing is said."""
         return self.goal_scales.get(name, VEHICLE_SCALES.get(name, 1.0))
 
-    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
         """What the task asks for, by name, relative to the vehicle."""
         raise NotImplementedError
 
-    def get_reward(self, physics: WaterPhysics) -> Any:
+    def get_reward(self, physics: Physics) -> Any:
         """Between 0 and 1, for each vehicle."""
         raise NotImplementedError
 
-    def reference(self, physics: WaterPhysics) -> Reference:
+    def reference(self, physics: Physics) -> Reference:
         """What a pilot would aim at now."""
         raise NotImplementedError
 
@@ -438,7 +438,7 @@ def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
     return vehicle.replace(xml=ElementTree.tostring(root, encoding="unicode"))
 
 
-def place_marker(physics: WaterPhysics, north: float, east: float, depth: float) -> None:
+def place_marker(physics: Physics, north: float, east: float, depth: float) -> None:
     """Move the site of `with_marker` to a place [m]; call it in a reset or before a step."""
     model, data = physics.mj_model, physics.mj_data
     marker = model.site(MARKER).id

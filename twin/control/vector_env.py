@@ -20,10 +20,9 @@ from twin.control.environment import Environment
 from twin.control.glider_env import action_space, load_task
 from twin.control.many import ManyPhysics
 from twin.control.many_lanes import ManyLanes
-from twin.control.observations import FLAT, Observations, Observed
+from twin.control.observations import FLAT, Observed
 from twin.control.physics import ROOM
 from twin.control.task import LARGEST_SEED, episode_random
-from twin.control.white_noise import Noise
 from twin.errors import InputError, unknown_name
 from twin.physics.mujoco_model import compile_model, with_hydrodynamics
 from twin.physics.scenario import ENGINES
@@ -116,13 +115,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
             "render_fps": 1.0 / one.control_timestep(),
             "autoreset_mode": self._mode,
         }
-        found = one.reset()
-        widths = {name: int(np.size(value)) for name, value in found.items()}
-        self._noise = Noise(noise, one.task.goals_from, widths)
-        self._observations = Observations(
-            one.task, widths, observation, deviations=self._noise.deviations
-        )
-        one.task.noise = self._errors if self._noise.deviations else None
+        self._observe(one.task, one.reset(), observation, noise)
         self.num_envs = num_envs
         self.single_observation_space = self._observations.space
         self.single_action_space = action_space(one)

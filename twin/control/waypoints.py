@@ -1,9 +1,9 @@
-"""Waypoints: fly from waypoint to waypoint in a current."""
+"""Journeys in yos: waypoint after waypoint in a current, or far on a course with little energy."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -11,9 +11,20 @@ import numpy as np
 
 from twin.control import rewards
 from twin.control.environment import Environment, build
-from twin.control.physics import Physics, WaterPhysics
-from twin.control.task import Episode, GliderTask, Reference, place_marker, row, with_marker
+from twin.control.physics import Physics
+from twin.control.task import (
+    Episode,
+    GliderTask,
+    Place,
+    Reference,
+    as_direction,
+    place_marker,
+    row,
+    with_marker,
+    wrap_angle,
+)
 from twin.numbers import Array
+from twin.vehicle.consumption import Consumption, cost_of_transport
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.profile import Profile
 
@@ -31,7 +42,7 @@ RADIUS = 20.0
 """[m] horizontal distance within which a waypoint is reached, at any depth"""
 STRONGEST_CURRENT = 0.5
 """Part of the cruise's horizontal speed: every waypoint can be reached"""
-TURN_DEPTHS = (25.0, 150.0)
+YO_TURNS = (25.0, 150.0)
 """[m] where the reference turns from climb to dive and back"""
 
 
@@ -85,11 +96,11 @@ class Waypoints(GliderTask):
         target = _draw_waypoint(random, start.north, start.east)
         return Episode(start=start, goal={"target": target, "reached": 0}, current=current)
 
-    def mark(self, physics: WaterPhysics) -> None:
+    def mark(self, physics: Physics) -> None:
         """A column at the waypoint."""
         place_marker(physics, self.target[0], self.target[1], 0.5 * self.max_depth)
 
-    def after_step(self, physics: WaterPhysics) -> None:
+    def after_step(self, physics: Physics) -> None:
         """Put up the next waypoint when this one is reached."""
         near = np.hypot(*self.to_target(physics)) < RADIUS
         north, east, reached = (
@@ -103,12 +114,12 @@ class Waypoints(GliderTask):
                 self.mark(physics)
         super().after_step(physics)
 
-    def to_target(self, physics: WaterPhysics) -> tuple[Any, Any]:
+    def to_target(self, physics: Physics) -> tuple[Any, Any]:
         """North and east from the glider to the waypoint [m]."""
         target = np.asarray(self.target)
         return target[..., 0] - physics.north(), target[..., 1] - physics.east()
 
-    def observe_goal(self, physics: WaterPhysics) -> dict[str, Array]:
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
         """`to_target` [m] and `current` [m/s], each ahead and to starboard of the heading."""
         c, s = np.cos(physics.heading()), np.sin(physics.heading())
 
@@ -126,7 +137,7 @@ class Waypoints(GliderTask):
         farthest = LEGS[1] + self.fastest * self.duration
         return {"to_target": (-farthest, farthest), "current": (-self.fastest, self.fastest)}
 
-    def get_reward(self, physics: WaterPhysics) -> Any:
+    def get_reward(self, physics: Physics) -> Any:
         """Progress over ground in units of the cruise's, from 0 to 1."""
         north, east = self.to_target(physics)
         velocity = physics.velocity_over_ground()
@@ -139,14 +150,14 @@ class Waypoints(GliderTask):
             value_at_margin=0.0,
         )
 
-    def reference(self, physics: WaterPhysics) -> Reference:
+    def reference(self, physics: Physics) -> Reference:
         """A yo on the heading whose drift in the current leads to the waypoint."""
         north, east = self.to_target(physics)
         bearing = math.atan2(east, north)
         current = physics.current()
         across = -current[0] * math.sin(bearing) + current[1] * math.cos(bearing)
         lead = math.asin(min(max(across / self.cruise_progress, -1.0), 1.0))
-        sense = yo_sense(physics, self.vehicle, *TURN_DEPTHS)
+        sense = yo_sense(physics, self.vehicle, *YO_TURNS)
         return Reference(
             pitch=-sense * self.cruise_pitch,
             heading=bearing - lead,
@@ -160,7 +171,7 @@ def _draw_waypoint(random: np.random.RandomState, north: float, east: float) -> 
     return north + distance * math.cos(bearing), east + distance * math.sin(bearing)
 
 
-def yo_sense(physics: WaterPhysics, vehicle: Vehicle, shallow: float, deep: float) -> float:
+def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) -> float:
     """+1 to dive, -1 to climb, between two depths [m].
 
     The commanded pump remembers it; of a vehicle without one, the pitch does.
@@ -173,3 +184,137 @@ def yo_sense(physics: WaterPhysics, vehicle: Vehicle, shallow: float, deep: floa
     if pump is None:
         return 1.0 if physics.pitch() < 0.0 else -1.0
     return 1.0 if physics.mj_data.ctrl[vehicle.part_names.index(pump.name)] < pump.rest else -1.0
+
+
+START_DEPTHS = (30.0, 60.0)
+"""[m]"""
+LARGEST_TURN = math.radians(30.0)
+"""[rad] between initial heading and course"""
+GOOD_COST, COST_MARGIN = 0.004, 0.02
+"""Cost of transport that earns reward 1, and beyond it where the reward has fallen to 0.1"""
+SETTLING = 30.0
+"""[m] of way at GOOD_COST counted before the start, so that the first metres do not decide"""
+DEEP_TURNS = (15.0, 185.0)
+"""[m] where the reference turns: deep yos pump seldom"""
+KILO = 1e3
+MOST_POWER = 2000.0
+"""[W] that the parts take at most on an average: limit of the observed energy"""
+
+
+def energy(
+    vehicle: str = "glider",
+    *,
+    random: np.random.RandomState | int | None = None,
+    time_limit: float = TIME_LIMIT,
+    normalised: bool = True,
+    hydrodynamics: str = "coefficients",
+    consumption: Consumption | None = None,
+    environment_kwargs: Mapping[str, Any] | None = None,
+) -> Environment:
+    """Go far on a random course at a low cost of transport, pump and battery moves included."""
+    glider = load_vehicle(vehicle)
+    physics = Physics.from_vehicle(glider, hydrodynamics=hydrodynamics)
+    task = Energy(
+        glider,
+        consumption=consumption or Consumption.of(glider),
+        max_depth=MAX_DEPTH,
+        normalised=normalised,
+        random=random,
+    )
+    return build(physics, task, time_limit=time_limit, settings=environment_kwargs)
+
+
+class Energy(GliderTask):
+    """Reward: falls with the cost of transport along the course since the start."""
+
+    goals = MappingProxyType({"course": (), "spent": (), "counted": ()})
+    goal_scales = MappingProxyType({"distance": 500.0, "spent": 5.0})
+    goals_from = MappingProxyType({"to_course": ("heading",), "distance": ("position",)})
+    course: Any = 0.0
+    """[rad]"""
+    spent: Any = 0.0
+    """[J] since the start"""
+    counted: Any = 0.0
+    """[s] time up to which it is counted"""
+
+    def __init__(self, *arguments: Any, consumption: Consumption, **settings: Any):
+        super().__init__(*arguments, **settings)
+        self.consumption = consumption
+        self.before: Any = self.vehicle.rest
+        """Positions of the parts up to which energy is counted, (parts,) of each vehicle"""
+
+    def serve(self, generators: Sequence[np.random.RandomState]) -> None:
+        """As every task."""
+        super().serve(generators)
+        self.before = np.tile(self.vehicle.rest, (len(generators), 1))
+
+    def draw_episode(self, random: np.random.RandomState) -> Episode:
+        """A course and a dive to start from."""
+        course = random.uniform(0.0, 2.0 * math.pi)
+        heading = (course + random.uniform(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
+        depth = random.uniform(*START_DEPTHS)
+        start = self.gliding_start(depth=depth, heading=heading, pitch=-self.cruise_pitch)
+        return Episode(start=start, goal={"course": course, "spent": 0.0})
+
+    def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
+        """Count from here on."""
+        super().begin(physics, at, episode)
+        self.put(at, before=physics.activation()[at], counted=np.asarray(physics.time())[at])
+
+    def after_step(self, physics: Physics) -> None:
+        """Count what the step took."""
+        after, time = physics.activation(), physics.time()
+        shares = self.consumption.shares(
+            self.vehicle,
+            self.before,
+            after,
+            depth=physics.depth(),
+            pitch=physics.pitch(),
+            duration=time - self.counted,
+            speed=physics.velocity_through_water()[..., 0],
+        )
+        self.spent = self.spent + sum(shares.values())
+        self.before, self.counted = after, time
+        super().after_step(physics)
+
+    def distance(self, physics: Physics) -> Any:
+        """Way made along the course since the start [m]."""
+        return physics.north() * np.cos(self.course) + physics.east() * np.sin(self.course)
+
+    def heading_error(self, physics: Physics) -> Any:
+        """Course minus heading [rad], in [-pi, pi)."""
+        return wrap_angle(self.course - physics.heading())
+
+    def observe_goal(self, physics: Physics) -> dict[str, Array]:
+        """`to_course`: sine and cosine of the heading error; `distance` [m]; `spent` [kJ]."""
+        return {
+            "to_course": as_direction(self.heading_error(physics)),
+            "distance": row(self.distance(physics)),
+            "spent": row(self.spent / KILO),
+        }
+
+    def goal_limits(self) -> dict[str, tuple[float, float]]:
+        """How far an episode leads, and MOST_POWER of moves beside the electronics all along."""
+        farthest = self.fastest * self.duration
+        power = self.consumption.hotel_power + MOST_POWER
+        return {
+            "to_course": (-1.0, 1.0),
+            "distance": (-farthest, farthest),
+            "spent": (0.0, power * self.duration / KILO),
+        }
+
+    def get_reward(self, physics: Physics) -> Any:
+        """1 at GOOD_COST or less."""
+        vehicle = self.vehicle
+        credit = GOOD_COST * vehicle.mass * vehicle.gravity * SETTLING
+        cost = cost_of_transport(vehicle, self.spent + credit, self.distance(physics) + SETTLING)
+        return rewards.tolerance(
+            cost, bounds=(0.0, GOOD_COST), margin=COST_MARGIN, sigmoid="long_tail"
+        )
+
+    def reference(self, physics: Physics) -> Reference:
+        """Deep yos on the course."""
+        sense = yo_sense(physics, self.vehicle, *DEEP_TURNS)
+        return Reference(
+            pitch=-sense * self.cruise_pitch, heading=self.course, net_mass=sense * self.cruise_mass
+        )

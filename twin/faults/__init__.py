@@ -1,4 +1,4 @@
-"""Faults: what can be wrong with a vehicle, each as a function of time (a seam).
+"""Faults of a vehicle, each as a function of time (an extension point).
 
     twin.Scenario(mission=mission, faults=twin.parse_faults("wing_lost:side=port,from=2h"))
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from twin.faults.base import conditions as conditions
     from twin.faults.base import fault_from_dict as fault_from_dict
     from twin.faults.base import faults_of as faults_of
+    from twin.faults.base import parse_faults as parse_faults
     from twin.faults.base import read_by as read_by
     from twin.faults.base import register as register
-    from twin.faults.words import parse_faults as parse_faults
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

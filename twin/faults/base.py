@@ -1,12 +1,10 @@
-"""What every kind of fault says of itself: what it changes in a vehicle, and since when.
+"""Fault: the base class, its registry, and the condition of a vehicle that has some.
 
 A fault changes numbers of a vehicle as a function of time: its law, volume, mass, parts, losses and
-batteries by `change`, what its sensors read by `readings`. Every engine flies the changed numbers;
-none knows of faults.
+batteries by `change`, readings of its sensors by `readings`. Every engine flies the changed
+numbers; none knows of faults.
 
     flown = twin.Scenario(mission=mission, faults=twin.parse_faults("fouling:per_day=0.02,from=3d"))
-
-The registry of faults, and what a kind must have to be one.
 """
 
 from __future__ import annotations
@@ -17,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from twin import seams
@@ -34,8 +33,11 @@ Readings = Mapping[str, Array]
 DAY = 86400.0
 """[s]"""
 KNOT = 600.0
-"""[s] from one value of what grows to the next: a hundredth of a day changes what a vehicle flies
-by less than a sensor tells"""
+"""[s] between values of a fault that grows: less growth than a sensor resolves"""
+FROM = "from"
+"""Names the time at which a fault begins, on the command line"""
+UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY}
+"""[s] in a unit of time"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,7 +102,7 @@ class Fault:
     kind: ClassVar[str] = ""
     """Name of the kind on the command line and in stores"""
     says: ClassVar[str] = ""
-    """What it is, as a pilot says it"""
+    """Its name in a pilot's words"""
     size_name: ClassVar[str] = ""
     """The field that holds its size"""
     unit: ClassVar[str] = "1"
@@ -118,11 +120,11 @@ class Fault:
     source: ClassVar[str] = ""
     """Where its size and its effect are from"""
     shows: ClassVar[str] = ""
-    """By what it shows, in a log"""
+    """Its traces in a log"""
     otherwise: ClassVar[str] = ""
-    """What else would look like it"""
+    """Other causes that would look like it"""
     find_out: ClassVar[str] = ""
-    """What a pilot does to be sure"""
+    """A pilot's way to be sure"""
 
     start: float = 0.0
     """[s] on the scenario's clock from when on; negative: it began before"""
@@ -134,24 +136,20 @@ class Fault:
                 continue
             if not math.isfinite(number(value, f"fault {self.kind}: {field.name}")):
                 raise InputError(f"fault {self.kind}: {field.name} = {value} must be finite")
-        for problem in (*self._size_problems(), *self.problems()):
+        size = abs(self.size) if self.signed else self.size
+        problems = self.problems()
+        if not (0.0 < size < self.most or (self.whole and size == self.most)):
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            rule = f"must lie between 0 and {self.most:g}"
+            if self.signed:
+                rule = f"must be within {self.most:g}, not 0"
+            elif self.whole:
+                rule = f"must be above 0 and at most {self.most:g}"
+            problems = [f"{self.size_name} = {self.size:g}{unit} {rule}"]
+        for problem in problems:
             raise InputError(f"fault {self.kind}: {problem}")
 
-    def _size_problems(self) -> list[str]:
-        """Why there can be no such size."""
-        size = abs(self.size) if self.signed else self.size
-        if 0.0 < size < self.most or (self.whole and size == self.most):
-            return []
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        if self.signed:
-            rule = f"must be within {self.most:g}, not 0"
-        elif self.whole:
-            rule = f"must be above 0 and at most {self.most:g}"
-        else:
-            rule = f"must lie between 0 and {self.most:g}"
-        return [f"{self.size_name} = {self.size:g}{unit} {rule}"]
-
-    # --- what a kind says -----------------------------------------------------------------------
+    # --- for a kind to give ---------------------------------------------------------------------
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
@@ -159,16 +157,14 @@ class Fault:
         return ""
 
     def problems(self) -> list[str]:
-        """What is wrong with its other fields."""
+        """Problems of its other fields."""
         return []
 
     def change(self, condition: Condition, size: float) -> Condition:
         """The vehicle with a fault of that size, which is not 0."""
         return condition
 
-    def readings(
-        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
-    ) -> Readings:
+    def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
         """The measured signals that it changes, by name, each of shape (n,).
 
         Args:
@@ -186,8 +182,8 @@ class Fault:
         return FaultRun(self)
 
     def expected(self, way: Array) -> Mapping[str, Array] | None:
-        """What a fault of size 1 adds to the channels of health in each dive, (dives,), by
-        name; None: flights of the twin with and without it tell.
+        """Changes of the channels of health by a fault of size 1 in each dive, (dives,), by name;
+        None: flights of the twin with and without it tell.
 
         Args:
           way: mean velocity through the water by the compass, north and east [m/s], (dives, 2).
@@ -199,7 +195,7 @@ class Fault:
         """Beginnings of the names of a vehicle file's geoms that pictures leave out."""
         return ()
 
-    # --- what all have --------------------------------------------------------------------------
+    # --- common to all --------------------------------------------------------------------------
 
     @property
     def size(self) -> float:
@@ -211,10 +207,6 @@ class Fault:
         since = np.asarray(time, float) - self.start
         grown = since / DAY if self.grows else 1.0
         return np.where(since >= 0.0, self.size * grown, 0.0)
-
-    def later(self, seconds: float) -> Fault:
-        """The same fault on a clock that begins so much later."""
-        return dataclasses.replace(self, start=self.start - seconds)
 
     @classmethod
     def of_size(cls, size: float, start: float = 0.0, **others: Any) -> Fault:
@@ -231,7 +223,7 @@ class Fault:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What a kind lacks."""
+        """The first thing that a kind lacks."""
         if cls.size_name not in {field.name for field in dataclasses.fields(cls)}:
             return f"it lacks the field {cls.size_name!r} that `size_name` names"
         if cls.change is Fault.change and cls.readings is Fault.readings:
@@ -245,12 +237,10 @@ class FaultRun:
 
     fault: Fault
     carried: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
-    """What later readings depend on"""
+    """State on which later readings depend"""
 
-    def readings(
-        self, signals: Readings, size: Array, period: float, rng: np.random.Generator
-    ) -> Readings:
-        """See `Fault.readings`, of the stretch that follows the one before."""
+    def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
+        """See `Fault.readings`, for the stretch after the last one."""
         return self.fault.readings(signals, size, period, rng)
 
 
@@ -280,16 +270,15 @@ def check_fits(fault: Fault, vehicle: Vehicle) -> None:
 def conditions(
     faults: Sequence[Fault], healthy: Condition, duration: float
 ) -> tuple[tuple[float, Condition], ...]:
-    """The vehicle over a run: from when on [s] it is how, the first one from the start.
+    """The vehicle over a run, as pairs of time [s] and the condition from then on, the first at 0.
 
-    What grows is a table with a step every `KNOT`.
+    A fault that grows has a step every `KNOT`.
     """
     times = {0.0}
     for fault in faults:
         begins = max(fault.start, 0.0)
-        if fault.grows:
-            times.update(begins + KNOT * k for k in range(math.ceil((duration - begins) / KNOT)))
-        times.add(begins)
+        steps = math.ceil((duration - begins) / KNOT) if fault.grows else 0
+        times |= {begins, *(begins + KNOT * k for k in range(steps))}
     return tuple(
         (time, condition_at(faults, healthy, time)) for time in sorted(times) if time < duration
     )
@@ -307,12 +296,7 @@ def condition_at(faults: Sequence[Fault], healthy: Condition, time: float) -> Co
 
 
 def read_by(
-    faults: Sequence[Fault],
-    signals: Readings,
-    time: Array,
-    rng: np.random.Generator,
-    *,
-    period: float,
+    faults: Sequence[Fault], signals: Readings, time: Array, rng: Generator, *, period: float
 ) -> dict[str, Array]:
     """Measured signals as faulty sensors give them: those that change, by name.
 
@@ -329,7 +313,7 @@ def read_by(
 
 
 def fault_from_dict(data: Mapping[str, Any]) -> Fault:
-    """Rebuild what `Fault.describe` wrote; raises InputError for an unknown kind or field."""
+    """Rebuild a fault from `Fault.describe`; raises InputError for an unknown kind or field."""
     kind = FAULTS[str(data.get("kind"))]
     fields = {name: value for name, value in data.items() if name != "kind"}
     known = [field.name for field in dataclasses.fields(kind)]
@@ -337,3 +321,52 @@ def fault_from_dict(data: Mapping[str, Any]) -> Fault:
         if name not in known:
             raise InputError(f"fault {kind.kind!r}: {unknown_name('setting', name, known)}")
     return kind(**fields)
+
+
+def parse_faults(words: str | Sequence[str]) -> tuple[Fault, ...]:
+    """Parse faults in words such as `fouling:per_day=0.02,from=3d` or `wing_lost:side=port`.
+
+    Settings are the kind's fields; `from` is a time with its unit (s, min, h, d), 0 by default.
+
+    Raises:
+      InputError: an unknown kind or setting, or a value that cannot be.
+    """
+    return tuple(_parse(word) for word in ([words] if isinstance(words, str) else words))
+
+
+def _parse(word: str) -> Fault:
+    name, _, rest = word.strip().partition(":")
+    kind = FAULTS[name.strip()]
+    fields = {f.name: f for f in dataclasses.fields(kind) if f.name != "start"}
+    known = [*fields, FROM]
+    settings: dict[str, float | str] = {}
+    for item in filter(None, (part.strip() for part in rest.split(","))):
+        key, sign, value = (text.strip() for text in item.partition("="))
+        if not sign:
+            raise InputError(
+                f"fault {word!r}: {item!r} must be NAME=VALUE, with NAME of {', '.join(known)}"
+            )
+        if key not in known:
+            raise InputError(f"fault {name!r}: {unknown_name('setting', key, known)}")
+        if key == FROM:
+            settings["start"] = _seconds(word, value)
+        elif fields[key].type in ("str", str):
+            settings[key] = value
+        else:
+            settings[key] = _number(word, key, value)
+    return kind(**settings)  # type: ignore[arg-type]
+
+
+def _number(word: str, key: str, value: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise InputError(f"fault {word!r}: {key}={value} must be a number") from None
+
+
+def _seconds(word: str, value: str) -> float:
+    digits = value.rstrip("abcdefghijklmnopqrstuvwxyz").strip()
+    unit = value[len(digits) :].strip() or "s"
+    if unit not in UNITS:
+        raise InputError(f"fault {word!r}: {unknown_name('unit of time', unit, UNITS)}")
+    return _number(word, FROM, digits) * UNITS[unit]

@@ -21,13 +21,10 @@ if TYPE_CHECKING:
     from twin.identify.comparison import ResidualNoise as ResidualNoise
     from twin.identify.conventions import read_figures as read_figures
     from twin.identify.conventions import write_figures as write_figures
-    from twin.identify.depth_rates import FIRST_DEVIATION as FIRST_DEVIATION
-    from twin.identify.depth_rates import DepthRates as DepthRates
     from twin.identify.driven_fit import DrivenErrors as DrivenErrors
     from twin.identify.driven_fit import cruise_of as cruise_of
     from twin.identify.driven_fit import identify_driven as identify_driven
     from twin.identify.driven_fit import judge as judge
-    from twin.identify.driven_proof import driven_failures as driven_failures
     from twin.identify.driven_runs import DrivenRun as DrivenRun
     from twin.identify.driven_runs import load_runs as load_runs
     from twin.identify.driven_unknowns import UNSURE as UNSURE
@@ -46,6 +43,9 @@ if TYPE_CHECKING:
     from twin.identify.logged_missions import gliding as gliding
     from twin.identify.logged_missions import load_logs as load_logs
     from twin.identify.logged_missions import log_of as log_of
+    from twin.identify.proof import driven_failures as driven_failures
+    from twin.identify.residuals import FIRST_DEVIATION as FIRST_DEVIATION
+    from twin.identify.residuals import DepthRates as DepthRates
     from twin.identify.residuals import DiveResiduals as DiveResiduals
     from twin.identify.residuals import dive_residuals as dive_residuals
     from twin.identify.residuals import noise_of_dives as noise_of_dives
@@ -64,14 +64,14 @@ if TYPE_CHECKING:
     from twin.identify.translation import Translation as Translation
     from twin.identify.translation import fly as fly
     from twin.identify.unknowns import NAMES as NAMES
+    from twin.identify.unknowns import SPEED as SPEED
     from twin.identify.unknowns import UnknownParameter as UnknownParameter
     from twin.identify.unknowns import choose as choose
+    from twin.identify.unknowns import draw_vehicles as draw_vehicles
+    from twin.identify.unknowns import identified as identified
+    from twin.identify.unknowns import known_compass as known_compass
+    from twin.identify.unknowns import normal_draws as normal_draws
     from twin.identify.unknowns import with_known as with_known
-    from twin.identify.vehicle_draws import SPEED as SPEED
-    from twin.identify.vehicle_draws import draw_vehicles as draw_vehicles
-    from twin.identify.vehicle_draws import identified as identified
-    from twin.identify.vehicle_draws import known_compass as known_compass
-    from twin.identify.vehicle_draws import normal_draws as normal_draws
     from twin.identify.vehicle_file import with_consumption as with_consumption
     from twin.identify.vehicle_file import write_consumption as write_consumption
     from twin.identify.vehicle_file import write_vehicle as write_vehicle

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class IdentifiedParameter:
-    """What a fit says about one parameter."""
+    """Estimate of one parameter by a fit."""
 
     name: str
     unit: str
@@ -48,9 +48,9 @@ class IdentifiedParameter:
         value: float,
         deviation: float,
         determined: bool,
-        note: str,
+        note: str = "",
     ) -> IdentifiedParameter:
-        """What a fit says about `parameter`, whose `deviation` is in its spreads."""
+        """Estimate of `parameter`, whose `deviation` is in its spreads."""
         return cls(
             name=parameter.name,
             unit=parameter.unit,
@@ -169,7 +169,7 @@ DIGITS = 6
 
 
 def provenance_of(found: Identification, store: str | Path) -> dict[str, Any]:
-    """What was fitted, from what, and how surely; JSON-able, no times, no paths."""
+    """Record of a fit, its store and its estimates; JSON-able, no times, no paths."""
 
     def short(value: float) -> float | None:
         return float(f"{value:.{DIGITS}g}") if value == value else None

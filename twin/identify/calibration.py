@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,11 +36,13 @@ THERMAL_LAG = 200.0
 14 K (docs/howto/identify.md)."""
 REFERENCE_TEMPERATURE = 10.0
 """[degree_Celsius] at which the hull has its neutral volume."""
+CYCLES = ("heading_cos", "heading_sin", "heading_cos2", "heading_sin2")
+"""Names of the four parts of `Calibration.heading_cycles`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What identification estimates."""
+    """A vehicle and the errors of its sensors: all that identification estimates."""
 
     vehicle: Vehicle
     """Its `reference_density` is the density in which it is neutral at pump 0, pressure 0 and
@@ -98,31 +101,26 @@ class Calibration:
             "pitch_scale": self.pitch_scale,
             "pitch_offset": self.pitch_offset,
             "heading_offset": self.heading_offset,
-            **dict(
-                zip(
-                    ("heading_cos", "heading_sin", "heading_cos2", "heading_sin2"),
-                    self.heading_cycles,
-                    strict=True,
-                )
-            ),
+            **dict(zip(CYCLES, self.heading_cycles, strict=True)),
         }
 
     def replace(self, **changes: object) -> Calibration:
         """A copy with other values."""
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
+    def with_vehicle(self, **changes: Any) -> Calibration:
+        """A copy with other values of its vehicle, as `Vehicle.replace` takes them."""
+        return self.replace(vehicle=self.vehicle.replace(**changes))
+
 
 def require_glider(vehicle: Vehicle) -> None:
     """Refuse a vehicle that the flight model of gliders does not fly; raises VehicleError."""
-    lacks = [
-        what
-        for what, there in (
-            (f"the hull law {FlowFrame.kind!r}", is_flow_frame(vehicle.law)),
-            ("one moving battery", len(vehicle.masses) == 1),
-            ("a pump", vehicle.steered("buoyancy") is not None),
-        )
-        if not there
-    ]
+    needs = {
+        f"the hull law {FlowFrame.kind!r}": is_flow_frame(vehicle.law),
+        "one moving battery": len(vehicle.masses) == 1,
+        "a pump": vehicle.steered("buoyancy") is not None,
+    }
+    lacks = [what for what, there in needs.items() if not there]
     if lacks:
         raise VehicleError(
             f"vehicle {vehicle.name!r} has no flight model: that is of gliders with the hull "
@@ -171,8 +169,9 @@ def load_calibration(
         # files of version 0.1.0 say so beside a vehicle whose pump is at the centre of buoyancy
         own = loaded.steered("buoyancy")
         assert own is not None
-        place = {own.name: {"position": (pump[0], *own.position[1:])}}
-        calibration = calibration.replace(vehicle=loaded.replace(**place))
+        calibration = calibration.with_vehicle(
+            **{own.name: {"position": (pump[0], *own.position[1:])}}
+        )
     sensors = _numbers(loaded, numerics, SENSOR_NUMERIC, 7)
     if sensors is not None:
         calibration = calibration.replace(
@@ -181,11 +180,8 @@ def load_calibration(
             heading_offset=sensors[2],
             heading_cycles=tuple(sensors[3:]),
         )
-    if pitch_scale is not None:
-        calibration = calibration.replace(pitch_scale=pitch_scale)
-    if pitch_offset is not None:
-        calibration = calibration.replace(pitch_offset=pitch_offset)
-    return calibration
+    known = {"pitch_scale": pitch_scale, "pitch_offset": pitch_offset}
+    return calibration.replace(**{n: value for n, value in known.items() if value is not None})
 
 
 def _numbers(

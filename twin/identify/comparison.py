@@ -67,7 +67,7 @@ class ComparedQuantity:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualNoise:
-    """How far a channel's residuals are off, and how many of them make an independent one."""
+    """Deviation of a channel's residuals, and how many of them make an independent one."""
 
     deviation: float
     """in the channel's unit, outliers weighted down"""
@@ -131,7 +131,7 @@ class Comparison(abc.ABC):
         return len(self.parameters) + len(self.biases)
 
     def with_parameter(self, parameter: UnknownParameter) -> Self:
-        """The same with one parameter more, the last, and the weights of now."""
+        """A copy with one parameter more, the last, and the weights of now."""
         wider = copy.copy(self)
         wider.parameters = (*self.parameters, parameter)
         wider.centres = np.append(self.centres, parameter.get(self.nominal))
@@ -162,11 +162,8 @@ class Comparison(abc.ABC):
         ]
         return np.array([*bounds, *(-np.inf for _ in self.biases)])
 
-    def weighted(self, x: Array) -> Array:
-        """Residuals in independent deviations, channel by channel."""
-        return self._weighted(self.missed(x))
-
     def _weighted(self, found: Mapping[str, list[Array]]) -> Array:
+        """Residuals in independent deviations, channel by channel."""
         with np.errstate(over="ignore", invalid="ignore"):
             parts = [
                 series * weight
@@ -180,7 +177,7 @@ class Comparison(abc.ABC):
         """Weighted residuals followed by the offsets themselves; infinite where nothing flies,
         from which a search steps back."""
         try:
-            return np.concatenate([self.weighted(x), x])
+            return np.concatenate([self._weighted(self.missed(x)), x])
         except InputError:
             return np.full(len(self.blocks), np.inf)
 
@@ -192,11 +189,11 @@ class Comparison(abc.ABC):
         return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
 
     def jacobian(self, x: Array) -> Array:
-        """Of `residual`."""
+        """Slopes of `residual`, (residuals and offsets, unknowns)."""
         return np.concatenate([self.slopes(x), np.eye(len(x))])
 
     def residuals(self, x: Array) -> dict[str, Residuals]:
-        """What each channel says near these offsets, with the weights of now."""
+        """Residuals of each channel near these offsets, with the weights of now."""
         slopes, missed = self.slopes(x), self.missed(x)
         found, first = {}, 0
         for name, weights in self.weights.items():
@@ -256,20 +253,14 @@ class Comparison(abc.ABC):
         low, high = bounds or (self.lowest, np.full(self.size, np.inf))
         noise = self.reweight(x, first)
         for k in range(passes):
-            x = least_squares(
-                self.residual,
-                np.clip(x, low, high),
-                jac=self.jacobian,
-                bounds=(low, high),
-                x_scale="jac",
-                **ends,
-            ).x
+            begin, search = np.clip(x, low, high), {"bounds": (low, high), "x_scale": "jac"}
+            x = least_squares(self.residual, begin, jac=self.jacobian, **search, **ends).x
             noise = self.reweight(x)
             progress((k + 1) / passes)
         return x, noise
 
     def fitted(self, x: Array) -> Fitted:
-        """What a fit that ended at `x` says."""
+        """Calibration and covariance of a fit that ended at `x`."""
         return Fitted(
             calibration=self.calibration(x),
             parameters=self.parameters,
@@ -277,7 +268,7 @@ class Comparison(abc.ABC):
             offsets=x,
             covariance=bootstrap(self.jacobian(x), self.residual(x), self.blocks),
             deviation={
-                name: float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+                name: rms(np.concatenate(series))
                 for name, series in self.missed(x).items()
                 if series
             },
@@ -315,6 +306,11 @@ def noise_of(series: Sequence[Array], channel: ComparedQuantity) -> ResidualNois
         [np.sqrt(s) * r for s, r in zip(kept, series, strict=True)], channel.longest
     )
     return ResidualNoise(deviation=max(deviation, channel.least), samples=samples)
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def robust_scale(values: Array) -> float:
@@ -387,7 +383,7 @@ def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What a parameter takes away from the squared error of dives that were left out."""
+    """Loss of squared error of left-out dives by one more parameter."""
 
     share: float
     """Of the squared error without the parameter; negative when it does harm."""
@@ -401,7 +397,7 @@ class Gain:
 
 
 def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Gain:
-    """What one parameter more would take away from the error of left-out dives.
+    """Gain by one more parameter in predicting dives that a fit leaves out.
 
     Args:
       comparison: fitted, with the weights of its fit, which both sides are judged by.

@@ -23,7 +23,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from twin.bounded import parse_json, read_text
@@ -148,29 +148,16 @@ def _with(
     if mass != calibration.vehicle.mass:
         calibration = of_mass.set(calibration, mass)
     calibration = of_drag.set(calibration, drag[0])
-    vehicle = calibration.vehicle
-    changed = vehicle.replace(
-        reference_density=vehicle.mass / volume,
+    return calibration.with_vehicle(
+        reference_density=calibration.vehicle.mass / volume,
         drag=drag,
-        lift=(vehicle.flow_frame.lift[0], lift),
+        lift=(calibration.vehicle.flow_frame.lift[0], lift),
         hull_compressibility=compressibility,
     )
-    return calibration.replace(vehicle=changed)
 
 
-KINDS: dict[
-    str,
-    tuple[
-        Callable[[Calibration], Figures],
-        Callable[[Mapping[str, float], Calibration], Calibration],
-    ],
-] = {
-    "basestation": (to_basestation, from_basestation),
-    "gliderflight": (to_gliderflight, from_gliderflight),
-}
-"""Both ways, by name"""
-MARKS = {"basestation": "hd_a", "gliderflight": "Cd0"}
-"""The figure by which a file is told"""
+POSITIVE = ("mass", "rho0", "glider_length", "hd_b", "volmax", "speed", "Cd0", "Vg", "mg", "S")
+"""Figures that must be above 0"""
 
 
 def write_figures(calibration: Calibration, path: Path) -> str:
@@ -209,32 +196,22 @@ def read_figures(path: Path, calibration: Calibration) -> Calibration:
     """
     text = read_text(path, "figures")
     if path.suffix == ".json":
-        kind, given = "gliderflight", _json(path, text)
-        known = to_gliderflight(calibration)
-        for name in given:
+        kind, mark, taken = "gliderflight", "Cd0", from_gliderflight
+        known, loaded = to_gliderflight(calibration), parse_json(text, str(path))
+        if not isinstance(loaded, dict):
+            raise InputError(f"{path} must be a JSON object of numbers")
+        for name in loaded:
             if name not in known:
                 raise InputError(f"{path}: {unknown_name('figure', name, list(known))}")
     else:
-        kind = "basestation"
+        kind, mark, taken = "basestation", "hd_a", from_basestation
         known = to_basestation(calibration)
         found = re.findall(r"^\s*(\w+)\s*=\s*([-+0-9.eE]+)\s*;?", text, flags=re.MULTILINE)
-        given = {name: _number(path, name, value) for name, value in found if name in known}
-    if MARKS[kind] not in given:
-        raise InputError(f"{path} holds no {MARKS[kind]}: it is not {kind}'s ({', '.join(known)})")
-    for name in given:
-        if name in POSITIVE and not given[name] > 0.0:
-            raise InputError(f"{path}: {name} = {given[name]:g} must be above 0")
-    return KINDS[kind][1](given, calibration)
-
-
-POSITIVE = ("mass", "rho0", "glider_length", "hd_b", "volmax", "speed", "Cd0", "Vg", "mg", "S")
-
-
-def _json(path: Path, text: str) -> Figures:
-    loaded = parse_json(text, str(path))
-    if not isinstance(loaded, dict):
-        raise InputError(f"{path} must be a JSON object of numbers")
-    return {str(name): _number(path, str(name), value) for name, value in loaded.items()}
+        loaded = {name: value for name, value in found if name in known}
+    if mark not in loaded:
+        raise InputError(f"{path} holds no {mark}: it is not {kind}'s ({', '.join(known)})")
+    given = {name: _number(path, name, value) for name, value in loaded.items()}
+    return taken(given, calibration)
 
 
 def _number(path: Path, name: str, value: object) -> float:
@@ -244,4 +221,6 @@ def _number(path: Path, name: str, value: object) -> float:
         number = math.nan
     if not math.isfinite(number):
         raise InputError(f"{path}: {name} = {value!r} must be a finite number")
+    if name in POSITIVE and not number > 0.0:
+        raise InputError(f"{path}: {name} = {number:g} must be above 0")
     return number

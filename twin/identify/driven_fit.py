@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.identify.answer import DRIVEN, Identification, IdentifiedParameter
+from twin.identify.answer import DRIVEN, Identification
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import ResidualNoise
+from twin.identify.comparison import ResidualNoise, rms
 from twin.identify.driven_flights import CHANNELS, DrivenFlights, ahead
 from twin.identify.driven_runs import DrivenRun
 from twin.identify.driven_unknowns import driven_parameters
-from twin.identify.fit import UNDETERMINED
+from twin.identify.fit import UNDETERMINED, answer_of, free_of
 from twin.identify.unknowns import UnknownParameter, choose, with_known
 from twin.vehicle.vehicle import Vehicle
 
@@ -36,16 +36,17 @@ runs say nothing, and the vehicle file's number stands"""
 LOOKS = (5, 3, 3)
 """Evaluations of each fit; between them weights, and the currents at the starts, are taken again"""
 FAR_LOOKS = (15, 15)
-"""The same before, from a vehicle of which only the dimensions were known"""
+"""Evaluations before them, from a vehicle of which only the dimensions were known"""
 ENDS: dict[str, Any] = {"xtol": 1e-2, "ftol": 1e-3}
 FAR_ENDS: dict[str, Any] = {"xtol": 1e-4, "ftol": 1e-5}
+TOGETHER = "with the others only: the runs do not determine it"
 SLOWEST = 0.1
 """[m/s] below which a vehicle lies still"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DrivenErrors:
-    """How a vehicle flies runs that it has not seen, beside what they did."""
+    """Errors of a vehicle's flight of runs that its fit has not seen."""
 
     speed: float
     """Mean size of the error of a flight's mean surge, over that surge"""
@@ -54,7 +55,7 @@ class DrivenErrors:
     depth_rate: float
     """Error of the depth rate over the depth rate, both root mean square"""
     speed_m_s: float
-    """The same as numbers: mean size of the error [m/s]"""
+    """Mean size of the error [m/s]"""
     turn_rate_rad_s: float
     """[rad/s] root mean square"""
     depth_rate_m_s: float
@@ -103,21 +104,13 @@ def identify_driven(
             f"only {pieces} pieces of 20 s under water without a gap in {len(runs)} runs; "
             f"identification needs at least {LEAST_PIECES}"
         )
-    free = tuple(p for p in wanted if p.name not in notes)
-    if not free:
-        reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
-        raise InputError(f"nothing is left to estimate ({reasons or 'no parameter asked for'})")
-    far = unsure > 1.0
-    problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part), far=far)
-    first = problem.fitted(x)
-    covariance = first.covariance
-    spread = np.sqrt(np.diag(covariance))[: len(free)]
-    before = dict(zip((p.name for p in free), spread.tolist(), strict=True))
-    for parameter in free:
-        if before[parameter.name] > SILENT:
-            notes[parameter.name] = (
-                f"the runs leave it to {100.0 * before[parameter.name]:.0f} % of what was known"
-            )
+    free = free_of(wanted, notes)
+    problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part), far=unsure > 1.0)
+    covariance = problem.fitted(x).covariance
+    before = {p.name: float(np.sqrt(covariance[k, k])) for k, p in enumerate(free)}
+    for name, off in before.items():
+        if off > SILENT:
+            notes[name] = f"the runs leave it to {100.0 * off:.0f} % of what was known"
     kept = tuple(p for p in free if p.name not in notes)
     if not kept:
         raise InputError(
@@ -128,7 +121,13 @@ def identify_driven(
         covariance = covariance[np.ix_(rows, rows)]  # what is not known makes the rest less sure
         problem, x = _without(problem, x, kept)
     progress(1.0)
-    return _result(problem, x, wanted, notes, before, covariance[: len(kept), : len(kept)])
+    covariance = covariance[: len(kept), : len(kept)]
+    determined = (np.sqrt(np.diag(covariance)) <= UNDETERMINED).tolist()
+    said = [(sure, "" if sure else TOGETHER) for sure in determined]
+    noise = problem.reweight(x)["depth_rate"]
+    found = answer_of(problem, x, runs, wanted, notes, before, covariance, said, noise, DRIVEN)
+    order = sorted(found.estimates, key=lambda one: not one.determined)
+    return dataclasses.replace(found, estimates=tuple(order))
 
 
 def _fitted(
@@ -160,7 +159,7 @@ def _alike(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
     """Noise of each channel by which no residual is an outlier."""
     return {
         name: ResidualNoise(
-            deviation=max(_rms(np.concatenate(series)), CHANNELS[name][1]), samples=1.0
+            deviation=max(rms(np.concatenate(series)), CHANNELS[name][1]), samples=1.0
         )
         for name, series in problem.missed(x).items()
         if sum(map(len, series))
@@ -179,79 +178,11 @@ def _without(
     return fewer, x
 
 
-def _result(
-    problem: DrivenFlights,
-    x: Array,
-    wanted: tuple[UnknownParameter, ...],
-    notes: dict[str, str],
-    before: dict[str, float],
-    covariance: Array,
-) -> Identification:
-    calibration = problem.calibration(x)
-    names = [p.name for p in problem.parameters]
-    deviation = np.sqrt(np.diag(covariance))
-    estimates = []
-    for parameter in wanted:
-        centre = parameter.get(problem.nominal)
-        if parameter.name not in names:
-            estimates.append(
-                IdentifiedParameter.of(
-                    parameter,
-                    nominal=centre,
-                    value=centre,
-                    deviation=before.get(parameter.name, np.nan),
-                    determined=False,
-                    note=notes[parameter.name],
-                )
-            )
-            continue
-        k = names.index(parameter.name)
-        sure = bool(deviation[k] <= UNDETERMINED)
-        estimates.append(
-            IdentifiedParameter.of(
-                parameter,
-                nominal=centre,
-                value=parameter.get(calibration),
-                deviation=float(deviation[k]),
-                determined=sure,
-                note="" if sure else "with the others only: the runs do not determine it",
-            )
-        )
-    told = [k for k in range(len(names)) if deviation[k] <= UNDETERMINED]
-    correlation = (covariance / np.outer(deviation, deviation))[np.ix_(told, told)]
-    order = [names[k] for k in told]
-    estimates.sort(key=lambda e: order.index(e.name) if e.name in order else len(order))
-    noise = problem.reweight(x)["depth_rate"]
-    missed, missed0 = problem.missed(x), problem.missed(np.zeros_like(x))
-    rates, rates0 = (np.concatenate(m["depth_rate"]) for m in (missed, missed0))
-    period = problem.runs[0].period
-    return Identification(
-        calibration=calibration,
-        nominal=problem.nominal,
-        model=DRIVEN,
-        estimates=tuple(estimates),
-        correlation=correlation,
-        depth_rate_rmse=_rms(rates),
-        nominal_depth_rate_rmse=_rms(rates0),
-        robust_deviation=noise.deviation,
-        correlation_time=noise.samples * period,
-        samples=len(rates),
-        hours=len(rates) * period / 3600.0,
-        missions=len(problem.runs),
-        current_change=None,
-        nominal_current_change=None,
-    )
-
-
 def cruise_of(runs: Sequence[DrivenRun], vehicle: Vehicle) -> float:
     """Median surge [m/s] of runs by their Doppler logs; the vehicle file's without any."""
     known = [run.velocity[0][run.use & np.isfinite(run.velocity[0])] for run in runs]
     surge = np.concatenate(known)
     return float(np.median(surge)) if surge.size else vehicle.cruise_speed
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
@@ -290,7 +221,7 @@ def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
     model, real = np.array(speeds).T
     known = np.abs(real) > SLOWEST
     (turn_off, turn), (depth_off, depth) = (
-        [_rms(np.concatenate(part)) for part in zip(*pairs, strict=True)]
+        [rms(np.concatenate(part)) for part in zip(*pairs, strict=True)]
         for pairs in (turns, depths)
     )
     off = np.abs(model - real)[known]

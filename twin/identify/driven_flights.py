@@ -34,8 +34,7 @@ from twin.identify.comparison import ComparedQuantity, Comparison
 from twin.identify.driven_runs import DrivenRun
 from twin.identify.translation import Translation
 from twin.identify.unknowns import UnknownParameter
-from twin.mission.cruise import surplus_at
-from twin.mission.glide_balance import mass_matrix
+from twin.mission.glide_balance import mass_matrix, surplus_at
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -80,7 +79,7 @@ FASTEST = 20.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class DrivenMotion:
-    """How a run was flown; arrays are (time,)."""
+    """Motion of a vehicle in a run; arrays are (time,)."""
 
     velocity: Translation
     """through the water"""
@@ -182,17 +181,13 @@ def _fly(  # type: ignore[no-untyped-def]
             a = (step + 1.0) / steps
             gone = (1.0 - np.exp(-a * period / lags)) / (1.0 - np.exp(-period / lags))
             first = change
+            sunk = depth[k] + a * (depth[k + 1] - depth[k])
+            below = down[k] + a * (down[k + 1] - down[k])
+            turning_at = rates[k] + a * (rates[k + 1] - rates[k])
+            moved = positions[k] + gone * (positions[k + 1] - positions[k])
+            ahead_of = now + h * first[:3]
             change = _change(
-                p,
-                depth[k] + a * (depth[k + 1] - depth[k]),
-                down[k] + a * (down[k + 1] - down[k]),
-                rates[k] + a * (rates[k + 1] - rates[k]),
-                positions[k] + gone * (positions[k + 1] - positions[k]),
-                now + h * first[:3],
-                still,
-                flat,
-                rolling,
-                rolled,
+                p, sunk, below, turning_at, moved, ahead_of, still, flat, rolling, rolled
             )
             now = now + 0.5 * h * (first[:3] + change[:3])
             now = np.minimum(np.maximum(now, -50.0), 50.0)
@@ -201,7 +196,7 @@ def _fly(  # type: ignore[no-untyped-def]
 
 
 def _rolled(vehicle: Vehicle, positions: Array) -> Array:
-    """What a roll acceleration of 1 rad/s2 by a moment takes along, (6,).
+    """Accelerations that go with a roll acceleration of 1 rad/s2 by a moment, (6,).
 
     The roll acceleration is the measured one: a hull is so slim that half a degree of the roll
     sensor would give it 0.3 rad/s2.
@@ -256,17 +251,12 @@ class DrivenFlights(Comparison):
             k for k, run in enumerate(runs) if (run.ground & np.isfinite(run.velocity[0])).any()
         ]
         """runs whose Doppler log sees the current"""
-        self.biases = (
-            *(f"{name} of run {run.index}" for name in SENSORS for run in runs),
-            *(
-                f"current_{axis} of run {runs[k].index}"
-                for k in self.afloat
-                for axis in ("north", "east")
-            ),
-        )
+        currents = [(f"current_{a}", runs[k]) for k in self.afloat for a in ("north", "east")]
+        sensors = [(name, run) for name in SENSORS for run in runs]
+        self.biases = tuple(f"{name} of run {run.index}" for name, run in (*sensors, *currents))
         self.started = np.zeros((len(runs), 2))
         """currents [m/s] that the runs' starts are freed of"""
-        self.pieces = [piece for k, run in enumerate(runs) for piece in _pieces(k, run)]
+        self.pieces = [(k, piece) for k, run in enumerate(runs) for piece in _pieces(run)]
         """Run and compared samples of each piece by channel"""
         # ground velocity of a current of 1 m/s north and east, body FRD, (time, 3, 2)
         self.turned = [
@@ -275,17 +265,14 @@ class DrivenFlights(Comparison):
         ]
         period = runs[0].period
         lengths = dict.fromkeys(CHANNELS, period) | {"pitch_rate": LEAD, "yaw_rate": LEAD}
-        super().__init__(
-            nominal,
-            parameters,
-            {
-                name: ComparedQuantity(
-                    unit=unit, least=least, longest=round(LONGEST_CORRELATION / lengths[name])
-                )
-                for name, (unit, least) in CHANNELS.items()
-            },
-            {name: range(len(self.pieces)) for name in CHANNELS},
-        )
+        channels = {
+            name: ComparedQuantity(
+                unit=unit, least=least, longest=round(LONGEST_CORRELATION / lengths[name])
+            )
+            for name, (unit, least) in CHANNELS.items()
+        }
+        pieces = {name: range(len(self.pieces)) for name in CHANNELS}
+        super().__init__(nominal, parameters, channels, pieces)
         self._kept: list[tuple[bytes, DrivenMotion] | None] = [None] * len(runs)
 
     def currents(self, x: Array) -> Array:
@@ -296,7 +283,7 @@ class DrivenFlights(Comparison):
         return found
 
     def flown(self, x: Array) -> list[DrivenMotion]:
-        """How all runs are flown at these offsets; a run that nothing has changed for is kept."""
+        """Motion in all runs at these offsets; a run that nothing has changed for is kept."""
         count = len(self.parameters)
         found = []
         for k, run in enumerate(self.runs):
@@ -327,14 +314,11 @@ class DrivenFlights(Comparison):
         ):
             over = turned @ current * run.ground[:, None]
             velocity = motion.velocity
-            surge, sway, heave = np.stack([velocity.surge, velocity.sway, velocity.heave])
-            surge, sway, heave = surge + over[:, 0], sway + over[:, 1], heave + over[:, 2]
+            surge, sway, heave = np.stack([velocity.surge, velocity.sway, velocity.heave]) + over.T
+            seen = (1.0 + scale) * surge + turn[2] * sway - turn[1] * heave
             whole.append(
                 {
-                    "surge": (1.0 + scale) * surge
-                    + turn[2] * sway
-                    - turn[1] * heave
-                    - run.velocity[0],
+                    "surge": seen - run.velocity[0],
                     "sway": sway - turn[2] * surge + turn[0] * heave - run.velocity[1],
                     "depth_rate": motion.depth_rate - run.depth_rate,
                     "pitch_rate": ahead(run, motion, 1),
@@ -355,7 +339,8 @@ def ahead(run: DrivenRun, motion: DrivenMotion, axis: int) -> Array:
     return (grown[count:] - grown[:-count]) - (rate[count:] - rate[:-count])
 
 
-def _pieces(number: int, run: DrivenRun) -> list[tuple[int, dict[str, NDArray[np.int_]]]]:
+def _pieces(run: DrivenRun) -> list[dict[str, NDArray[np.int_]]]:
+    """Compared samples of each piece of a run by channel."""
     good, count = settled(run), round(LEAD / run.period)
     length = round(PIECE / run.period)
     found = []
@@ -367,17 +352,6 @@ def _pieces(number: int, run: DrivenRun) -> list[tuple[int, dict[str, NDArray[np
         inside = rows[(rows < len(good) - run.window) & (rows >= run.window)]
         leads = rows[(rows % count == 0) & (rows < len(good) - count)]
         leads = leads[good[leads + count]]
-        known = np.isfinite(run.velocity)
-        found.append(
-            (
-                number,
-                {
-                    "surge": rows[known[0, rows]],
-                    "sway": rows[known[1, rows]],
-                    "depth_rate": inside,
-                    "pitch_rate": leads,
-                    "yaw_rate": leads,
-                },
-            )
-        )
+        surge, sway = (rows[np.isfinite(run.velocity[axis, rows])] for axis in (0, 1))
+        found.append(dict(zip(CHANNELS, (surge, sway, inside, leads, leads), strict=True)))
     return found

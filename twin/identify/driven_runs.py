@@ -16,7 +16,14 @@ from scipy.signal import savgol_filter
 
 from twin.errors import StoreError
 from twin.fossen.equations import part_after
-from twin.identify.logged_missions import filled, unwrapped
+from twin.identify.logged_missions import (
+    Record,
+    body_rates,
+    filled,
+    layers,
+    read_signals,
+    unwrapped,
+)
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.sensors.dvl import MODES
@@ -33,34 +40,16 @@ TRUTH = ("true_surge", "true_sway", "true_heave")
 STEERED = ("speed", "heading", "pitch")
 """Controls whose parts must have positions: without one of them a run is flown by something that
 nobody knows"""
-DEPTH_WINDOW = 3.0
-"""[s] of the depth rate's filter: shorter than such a vehicle takes to pitch"""
-LEAST_WINDOW = 5
-"""samples of that filter"""
+DEPTH_WINDOW, LEAST_WINDOW = 3.0, 5
+"""[s], samples of the depth rate's filter: shorter than such a vehicle takes to pitch"""
+LAYER = 2.0
+"""[m] of the density profile that is taken from a run"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class DrivenRun:
+class DrivenRun(Record):
     """One run; arrays are (time,) unless they say another shape."""
 
-    index: int
-    """Row in the store"""
-    period: float
-    """[s]"""
-    depth: Array
-    """[m]"""
-    depth_rate: Array
-    """[m/s], positive down, filtered over `window`"""
-    window: int
-    """samples of that filter"""
-    roll: Array
-    """[rad]"""
-    pitch: Array
-    """[rad], the sensor's"""
-    heading: Array
-    """[rad] from true north, unwrapped"""
-    rates: Array
-    """roll, pitch, yaw rate [rad/s], body FRD, (3, time), less the gyroscopes' biases"""
     velocity: Array
     """[m/s] by the Doppler log, body FRD, (3, time); NaN where it says none"""
     ground: Mask
@@ -74,8 +63,6 @@ class DrivenRun:
     """parts of which it has neither: they rest"""
     density: tuple[Array, Array] | None
     """depths [m] and in-situ densities [kg/m3] of the water; None: the run does not measure it"""
-    use: Mask
-    """Measured and under water"""
     true_velocity: Array | None
     """[m/s] through the water, body FRD, (3, time), of a simulated run; never used to fit"""
 
@@ -116,21 +103,12 @@ def load_runs(
                 "topics or columns in the import's mapping, or --vehicle with the parts that the "
                 "log has"
             )
-        chosen = list(range(len(found))) if rows is None else list(rows)
-        for row in chosen:
-            if not 0 <= row < len(found):
-                raise StoreError(f"store {store} has no run {row}; it holds 0 to {len(found) - 1}")
-        found.check_samples(chosen)
         names = (*NEEDED, *DOPPLER, *TRUTH, "measured_dvl_mode", "measured_density",
                  "measured_gap", *(f"{kind}_{part}" for part in vehicle.part_names
                                    for kind in ("measured", "commanded")))  # fmt: skip
-        arrays = {name: found.rows(name, chosen) for name in names if name in found}
-        runs = []
-        for k, row in enumerate(chosen):
-            signals = {n: a[k, : found.samples[row]].astype(float) for n, a in arrays.items()}
-            run = _run(row, signals, found.period, vehicle)
-            if run is not None:
-                runs.append(run)
+        every = read_signals(found, names, rows, "run")
+        read = [_run(row, signals, found.period, vehicle) for row, signals in every]
+    runs = [run for run in read if run is not None]
     if not runs:
         raise StoreError(f"store {store} has no run with depth, attitude and {steering[0]}")
     return runs
@@ -175,6 +153,8 @@ def _run(
     mode = signals.get("measured_dvl_mode")
     ground = np.ones(len(depth), bool) if mode is None else mode != MODES["water"]
     truth = [signals[name] for name in TRUTH if name in signals]
+    density = signals.get("measured_density", nowhere)
+    known = np.isfinite(density)
     return DrivenRun(
         index=row,
         period=period,
@@ -190,28 +170,21 @@ def _run(
         positions=positions,
         commanded=tuple(commanded),
         silent=tuple(silent),
-        density=_density(depth, signals.get("measured_density")),
+        density=layers(depth[known], density[known], LAYER) if known.any() else None,
         use=use,
         true_velocity=np.stack(truth) if len(truth) == len(TRUTH) else None,
     )
 
 
 def _biases(rates: Array, roll: Array, pitch: Array, heading: Array, period: float) -> Array:
-    """What gyroscopes (3, time) have more than the attitude [rad] turns, by the median, (3,).
+    """Rates of gyroscopes (3, time) less those of the attitude [rad], medians, (3,).
 
     Minutes of attitude tell it to a hundredth of a degree a second. A gyroscope's bias from
     switching on to switching off is several times that, and a rudder's neutral position would take
     it up. The mean would see the roll's error in every turn.
     """
-    rolling, pitching, turning = (np.gradient(a, period) for a in (roll, pitch, heading))
-    turned = np.stack(
-        [
-            rolling - turning * np.sin(pitch),
-            pitching * np.cos(roll) + turning * np.cos(pitch) * np.sin(roll),
-            turning * np.cos(pitch) * np.cos(roll) - pitching * np.sin(roll),
-        ]
-    )
-    return np.asarray(np.median(rates - turned, axis=1))
+    slopes = [np.gradient(a, period) for a in (roll, pitch, heading)]
+    return np.asarray(np.median(rates - body_rates(roll, pitch, *slopes), axis=1))
 
 
 def _followed(part: Part, commands: Array, period: float) -> Array:
@@ -224,17 +197,3 @@ def _followed(part: Part, commands: Array, period: float) -> Array:
             period,
         )
     return positions
-
-
-LAYER = 2.0
-"""[m] of the density profile that is taken from a run"""
-
-
-def _density(depth: Array, density: Array | None) -> tuple[Array, Array] | None:
-    """The water of a run by its depth, in layers."""
-    if density is None or not np.isfinite(density).any():
-        return None
-    known = np.isfinite(density)
-    layers = np.maximum(np.round(depth[known] / LAYER), 0).astype(int)
-    used = np.unique(layers)
-    return LAYER * used, np.array([np.median(density[known][layers == k]) for k in used])

@@ -1,4 +1,4 @@
-"""Driven unknowns: what can be estimated of a vehicle under a propeller, and what is known before.
+"""Driven unknowns: parameters of a propelled vehicle that runs can tell, and their spreads.
 
 Coefficients are factors on those of the vehicle file that a fit starts from, and have the file's
 own names: a derivative of the hull law such as Xuu, the lift slope of a fin, the thrust of the
@@ -15,15 +15,13 @@ from collections.abc import Callable
 
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
-from twin.identify.unknowns import PARAMETERS, UnknownParameter
+from twin.identify.unknowns import UnknownParameter, choose
 from twin.vehicle.laws import BodyAxes
 from twin.vehicle.laws.body_axes import added_mass_coupling
 from twin.vehicle.parts import Fin, Part, Propeller
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 DEGREE = math.pi / 180.0
-SHARED = ("neutral_density",)
-"""Those of a glider that such a vehicle has too"""
 DERIVATIVES = {
     "Xuu": ("drag straight ahead", 0.3),
     "Yuv": ("side force of sideslip, hull and fins at rest", 0.3),
@@ -75,7 +73,7 @@ def driven(vehicle: Vehicle) -> bool:
 
 
 def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownParameter, ...]:
-    """What can be estimated of a vehicle: the numbers that its file has.
+    """Parameters that can be estimated of a vehicle: the numbers that its file has.
 
     Args:
       vehicle: to start from.
@@ -95,39 +93,43 @@ def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownPar
             f"vehicle {vehicle.name!r} has the hull law {law.kind!r}: under a propeller only "
             f"{BodyAxes.kind!r} is identified; start from remus or tethys (--vehicle)"
         )
-    given = dict(law.derivatives)
-    found = [p for p in PARAMETERS if p.name in SHARED]
-    found += [
-        _factor(name, what, spread, _of_law(name), _set_law(name))
+    factors = [
+        _factor(name, what, spread, lambda v, n=name: _derivatives(v)[n], _set_derivative(name))
         for name, (what, spread) in DERIVATIVES.items()
-        if given.get(name)
+        if dict(law.derivatives).get(name)
     ]
-    found += [
-        _factor(f"added_mass_{name}", f"added {what}", spread, _added_mass(k), _set_added_mass(k))
+    factors += [
+        _factor(
+            f"added_mass_{name}",
+            f"added {what}",
+            spread,
+            lambda v, k=k: float(v.added_mass[k, k]),
+            _set_added_mass(k),
+        )
         for k, name, what, spread in ADDED_MASSES
         if vehicle.added_mass[k, k] > 0.0
     ]
-    found += _of_part(driving, "thrust_coefficient", "thrust at rest", THRUST_SPREAD)
+    factors.append(_of_part(driving, "thrust_coefficient", "thrust at rest", THRUST_SPREAD))
     if unsure > 1.0 and driving.zero_thrust_advance > 0.0:
         what = "advance without thrust"
-        found += _of_part(driving, "zero_thrust_advance", what, THRUST_SPREAD)
+        factors.append(_of_part(driving, "zero_thrust_advance", what, THRUST_SPREAD))
     for control in ("heading", "pitch"):
         part = vehicle.steered(control)
         if isinstance(part, Fin):
-            found += _of_part(part, "lift_slope", "lift of a deflection", LIFT_SPREAD)
-            found.append(_neutral(part))
-    found.append(
+            factors.append(_of_part(part, "lift_slope", "lift of a deflection", LIFT_SPREAD))
+            factors.append(_neutral(part.name))
+    factors.append(
         UnknownParameter(
             name="cg_x",
             unit="mm",
             meaning="centre of gravity ahead of the centre of buoyancy, parts at rest",
             spread=PLACE_SPREAD,
             get=lambda c: 1e3 * _first_moment(c.vehicle) / c.vehicle.mass,
-            set=_set_place,
+            set=lambda c, x: _moved(c, 0, 1e-3 * x * c.vehicle.mass - _first_moment(c.vehicle)),
         )
     )
     if vehicle.metacentric_height > 0.0:
-        found.append(
+        factors.append(
             UnknownParameter(
                 name="righting_arm",
                 unit="mm",
@@ -135,21 +137,13 @@ def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownPar
                 spread=ARM_SPREAD,
                 logarithmic=True,
                 get=lambda c: 1e3 * c.vehicle.metacentric_height,
-                set=_set_arm,
+                set=lambda c, x: _moved(
+                    c, 2, (1e-3 * x - c.vehicle.metacentric_height) * c.vehicle.mass
+                ),
             )
         )
-    return tuple(
-        p if p.name in SHARED else dataclasses.replace(p, spread=unsure * p.spread) for p in found
-    )
-
-
-def _with(calibration: Calibration, **changes: object) -> Calibration:
-    return calibration.replace(vehicle=calibration.vehicle.replace(**changes))
-
-
-def _file(vehicle: Vehicle) -> Vehicle:
-    """The vehicle as its file has it."""
-    return parse_vehicle(vehicle.xml, vehicle.path)
+    (trim,) = choose(["neutral_density"])  # a glider's, as well known
+    return (trim, *(dataclasses.replace(p, spread=unsure * p.spread) for p in factors))
 
 
 def _factor(
@@ -160,83 +154,72 @@ def _factor(
     put: Callable[[Calibration, float], Calibration],
 ) -> UnknownParameter:
     """A factor on a number of the vehicle file."""
+
+    def own(calibration: Calibration) -> float:
+        return get(parse_vehicle(calibration.vehicle.xml, calibration.vehicle.path))
+
     return UnknownParameter(
         name=name,
         unit="1",
         meaning=f"{what}, over the vehicle file's",
         spread=spread,
         logarithmic=True,
-        get=lambda c: get(c.vehicle) / get(_file(c.vehicle)),
-        set=lambda c, x: put(c, x * get(_file(c.vehicle))),
+        get=lambda c: get(c.vehicle) / own(c),
+        set=lambda c, x: put(c, x * own(c)),
     )
 
 
-def _of_law(name: str) -> Callable[[Vehicle], float]:
-    def get(vehicle: Vehicle) -> float:
-        assert isinstance(vehicle.law, BodyAxes)
-        return dict(vehicle.law.derivatives)[name]
-
-    return get
+def _derivatives(vehicle: Vehicle) -> dict[str, float]:
+    assert isinstance(vehicle.law, BodyAxes)
+    return dict(vehicle.law.derivatives)
 
 
-def _set_law(name: str) -> Callable[[Calibration, float], Calibration]:
+def _set_derivative(name: str) -> Callable[[Calibration, float], Calibration]:
     def put(calibration: Calibration, value: float) -> Calibration:
-        law = calibration.vehicle.law
-        assert isinstance(law, BodyAxes)
-        return _with(
-            calibration,
-            derivatives=tuple((n, value if n == name else x) for n, x in law.derivatives),
-        )
+        numbers = _derivatives(calibration.vehicle) | {name: value}
+        return calibration.with_vehicle(derivatives=tuple(numbers.items()))
 
     return put
-
-
-def _added_mass(k: int) -> Callable[[Vehicle], float]:
-    return lambda vehicle: float(vehicle.added_mass[k, k])
 
 
 def _set_added_mass(k: int) -> Callable[[Calibration, float], Calibration]:
     def put(calibration: Calibration, value: float) -> Calibration:
-        matrix = calibration.vehicle.added_mass.copy()
+        matrix, law = calibration.vehicle.added_mass.copy(), calibration.vehicle.law
         matrix[k, k] = value
-        law = calibration.vehicle.law
         assert isinstance(law, BodyAxes)
-        if not law.coupling:
-            return _with(calibration, added_mass=matrix)
-        return _with(calibration, added_mass=matrix, coupling=added_mass_coupling(matrix))
+        coupled = {"coupling": added_mass_coupling(matrix)} if law.coupling else {}
+        return calibration.with_vehicle(added_mass=matrix, **coupled)
 
     return put
 
 
-def _of_part(part: Part, field: str, what: str, spread: float) -> list[UnknownParameter]:
+def _of_part(part: Part, field: str, what: str, spread: float) -> UnknownParameter:
     name = part.name
-    return [
-        _factor(
-            f"{name}.{field}",
-            f"{what} of the {name}",
-            spread,
-            lambda v: float(getattr(v.part(name), field)),
-            lambda c, x: _with(c, **{name: {field: x}}),
-        )
-    ]
+    return _factor(
+        f"{name}.{field}",
+        f"{what} of the {name}",
+        spread,
+        lambda v: float(getattr(v.part(name), field)),
+        lambda c, x: c.with_vehicle(**{name: {field: x}}),
+    )
 
 
-def _neutral(part: Fin) -> UnknownParameter:
-    name = part.name
+def _neutral(name: str) -> UnknownParameter:
+    """Reading of a fin in line with the hull."""
+
+    def get(calibration: Calibration) -> float:
+        fin = calibration.vehicle.part(name)
+        assert isinstance(fin, Fin)
+        return fin.neutral / DEGREE
+
     return UnknownParameter(
         name=f"{name}.neutral",
         unit="degree",
         meaning=f"reading of the {name} in line with the hull",
         spread=NEUTRAL_SPREAD,
-        get=lambda c: _fin(c.vehicle, name).neutral / DEGREE,
-        set=lambda c, x: _with(c, **{name: {"neutral": x * DEGREE}}),
+        get=get,
+        set=lambda c, x: c.with_vehicle(**{name: {"neutral": x * DEGREE}}),
     )
-
-
-def _fin(vehicle: Vehicle, name: str) -> Fin:
-    part = vehicle.part(name)
-    assert isinstance(part, Fin)
-    return part
 
 
 def _first_moment(vehicle: Vehicle) -> float:
@@ -245,16 +228,8 @@ def _first_moment(vehicle: Vehicle) -> float:
     return vehicle.static_mass * float(vehicle.static_cg[0]) + moved
 
 
-def _set_place(calibration: Calibration, value: float) -> Calibration:
-    vehicle = calibration.vehicle
-    place = vehicle.static_cg.copy()
-    place[0] += (1e-3 * value * vehicle.mass - _first_moment(vehicle)) / vehicle.static_mass
-    return _with(calibration, static_cg=place)
-
-
-def _set_arm(calibration: Calibration, value: float) -> Calibration:
-    vehicle = calibration.vehicle
-    place = vehicle.static_cg.copy()
-    change = 1e-3 * value - vehicle.metacentric_height
-    place[2] += change * vehicle.mass / vehicle.static_mass
-    return _with(calibration, static_cg=place)
+def _moved(calibration: Calibration, axis: int, moment: float) -> Calibration:
+    """The hull's centre of gravity moved along an axis by a moment [kg m]."""
+    place = calibration.vehicle.static_cg.copy()
+    place[axis] += moment / calibration.vehicle.static_mass
+    return calibration.with_vehicle(static_cg=place)

@@ -22,11 +22,13 @@ from twin.identify.comparison import (
     LEAST_DEVIATIONS,
     LEAST_DIVES,
     LEAST_GAIN,
+    Comparison,
     ResidualNoise,
     gain_of,
+    rms,
 )
-from twin.identify.depth_rates import LEAST_PAIRS, DepthRates
-from twin.identify.logged_missions import Log, gliding
+from twin.identify.logged_missions import Log, Record, gliding
+from twin.identify.residuals import LEAST_PAIRS, DepthRates
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
@@ -57,16 +59,12 @@ USUAL_RMSE = {"slocum": 0.8, "seaglider": 1.2}
 public logs, off inflections (docs/results/real_logs.md)"""
 OTHERS_RMSE = 1.0
 """[cm/s] likewise, of every other kind"""
-BAD = 5.0
-"""Times what is usual from which on a fit is refused"""
-WORST = 4
-"""Missions that its message names"""
+BAD, WORST = 5.0, 4
+"""Times what is usual from which on a fit is refused, and missions that its message names"""
 MOVING = 0.05
 """[m/s] of depth rate from which a glider sinks or rises."""
-START_FACTORS = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Drag over nominal at which the search starts."""
-START_LOGS = 3
-"""Missions that the search for a start looks at."""
+START_FACTORS, START_LOGS = (0.5, 1.0, 2.0, 4.0, 8.0), 3
+"""Drag over nominal at which the search starts, and missions that it looks at."""
 
 
 def identify(
@@ -77,7 +75,7 @@ def identify(
     known: Sequence[str] = (),
     model: FlightModel = "flight",
     fixes: bool = True,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] = lambda part: None,
 ) -> Identification:
     """Estimate a vehicle's parameters from its logs.
 
@@ -97,7 +95,6 @@ def identify(
     """
     logs, powered = gliding(logs)
     wanted = choose(list(parameters)) if parameters is not None else PARAMETERS
-    report = progress or (lambda part: None)
     if "neutral_density" not in known:
         nominal = centred(logs, nominal)
     choose(list(known))
@@ -115,28 +112,20 @@ def identify(
             lacking = _lacking(parameter, logs, problem, asked=parameters is not None)
         if lacking:
             notes[parameter.name] = lacking
-    judged = tuple(p for p in wanted if p.name not in notes and p.channel == "dives")
-    if parameters is not None:
-        judged = ()
-    free = tuple(p for p in wanted if p.name not in notes and p not in judged)
-    if not free:
-        reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
-        raise InputError(f"nothing is left to estimate ({reasons or 'no parameter asked for'})")
-    report(0.05)
+    free = free_of(wanted, notes)
+    judged = tuple(p for p in free if p.channel == "dives" and parameters is None)
+    free = free_of([p for p in free if p not in judged], notes)
+    progress(0.05)
     start = _start(logs, nominal, free, model)
-    report(0.15)
+    progress(0.15)
     first = DepthRates(logs, nominal, free, model, fixes=fixes)
-    x, covariance, _ = _solve(first, start, PASSES - 1, lambda part: report(0.15 + 0.5 * part))
-    deviation = np.sqrt(np.diag(covariance))
-    loose = [
-        p.name
-        for p, d in zip(free, deviation, strict=True)
-        if d > UNDETERMINED and p.name not in ALWAYS
-    ]
+    x, _ = first.fit(start, PASSES - 1, progress=lambda part: progress(0.15 + 0.5 * part), **FINE)
+    deviation = np.sqrt(np.diag(_covariance(first, x)))
     before = dict(zip((p.name for p in free), deviation, strict=True))
-    for name in loose:
-        notes[name] = "the log does not determine it"
-    kept = tuple(p for p in free if p.name not in loose)
+    for name, off in before.items():
+        if off > UNDETERMINED and name not in ALWAYS:
+            notes[name] = "the log does not determine it"
+    kept = tuple(p for p in free if p.name not in notes)
     offsets = dict(zip(free, x, strict=True))
     for candidate in judged:
         tight = DepthRates(logs, nominal, kept, model, fixes=fixes)
@@ -148,31 +137,49 @@ def identify(
             kept = tuple(p for p in PARAMETERS if p in (*kept, candidate))
     final = DepthRates(logs, nominal, kept, model, fixes=fixes)
     x = np.array([offsets[p] for p in kept])
-    x, covariance, noise = _solve(final, x, PASSES, lambda part: report(0.65 + 0.35 * part))
-    found = _result(final, x, covariance, wanted, notes, before, noise)
-    _check_residual(final, x, found, powered)
+    x, noise = final.fit(x, PASSES, progress=lambda part: progress(0.65 + 0.35 * part), **FINE)
+    covariance = _covariance(final, x)
+    said = [(True, "at its lower bound" if low else "") for low in x < final.lowest + AT_BOUND]
+    found = answer_of(
+        *(final, x, logs, wanted, notes, before, covariance, said, noise["depth_rate"]), model
+    )
+    _check_residual(final, x, found)
     return dataclasses.replace(found, powered=powered)
 
 
-def _check_residual(
-    problem: DepthRates, x: Array, found: Identification, powered: tuple[int, ...]
-) -> None:
+def free_of(
+    wanted: Sequence[UnknownParameter], notes: Mapping[str, str]
+) -> tuple[UnknownParameter, ...]:
+    """Parameters without a note; InputError where none is left, with the notes."""
+    free = tuple(p for p in wanted if p.name not in notes)
+    if not free:
+        reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
+        raise InputError(f"nothing is left to estimate ({reasons or 'no parameter asked for'})")
+    return free
+
+
+def _covariance(problem: DepthRates, x: Array) -> Array:
+    """Of the offsets, in spreads."""
+    jacobian = problem.jacobian(x)
+    return np.asarray(np.linalg.inv(jacobian.T @ jacobian), np.float64)
+
+
+def _check_residual(problem: DepthRates, x: Array, found: Identification) -> None:
     """Refuse a fit that says that something else than the vehicle made the depth rate."""
     name = found.nominal.vehicle.name
     usual = next((cm for kind, cm in USUAL_RMSE.items() if name.startswith(kind)), OTHERS_RMSE)
     if 100.0 * found.depth_rate_rmse <= BAD * usual:
         return
     residuals = problem.missed(x)["depth_rate"]
-    way = {"dives": 1.0, "climbs": -1.0}
     sides = []
-    for side, sign in way.items():
+    for side, sign in (("dives", 1.0), ("climbs", -1.0)):
         parts = [
             r[sign * log.depth_rate[mask] > MOVING]
             for r, log, mask in zip(residuals, problem.logs, problem.masks, strict=True)
         ]
         if (rest := np.concatenate(parts)).size:
             sides.append(f"{100.0 * float(rest.mean()):+.1f} cm/s in {side}")
-    sizes = [float(np.sqrt(np.mean(r**2))) if r.size else 0.0 for r in residuals]
+    sizes = [rms(r) if r.size else 0.0 for r in residuals]
     worst = sorted(np.argsort(sizes)[::-1][:WORST].tolist())
     listed = ", ".join(f"{problem.logs[k].index} ({100.0 * sizes[k]:.1f})" for k in worst)
     raise InputError(
@@ -188,21 +195,19 @@ def _check_residual(
 
 def centred(logs: Sequence[Log], nominal: Calibration) -> Calibration:
     """Start the trim where the vehicle would neither sink nor rise."""
-    density = nominal.water_density
     densities = [np.median(log.density) for log in logs if log.density is not None]
-    if densities:
-        density = float(np.median(densities))
-    vehicle = nominal.vehicle
-    volume = vehicle.mass / density - CUBIC_CM * _neutral_pump(logs)
-    return nominal.replace(vehicle=vehicle.replace(reference_density=vehicle.mass / volume))
+    density = float(np.median(densities)) if densities else nominal.water_density
+    mass = nominal.vehicle.mass
+    volume = mass / density - CUBIC_CM * _neutral_pump(logs)
+    return nominal.with_vehicle(reference_density=mass / volume)
 
 
 def _neutral_pump(logs: Sequence[Log]) -> float:
     """Pumped volume [cm3] of no vertical force: what the log sinks and rises with, parted as the
     squares of the depth rates, which forces go with; 0 where it does not both sink and rise."""
     pump, rate = (
-        np.concatenate([values[log.use] for log, values in pairs])
-        for pairs in ([(g, g.pump) for g in logs], [(g, g.depth_rate) for g in logs])
+        np.concatenate([getattr(log, name)[log.use] for log in logs])
+        for name in ("pump", "depth_rate")
     )
     sides = [(side * rate) > MOVING for side in (1.0, -1.0)]
     if not all(side.any() for side in sides):
@@ -287,74 +292,74 @@ def _start(
     return out
 
 
-def _solve(
-    problem: DepthRates, x: Array, passes: int, report: Callable[[float], None]
-) -> tuple[Array, Array, ResidualNoise]:
-    """Robust fit; offsets, their covariance and the noise of the depth rate."""
-    x, noise = problem.fit(x, passes, progress=report, **FINE)
-    jacobian = problem.jacobian(x)
-    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), np.float64)
-    return x, covariance, noise["depth_rate"]
-
-
-def _result(
-    problem: DepthRates,
+def answer_of(
+    problem: Comparison,
     x: Array,
-    covariance: Array,
-    wanted: tuple[UnknownParameter, ...],
+    logs: Sequence[Record],
+    wanted: Sequence[UnknownParameter],
     notes: Mapping[str, str],
     before: Mapping[str, float],
+    covariance: Array,
+    said: Sequence[tuple[bool, str]],
     noise: ResidualNoise,
+    model: str,
 ) -> Identification:
+    """Identification by a fit of depth rates that ended at `x`.
+
+    Args:
+      logs: that were fitted.
+      notes: of each parameter that was left at nominal, why; `before`, its deviation in a fit with
+        it, in spreads.
+      covariance: of the fitted parameters, in spreads.
+      said: whether the logs determine each of them, and a note.
+      noise: of the depth rate.
+    """
     calibration, nominal = problem.calibration(x), problem.nominal
     deviation = np.sqrt(np.diag(covariance))
-    estimates = []
     names = [p.name for p in problem.parameters]
+    estimates = []
     for parameter in wanted:
-        centre = parameter.get(nominal)
-        if parameter.name in names:
-            k = names.index(parameter.name)
-            estimate = IdentifiedParameter.of(
+        name, source = parameter.name, nominal
+        off, (determined, note) = before.get(name, np.nan), (False, notes.get(name, ""))
+        if name in names:
+            k, source = names.index(name), calibration
+            off, (determined, note) = deviation[k], said[k]
+        estimates.append(
+            IdentifiedParameter.of(
                 parameter,
-                nominal=centre,
-                value=parameter.get(calibration),
-                deviation=float(deviation[k]),
-                determined=True,
-                note="at its lower bound" if x[k] < problem.lowest[k] + AT_BOUND else "",
+                nominal=parameter.get(nominal),
+                value=parameter.get(source),
+                deviation=float(off),
+                determined=determined,
+                note=note,
             )
-        else:
-            estimate = IdentifiedParameter.of(
-                parameter,
-                nominal=centre,
-                value=centre,
-                deviation=float(before.get(parameter.name, np.nan)),
-                determined=False,
-                note=notes[parameter.name],
-            )
-        estimates.append(estimate)
+        )
+    told = [k for k, (determined, _) in enumerate(said) if determined]
+    correlation = covariance / np.outer(deviation, deviation)
     rates, changes = _unweighted(problem, x)
     rates0, changes0 = _unweighted(problem, np.zeros_like(x))
-    samples = len(rates)
+    samples, period = len(rates), logs[0].period
     return Identification(
         calibration=calibration,
         nominal=nominal,
-        model=problem.model,
+        model=model,
         estimates=tuple(estimates),
-        correlation=covariance / np.outer(deviation, deviation),
-        depth_rate_rmse=float(np.sqrt(np.mean(rates**2))),
-        nominal_depth_rate_rmse=float(np.sqrt(np.mean(rates0**2))),
+        correlation=correlation[np.ix_(told, told)],
+        depth_rate_rmse=rms(rates),
+        nominal_depth_rate_rmse=rms(rates0),
         robust_deviation=noise.deviation,
-        correlation_time=noise.samples * problem.logs[0].period,
+        correlation_time=noise.samples * period,
         samples=samples,
-        hours=samples * problem.logs[0].period / 3600.0,
-        missions=len(problem.logs),
+        hours=samples * period / 3600.0,
+        missions=len(logs),
         current_change=changes,
         nominal_current_change=changes0,
     )
 
 
-def _unweighted(problem: DepthRates, x: Array) -> tuple[Array, float | None]:
+def _unweighted(problem: Comparison, x: Array) -> tuple[Array, float | None]:
+    """Residuals of the depth rate [m/s], and the median change of the current where one shows."""
     missed = problem.missed(x)
-    changes = np.reshape(missed["current"], (-1, 2))
+    changes = np.reshape(missed.get("current", ()), (-1, 2))
     median = float(np.median(np.hypot(*changes.T))) if len(changes) else None
     return np.concatenate(missed["depth_rate"]), median

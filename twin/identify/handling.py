@@ -15,31 +15,27 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from twin.errors import InputError, MissionError, NoSteadyState
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
 from twin.identify.comparison import Fitted
 from twin.identify.fit import UNDETERMINED
-from twin.identify.gains import Phase, with_gains
+from twin.identify.linear_motion import Phase, with_gains
 from twin.identify.logged_missions import Log, gliding
 from twin.identify.pitch import PITCHING, balanced, pump_of
 from twin.identify.proof import failures
 from twin.identify.turning_fit import channel_of, turned
 from twin.identify.turning_windows import windows_of
-from twin.identify.unknowns import UnknownParameter
 from twin.mission.glide_balance import steady_glide
 from twin.vehicle.vehicle import Vehicle
 
-Array = NDArray[np.float64]
-
 FAR = 3.0
 """Deviations from the vehicle file's beyond which a value is determined, however wide"""
-SLACK = 0.1
-"""Of a part's travel that is left beyond the positions that the log shows"""
-ROOM = 0.03
-"""Of the battery's travel that guidance keeps beside the positions of the usual glide"""
+SLACK, ROOM = 0.1, 0.03
+"""Of a part's travel that is left beyond the positions that the log shows, and of the battery's
+that guidance keeps beside those of the usual glide"""
 UNEVEN = math.radians(3.0)
 """[rad] between the neutral positions of dives and climbs from which on one does not do for both"""
 FLATTER = math.radians(0.5)
@@ -66,9 +62,9 @@ class Handling:
     neutral: float | None
     """[rad] position of the turning part at which it goes straight, as it is flown"""
     failures: tuple[str, ...]
-    """What the vehicle cannot do; empty when it trims, is stable and steers in both phases."""
+    """Failures of the vehicle; empty when it trims, is stable and steers in both phases."""
     notes: tuple[str, ...]
-    """What was left at the vehicle file's, and why"""
+    """Sentences on what was left at the vehicle file's, and why"""
 
 
 def handle(
@@ -88,15 +84,15 @@ def handle(
     logs, _ = gliding(logs)
     calibration = with_travel(logs, found.calibration)
     identification = dataclasses.replace(found, calibration=calibration)
-    flown = {p.name for p in PITCHING} & {e.name for e in found.estimates}
-    balance = None if flown else balanced(logs, calibration)
-    if flown:
-        pass  # rollouts of the twin have fitted the pitch
-    elif balance is None:
-        notes.append("pitch: no battery positions in steady dives and climbs of these logs")
-    else:
-        calibration = balance.calibration
-        identification = _with(identification, balance)
+    balance = None
+    # rollouts of the twin may have fitted the pitch
+    if not {p.name for p in PITCHING} & {e.name for e in found.estimates}:
+        balance = balanced(logs, calibration)
+        if balance is None:
+            notes.append("pitch: no battery positions in steady dives and climbs of these logs")
+        else:
+            calibration = balance.calibration
+            identification = _with(identification, balance)
     progress(0.2)
     turns = turned(logs, calibration)
     progress(0.6)
@@ -105,18 +101,15 @@ def handle(
     else:
         calibration = turns.fitted.calibration
         identification = _with(identification, turns.fitted)
+        channel = channel_of(calibration)
         if turns.apart > UNEVEN:
             notes.append(
-                f"asymmetry: to go straight, dives and climbs of these logs want the "
-                f"{channel_of(calibration)} {math.degrees(turns.apart):.0f} deg apart; the mean of "
-                "the two is flown"
+                f"asymmetry: to go straight, dives and climbs of these logs want the {channel} "
+                f"{math.degrees(turns.apart):.0f} deg apart; the mean of the two is flown"
             )
-        if channel_of(calibration) is not None and "roll" not in turns.fitted.deviation:
-            channel = channel_of(calibration)
-            if any(group.position is None for group in turns.groups):
-                notes.append(
-                    f"turns: the logs have no {channel}, so that what it does is not known"
-                )
+        unseen = "roll" not in turns.fitted.deviation and channel is not None
+        if unseen and any(group.position is None for group in turns.groups):
+            notes.append(f"turns: the logs have no {channel}, so that what it does is not known")
     phases = phases_of(logs, calibration)
     lacking: tuple[str, ...] = ()
     if len(phases) == 2:
@@ -155,12 +148,8 @@ def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...
     for climbing in (False, True):
         glides = [w.glide for w in windows if w.climbing == climbing]
         if glides:
-            found.append(
-                Phase(
-                    pitch=float(np.median([g.pitch for g in glides])),
-                    net_mass=float(np.clip(np.median([g.net_mass for g in glides]), light, heavy)),
-                )
-            )
+            *_, pitch, net_mass = np.median(glides, axis=0)
+            found.append(Phase(pitch=float(pitch), net_mass=float(np.clip(net_mass, light, heavy))))
     return tuple(found)
 
 
@@ -196,7 +185,7 @@ def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple
             f"{math.degrees(pitch):.1f}: more takes the battery beyond its travel with "
             f"{net_mass:.2f} kg of net mass in dives and in climbs"
         )
-    return calibration.replace(vehicle=vehicle.replace(usual_glide=(held, net_mass))), note
+    return calibration.with_vehicle(usual_glide=(held, net_mass)), note
 
 
 def _holds(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
@@ -223,63 +212,41 @@ def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
         part = vehicle.steered(control)
         if part is None or channel is None:
             continue
-        values = [
-            getattr(log, channel)[log.use] for log in logs if getattr(log, channel) is not None
-        ]
-        known = np.concatenate([*values, np.zeros(0)])
-        if not known.size:
+        there = [(log, values) for log in logs if (values := getattr(log, channel)) is not None]
+        known = np.concatenate([np.zeros(0), *(values[log.use] for log, values in there)])
+        if not known.size or (part.low <= known.min() and known.max() <= part.high):
             continue
         low, high = float(known.min()), float(known.max())
-        slack = SLACK * (part.high - part.low)
-        if low < part.low or high > part.high:
-            if control == "pitch":  # another zero: the travel goes with it, and 0 stays inside
-                ends = {"low": min(low - slack, 0.0), "high": max(high + slack, 0.0)}
-                changes[part.name] = ends
-            else:
-                changes[part.name] = {"low": min(low, part.low), "high": max(high, part.high)}
-    return calibration.replace(vehicle=vehicle.replace(**changes)) if changes else calibration
+        ends = {"low": min(low, part.low), "high": max(high, part.high)}
+        if control == "pitch":  # another zero: the travel goes with it, and 0 stays inside
+            slack = SLACK * (part.high - part.low)
+            ends = {"low": min(low - slack, 0.0), "high": max(high + slack, 0.0)}
+        changes[part.name] = ends
+    return calibration.with_vehicle(**changes)
 
 
 def _with(identification: Identification, fitted: Fitted) -> Identification:
     """The identification with the estimates of a fit that came after."""
-    covariance = fitted.covariance
-    size = len(fitted.parameters)
-    deviation = np.sqrt(np.diag(covariance))
-    estimates = [
-        _estimate(parameter, float(centre), fitted.calibration, float(offset), float(spreads))
-        for parameter, centre, offset, spreads in zip(
-            fitted.parameters, fitted.centres, fitted.offsets[:size], deviation[:size], strict=True
+    deviation = np.sqrt(np.diag(fitted.covariance))
+    estimates = []
+    for k, parameter in enumerate(fitted.parameters):
+        off, moved = float(deviation[k]), abs(float(fitted.offsets[k]))
+        determined = math.isfinite(off) and (off <= UNDETERMINED or moved > FAR * off)
+        estimates.append(
+            IdentifiedParameter.of(
+                parameter,
+                nominal=float(fitted.centres[k]),
+                value=parameter.get(fitted.calibration),
+                deviation=off,
+                determined=determined,
+                note="" if determined else "with the others only: the log does not determine it",
+            )
         )
-    ]
     known = [k for k, estimate in enumerate(estimates) if estimate.determined]
-    mine = (covariance / np.outer(deviation, deviation))[np.ix_(known, known)]
-    before = len(identification.correlation)
-    correlation = np.zeros((before + len(known), before + len(known)))
-    correlation[:before, :before] = identification.correlation
-    correlation[before:, before:] = mine
+    mine = (fitted.covariance / np.outer(deviation, deviation))[np.ix_(known, known)]
     return dataclasses.replace(
         identification,
         calibration=fitted.calibration,
         estimates=(*identification.estimates, *estimates),
-        correlation=correlation,
-    )
-
-
-def _estimate(
-    parameter: UnknownParameter,
-    centre: float,
-    calibration: Calibration,
-    offset: float,
-    deviation: float,
-) -> IdentifiedParameter:
-    """`offset` and `deviation` in spreads."""
-    known = deviation <= UNDETERMINED or abs(offset) > FAR * deviation
-    determined = math.isfinite(deviation) and known
-    return IdentifiedParameter.of(
-        parameter,
-        nominal=centre,
-        value=parameter.get(calibration),
-        deviation=deviation,
-        determined=determined,
-        note="" if determined else "with the others only: the log does not determine it",
+        correlation=block_diag(identification.correlation, mine),
     )

@@ -1,4 +1,4 @@
-"""Check: the twin of a vehicle file beside the logs of the real vehicle, phase by phase."""
+"""Log check: the twin of a vehicle file beside the logs of the real vehicle, phase by phase."""
 
 from __future__ import annotations
 
@@ -15,20 +15,27 @@ from numpy.typing import NDArray
 from twin.checks.agreement import EndsApart, ends_apart, state_at
 from twin.errors import SimulationUnstable, StoreError, VehicleError
 from twin.identify.calibration import Calibration, load_calibration
-from twin.identify.heading_leg import LEAST_RANGE, PHASES, Phase, Turning, turning_of
-from twin.identify.log_figures import PhaseFigures, phase_figures, turn_per_actuator
-from twin.identify.log_flight import PATIENCE, FlownTurn, fly_dives, fly_turns, legs_flown
-from twin.identify.log_samples import (
-    Present,
+from twin.identify.log_figures import (
+    FigureSamples,
+    PhaseFigures,
     angle_of_attack,
-    check_logged,
-    check_signals,
     flown_samples,
     logged_samples,
-    notes_of,
+    phase_figures,
+    turn_per_actuator,
 )
-from twin.identify.replayed_dive import ReplayedDive, read_dive
+from twin.identify.log_flight import PATIENCE, FlownTurn, fly_dives, fly_turns, legs_flown
+from twin.identify.replayed_dive import (
+    LEAST_RANGE,
+    PHASES,
+    Phase,
+    ReplayedDive,
+    Turning,
+    read_dive,
+    turning_of,
+)
 from twin.records.logged import LogStore, log_rows
+from twin.records.reader import MissionStore
 from twin.records.trajectory import Trajectory
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -54,7 +61,7 @@ class PhaseComparison:
     twin: PhaseFigures | None
     """None: it never came to a steady part of such a leg"""
     speed_from: str | None
-    """What the log's speed is: "measured", "depth rate and pitch", or None"""
+    """Source of the log's speed: "measured", "depth rate and pitch", or None"""
     same_part: bool
     """Whether the same kind of part turns both, so that its effect can be compared"""
 
@@ -62,36 +69,31 @@ class PhaseComparison:
         """JSON-able; ratios are twin over log, deviations twin less log."""
         log, twin = self.log.describe(), {} if self.twin is None else self.twin.describe()
         twin = {name: twin.get(name) for name in log}
-        cycles = {
-            "log": self.log.oscillation,
-            "twin": None if self.twin is None else self.twin.oscillation,
-        }
-        ratio = {
-            name: _ratio(twin[name], log[name])
-            for name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator")
-        }
+        cycles = {"log": self.log.oscillation, "twin": self.twin and self.twin.oscillation}
+        ratio: dict[str, float | None] = {}
+        for name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator"):
+            mine, theirs = twin[name], log[name]
+            ratio[name] = None if mine is None or not theirs else mine / theirs
         if not self.same_part:
             ratio["turn_per_actuator"] = None
+        deviation: dict[str, float | None] = {}
+        for name in ("pitch_deg", "turning_deg", "heading_sd_deg", "heading_bias_deg"):
+            if name != "turning_deg" or self.same_part:
+                mine, theirs = twin[name], log[name]
+                deviation[name] = None if mine is None or theirs is None else mine - theirs
         return {
             "log": {**log, "parts": dict(self.log.parts)},
             "twin": {**twin, "parts": {} if self.twin is None else dict(self.twin.parts)},
             "speed_from": self.speed_from,
             "ratio": ratio,
-            "deviation": {
-                name: _difference(twin[name], log[name])
-                for name in ("pitch_deg", "turning_deg", "heading_sd_deg", "heading_bias_deg")
-                if name != "turning_deg" or self.same_part
-            },
-            "limit_cycle": {
-                name: None if one is None else dataclasses.asdict(one)
-                for name, one in cycles.items()
-            },
+            "deviation": deviation,
+            "limit_cycle": {n: one and dataclasses.asdict(one) for n, one in cycles.items()},
         }
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogCheck:
-    """What a vehicle file's twin does with the targets of a store of logs."""
+    """A vehicle file's twin on the targets of a store of logs."""
 
     vehicle: Vehicle
     store: Path
@@ -101,19 +103,24 @@ class LogCheck:
     phases: dict[Phase, PhaseComparison]
     turning: Turning | None
     engine: str
-    """What flew the twin"""
+    """Engine that flew the twin"""
     beside_mujoco: EndsApart | None
     """Of the first dive, where lanes flew it"""
     notes: tuple[str, ...]
-    """What the log lacks or what stands in for it, one sentence each"""
+    """One sentence for each thing that the log lacks, or that stands in for it"""
 
     @property
     def beyond(self) -> list[str]:
         """One phrase for each figure beyond its limit; empty when the twin flies as the log."""
-        found = [f"dive {d.row}: {f}" for d, f in self._flown() if isinstance(f, Exception)]
+        flown = list(zip(self.dives, self.flights, strict=True))
+        found = [f"dive {dive.row}: {f}" for dive, f in flown if isinstance(f, Exception)]
         for name, phase in self.phases.items():
             found += [f"{name}: {text}" for text in _beyond(phase)]
-        short = [d.row for d, f in self._flown() if isinstance(f, Trajectory) and not _is_flown(f)]
+        short = [
+            dive.row
+            for dive, f in flown
+            if isinstance(f, Trajectory) and f.provenance.get("ended") != "flown"
+        ]
         if short:
             found.append(
                 f"the twin took more than {PATIENCE:g} times the log's time in {len(short)} of "
@@ -124,22 +131,19 @@ class LogCheck:
     def describe(self) -> dict[str, Any]:
         """JSON-able."""
         legs = Counter(leg.phase for dive in self.dives for leg in dive.legs if leg.compared)
+        beside: dict[str, Any] = {}
+        if self.beside_mujoco is not None:
+            apart = dataclasses.asdict(self.beside_mujoco)
+            beside = {"engine": self.engine, "beside_mujoco": apart}
         return {
             "vehicle": self.vehicle.name,
             "store": str(self.store),
-            **(
-                {}
-                if self.beside_mujoco is None
-                else {
-                    "engine": self.engine,
-                    "beside_mujoco": dataclasses.asdict(self.beside_mujoco),
-                }
-            ),
+            **beside,
             "dives": len(self.dives),
             "missions": [dive.row for dive in self.dives],
             "legs": {phase: legs[phase] for phase in PHASES},
             "hours": sum(len(d.depth) * d.period for d in self.dives) / 3600.0,
-            "turning": None if self.turning is None else dataclasses.asdict(self.turning),
+            "turning": self.turning and dataclasses.asdict(self.turning),
             "phases": {name: phase.describe() for name, phase in self.phases.items()},
             "limits": {
                 "depth_rate_relative": DEPTH_RATE_LIMIT,
@@ -152,27 +156,23 @@ class LogCheck:
             "ok": not self.beyond,
         }
 
-    def _flown(self) -> list[tuple[ReplayedDive, Trajectory | SimulationUnstable]]:
-        return list(zip(self.dives, self.flights, strict=True))
-
 
 def _beyond(phase: PhaseComparison) -> list[str]:
-    log, twin = phase.log, phase.twin
+    """One phrase for each figure of a phase beyond its limit."""
+    twin = phase.twin
     if twin is None:
         return ["the twin never flew it steadily"]
-    found = []
-    ratio = _ratio(twin.depth_rate, log.depth_rate)
+    said, found = phase.describe(), []
+    ratio, turn = (said["ratio"][name] for name in ("depth_rate_m_s", "turn_per_actuator"))
     if ratio is not None and abs(ratio - 1.0) > DEPTH_RATE_LIMIT:
         found.append(f"depth rate {ratio:.3f} times the log's (within {DEPTH_RATE_LIMIT:.0%})")
-    turn = _ratio(twin.turn_per_actuator, log.turn_per_actuator) if phase.same_part else None
     if turn is not None and abs(turn - 1.0) > TURN_LIMIT:
         found.append(f"turn per actuator {turn:.2f} times the log's (within {TURN_LIMIT:.0%})")
-    held = _difference(twin.turning, log.turning) if phase.same_part else None
-    if held is not None and abs(held) > TURNING_LIMIT:
+    if abs(said["deviation"].get("turning_deg") or 0.0) > TURNING_LIMIT:
         found.append(
             f"what turns it is at {twin.turning:.1f} deg on the mean, the log's at "
-            f"{log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such asymmetry; "
-            "identify it (`twin identify`)"
+            f"{phase.log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such "
+            "asymmetry; identify it (`twin identify`)"
         )
     if twin.heading_sd is not None and twin.heading_sd > HEADING_LIMIT:
         found.append(f"heading wanders by {twin.heading_sd:.1f} deg (at most {HEADING_LIMIT:g})")
@@ -183,18 +183,6 @@ def _beyond(phase: PhaseComparison) -> list[str]:
             "does not die out"
         )
     return found
-
-
-def _is_flown(flight: Trajectory) -> bool:
-    return flight.provenance.get("ended") == "flown"
-
-
-def _ratio(mine: float | None, theirs: float | None) -> float | None:
-    return None if mine is None or not theirs else mine / theirs
-
-
-def _difference(mine: float | None, theirs: float | None) -> float | None:
-    return None if mine is None or theirs is None else mine - theirs
 
 
 def check_logs(
@@ -220,20 +208,30 @@ def check_logs(
       SimulationUnstable: the twin went unstable in every dive.
     """
     hull = _hull(vehicle)
-    flown = _flown_vehicle(hull)
+    flown = hull.vehicle
+    if hull.thermal_expansion and not flown.hull_thermal_expansion:
+        flown = flown.replace(
+            hull_thermal_expansion=hull.thermal_expansion, hull_thermal_lag=hull.thermal_lag
+        )
     _check_vehicle(flown)
-    check_logged(store)
+    with MissionStore(store) as found:
+        if not found.logged:
+            raise StoreError(
+                f"store {store} is simulated: its missions were flown by the twin already; give a "
+                "store of logs (`factory import`), or judge the twin by `twin check` alone"
+            )
     with LogStore(store) as logs:
-        turning = turning_of(hull.vehicle, Present(logs))
+        there = _Present(logs)
+        turning = turning_of(hull.vehicle, there)
         rows = list(range(len(logs))) if missions is None else list(missions)
         for row in rows:
             logs.check_mission(row)
         said = log_rows(logs)
         powered = [row for row in rows if said[row].powered]
         rows = [row for row in rows if row not in powered]
-        check_signals(logs, rows)
-        found = [read_dive(logs, row, hull, turning) for row in rows]
-        dives = [dive for dive in found if dive is not None]
+        _check_signals(logs, there)
+        read = [read_dive(logs, row, hull, turning) for row in rows]
+        dives = [dive for dive in read if dive is not None]
         if not dives:
             raise StoreError(
                 f"store {store} has no whole dive: no mission descends or climbs by "
@@ -241,7 +239,7 @@ def check_logs(
                 + f" and without its thruster ({len(powered)} ran it)"
                 * bool(powered)
             )
-        notes = notes_of(logs, dives, turning, hull.vehicle)
+        notes = _notes(logs, there, dives, turning, hull.vehicle)
         if powered:
             listed = ", ".join(map(str, powered))
             notes.append(f"left out: {len(powered)} dives ran their thruster ({listed})")
@@ -291,16 +289,6 @@ def _exact(vehicle: Vehicle) -> Calibration:
     )
 
 
-def _flown_vehicle(hull: Calibration) -> Vehicle:
-    """The vehicle with the expansion that was identified, where its own fields have none."""
-    vehicle = hull.vehicle
-    if vehicle.hull_thermal_expansion or not hull.thermal_expansion:
-        return vehicle
-    return vehicle.replace(
-        hull_thermal_expansion=hull.thermal_expansion, hull_thermal_lag=hull.thermal_lag
-    )
-
-
 def _check_vehicle(vehicle: Vehicle) -> None:
     """Refuse vehicles that a glider's log says nothing about."""
     for control, what in (("buoyancy", "pump"), ("pitch", "part that pitches it")):
@@ -312,6 +300,72 @@ def _check_vehicle(vehicle: Vehicle) -> None:
             )
 
 
+class _Present:
+    """The signals of a store that have a value."""
+
+    def __init__(self, logs: LogStore) -> None:
+        self._logs = logs
+
+    def __contains__(self, name: object) -> bool:
+        return str(name) in self._logs and bool(np.isfinite(self._logs.array(str(name))).any())
+
+
+def _check_signals(logs: LogStore, there: _Present) -> None:
+    """Refuse a log without what a glide needs, by the names of signals."""
+    for names, why in (
+        (("measured_depth",), "depth, so its dives are unknown"),
+        (("measured_pitch",), "pitch, so its glides are unknown"),
+        (("measured_pump", "commanded_pump"), "pumped volume, so what drove it is unknown"),
+    ):
+        if not any(name in there for name in names):
+            raise StoreError(
+                f"store {logs.path}: the log has no {why} ({' nor '.join(names)}); check another "
+                "log of this vehicle"
+            )
+
+
+def _notes(
+    logs: LogStore,
+    there: _Present,
+    dives: Sequence[ReplayedDive],
+    turning: Turning | None,
+    vehicle: Vehicle,
+) -> list[str]:
+    """Sentences on what the log lacks, and what stands in for it."""
+    notes = []
+    if logs.simulated:
+        notes.append("the log itself is marked as simulated")
+    names = list(dict.fromkeys(logs.deployments[dive.row] for dive in dives))
+    if len(names) > 1:
+        notes.append(
+            f"the dives are of {len(names)} deployments ({', '.join(names)}): one vehicle file "
+            "fits them only if one vehicle made them; choose with --missions"
+        )
+    if "measured_heading" not in there:
+        notes.append("the log has no heading: the twin holds its own, and turns are not compared")
+    elif "commanded_heading" not in there:
+        notes.append(
+            "the log has no heading setpoint: the target is the running mean of its heading over "
+            "15 min"
+        )
+    if "measured_density" not in there:
+        notes.append(
+            "the log has no density: the water is the vehicle file's, which decides the depth rate"
+        )
+    if "measured_pump" not in there:
+        notes.append("the log has no measured pump position: the commanded one stands for it")
+    if turning is None:
+        notes.append(f"vehicle {vehicle.name!r} has no part that turns it")
+    elif turning.signal is None:
+        notes.append("the log has no position of what turned it: turns per position are not known")
+    elif not turning.same:
+        notes.append(
+            f"the log turned by {turning.signal.removeprefix('measured_')}, vehicle "
+            f"{vehicle.name!r} turns by its {turning.part}: their effects cannot be compared"
+        )
+    return notes
+
+
 def _phases(
     vehicle: Vehicle,
     dives: Sequence[ReplayedDive],
@@ -321,37 +375,30 @@ def _phases(
 ) -> tuple[dict[Phase, PhaseComparison], list[str]]:
     """Log and twin in each phase that the log has, and what must be said about it."""
     pump = vehicle.steering["buoyancy"]
-    flown = [
-        (dive, flight)
-        for dive, flight in zip(dives, flights, strict=True)
-        if isinstance(flight, Trajectory)
-    ]
+    pairs = zip(dives, flights, strict=True)
+    flown = [(dive, flight) for dive, flight in pairs if isinstance(flight, Trajectory)]
     phases: dict[Phase, PhaseComparison] = {}
     turned: list[FlownTurn] = []
     notes: list[str] = []
-    if turning is not None and turning.same:
+    same_part = turning is not None and turning.same
+    if turning is not None and same_part:
         turns = [(dive, flight) for dive, flight in flown if dive.turning is not None]
         turned, failed = fly_turns(vehicle, turns, turning, engine)
         notes = [f"on the log's own turns: {error}" for error in failed]
+    numbered = [(dive, flight, legs_flown(dive, flight)) for dive, flight in flown]
     for phase in PHASES:
+
+        def of_twin(flights: Sequence[FlownTurn], phase: Phase = phase) -> list[FigureSamples]:
+            return [s for one in flights for s in flown_samples(*one, phase, vehicle, turning)]
+
         log = phase_figures([s for dive, _ in flown for s in logged_samples(dive, phase, pump)])
         if log is None:
             notes.append(f"no whole {phase} in the log: the figures of that phase are missing")
             continue
-        legs = [
-            s
-            for dive, f in flown
-            for s in flown_samples(dive, f, legs_flown(dive, f), phase, vehicle, turning)
-        ]
-        mine = phase_figures(legs)
+        mine = phase_figures(of_twin(numbered))
         if mine is not None and turned:
-            legs = [
-                s
-                for dive, f, n in turned
-                for s in flown_samples(dive, f, n, phase, vehicle, turning)
-            ]
-            mine = dataclasses.replace(mine, turn_per_actuator=turn_per_actuator(legs))
-        angles = [a for d, f in flown if (a := angle_of_attack(d, f, phase)) is not None]
+            mine = dataclasses.replace(mine, turn_per_actuator=turn_per_actuator(of_twin(turned)))
+        angles = [a for one in numbered if (a := angle_of_attack(*one, phase)) is not None]
         speed_from = None if log.speed is None else "measured"
         if log.speed is None and angles:
             speed_from = "depth rate and pitch"
@@ -362,10 +409,7 @@ def _phases(
                 f"twin's angle of attack ({np.mean(angles):.1f} deg); it measured none"
             )
         phases[phase] = PhaseComparison(
-            log=log,
-            twin=mine,
-            speed_from=speed_from,
-            same_part=turning is not None and turning.same,
+            log=log, twin=mine, speed_from=speed_from, same_part=same_part
         )
     return phases, notes
 
@@ -376,9 +420,8 @@ def _beside_mujoco(
     flights: Sequence[Trajectory | SimulationUnstable],
 ) -> EndsApart:
     """Of the first dive that lanes flew."""
-    dive, flight = next(
-        (d, f) for d, f in zip(dives, flights, strict=True) if isinstance(f, Trajectory)
-    )
+    pairs = zip(dives, flights, strict=True)
+    dive, flight = next((d, f) for d, f in pairs if isinstance(f, Trajectory))
     theirs = fly_dives(vehicle, [dive])[0]
     last = len(flight.time) - 1
     if isinstance(theirs, Trajectory):

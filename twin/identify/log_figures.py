@@ -1,4 +1,4 @@
-"""Figures: how a vehicle dives or climbs, from its samples; the same for a log and for the twin.
+"""Figures of dives and climbs, from samples of a log or of the twin's flight of it.
 
 Among them a swing that does not die out, as a badly tuned control loop makes it.
 """
@@ -12,9 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend, lfilter, savgol_filter
 
+from twin.identify.comparison import rms
+from twin.identify.replayed_dive import PUMP_REST, Phase, ReplayedDive, Target, Turning
+from twin.records.trajectory import Trajectory
+from twin.vehicle.vehicle import Vehicle
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+UNDER_WATER = 3.0
+"""[m] above this a hull is in the waves or partly out of the water"""
 SETTLING = 60.0
 """[s] that a vehicle needs besides the turn itself after a change of the heading target"""
 SLOWEST_TURN = 0.1
@@ -29,17 +36,15 @@ part where the lag is left out"""
 LEAST_MOVED = 0.2
 """[deg] standard deviation of a turning part's position from which its effect can be told"""
 LEAST_CORRELATION = 0.3
-"""Of turn rate and position; less, and other things turned the vehicle"""
+"""Least of turn rate and position; below it other things turned the vehicle"""
 LEAST_SAMPLES = 20
 """of a mean"""
 OFTEN = 0.25
 """Part of the legs that must swing for a limit cycle"""
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
 """[deg] of a swing that counts, by the signal"""
-CYCLES = 3.0
-"""Periods that a leg must hold at least: of fewer nobody knows whether they go on"""
-SHORTEST = 4
-"""samples of a period"""
+CYCLES, SHORTEST = 3.0, 4
+"""Periods of a leg at least, of fewer nobody knows whether they go on; samples of a period"""
 WIDTH = 0.15
 """Part of its frequency by which a swing may wander within a leg, as speed and trim do"""
 SHARE = 0.5
@@ -54,28 +59,111 @@ class FigureSamples:
 
     period: float
     """[s]"""
-    depth_rate: Array
-    """[m/s], positive down"""
-    pitch: Array
-    """[deg]"""
-    roll: Array | None
-    """[deg]"""
-    heading: Array | None
-    """[deg], unwrapped"""
-    heading_error: Array | None
-    """[deg] from the target, wrapped to +-180"""
-    heading_target: Array | None
-    """[deg]"""
-    first_error: float
-    """[deg] of the heading when the leg began"""
-    speed: Array | None
-    """[m/s] through the water, NaN where unknown"""
-    turning: Array | None
-    """[deg] of the turning part, in the log's sign"""
+    series: Mapping[str, Array]
+    """Signals, as far as known: `depth_rate` [m/s], positive down; `speed` [m/s] through the water,
+    NaN where unknown; `pitch`, `roll` [deg]; `heading` [deg], unwrapped; `heading_target` [deg];
+    `heading_error` [deg] from it, within +-180; `turning` [deg], the position of the turning part
+    in the log's sign"""
     positions: Mapping[str, Array]
     """of the parts, in the units of stores"""
     steady: Mask
     """away from inflections and the surface, with the pump at rest and all measured"""
+
+
+def logged_samples(dive: ReplayedDive, phase: Phase, pump: str) -> list[FigureSamples]:
+    """The compared legs of a dive as logged; `pump` is the name of the vehicle's."""
+    names = ("pitch", "roll", "heading", "heading_target", "speed", "turning")
+    every = {"depth_rate": np.gradient(dive.depth, dive.period)}
+    every |= {n: values for n in names if (values := getattr(dive, n)) is not None}
+    depth = np.where(dive.measured, dive.depth, np.nan)
+    found = []
+    for _, target in _compared(dive, phase):
+        part = target.leg.samples
+        series = {name: values[part] for name, values in every.items()}
+        positions = {name: values[part] for name, values in dive.positions.items()}
+        found.append(_samples(target, pump, dive.period, depth[part], series, positions))
+    return found
+
+
+def flown_samples(
+    dive: ReplayedDive,
+    trajectory: Trajectory,
+    number: Array,
+    phase: Phase,
+    vehicle: Vehicle,
+    turning: Turning | None,
+) -> list[FigureSamples]:
+    """Compared legs as the twin flew them; without those that it did not come to.
+
+    `number` is the leg that it flew at each sample, (time,).
+    """
+    period = float(np.median(np.diff(trajectory.time)))
+    found = []
+    for k, target in _compared(dive, phase):
+        flown = np.flatnonzero(number == k)
+        if len(flown) < 2:
+            continue
+        part = slice(flown[0], flown[-1] + 1)
+        depth = trajectory["true_depth"][part]
+        positions = {name: trajectory[f"true_{name}"][part] for name in vehicle.part_names}
+        series = {
+            "depth_rate": np.gradient(depth, period),
+            "speed": np.linalg.norm(trajectory.v_rel[part], axis=1),
+            "pitch": trajectory["true_pitch"][part],
+            "roll": trajectory["true_roll"][part],
+            "heading": np.rad2deg(np.unwrap(np.deg2rad(trajectory["true_heading"][part]))),
+        }
+        if dive.heading_target is not None:
+            series["heading_target"] = trajectory["commanded_heading"][part]
+        if turning is not None:
+            series["turning"] = turning.sense * positions[turning.part]
+        pump = vehicle.steering["buoyancy"]
+        found.append(_samples(target, pump, period, depth, series, positions))
+    return found
+
+
+def _compared(dive: ReplayedDive, phase: Phase) -> list[tuple[int, Target]]:
+    """The legs of a phase that are long enough, and their numbers."""
+    every = enumerate(dive.targets)
+    return [(k, one) for k, one in every if one.leg.phase == phase and one.leg.compared]
+
+
+def _samples(
+    target: Target,
+    pump: str,
+    period: float,
+    depth: Array,
+    series: dict[str, Array],
+    positions: Mapping[str, Array],
+) -> FigureSamples:
+    """Samples of a leg: steady in its band, with the pump near its target; depth NaN in gaps."""
+    if "heading" in series and "heading_target" in series:
+        error = series["heading"] - series["heading_target"]
+        series["heading_error"] = (error + 180.0) % 360.0 - 180.0
+    shallow, deep = target.leg.band
+    steady: Mask = (depth > UNDER_WATER) & (depth >= shallow) & (depth <= deep)
+    if pump in positions:
+        steady &= np.abs(positions[pump] - target.pump) <= PUMP_REST
+    return FigureSamples(period=period, series=series, positions=positions, steady=steady)
+
+
+def angle_of_attack(
+    dive: ReplayedDive, trajectory: Trajectory, number: Array, phase: Phase
+) -> float | None:
+    """Mean angle of attack [deg] of the twin in the bands of a phase's legs; None off them.
+
+    Args:
+      number: of the leg that it flew at each sample, (time,).
+    """
+    depth = trajectory["true_depth"]
+    found = [np.zeros(0)]
+    for k, target in _compared(dive, phase):
+        shallow, deep = target.leg.band
+        use = (number == k) & (depth >= shallow) & (depth <= deep)
+        v_rel = trajectory.v_rel[use]
+        found.append(np.rad2deg(np.arctan2(v_rel[:, 2], v_rel[:, 0])))
+    angles = np.concatenate(found)
+    return float(angles.mean()) if angles.size else None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -134,31 +222,33 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
     if sum(int(leg.steady.sum()) for leg in legs) < LEAST_SAMPLES:
         return None
 
-    def mean(values: Sequence[Array]) -> float:
-        return float(np.mean(np.concatenate(values)))
+    def steady(name: str) -> Array:
+        """The steady samples of a series that are known."""
+        found = [leg.series[name][leg.steady] for leg in legs if name in leg.series]
+        values = np.concatenate([*found, np.zeros(0)])
+        return np.asarray(values[np.isfinite(values)])
 
-    speeds = [leg.speed[leg.steady] for leg in legs if leg.speed is not None]
-    known = np.concatenate([*speeds, np.zeros(0)])
-    known = known[np.isfinite(known)]
-    held = [leg.turning[leg.steady] for leg in legs if leg.turning is not None]
-    turned = np.concatenate([*held, np.zeros(0)])
-    turned = turned[np.isfinite(turned)]
-    errors = [e for leg in legs if (e := settled_error(leg)) is not None]
+    def usual(values: Array) -> float | None:
+        return float(values.mean()) if values.size >= LEAST_SAMPLES else None
+
+    errors = [
+        one.series["heading_error"][settled(one)] for one in legs if "heading_error" in one.series
+    ]
     error = np.concatenate([*errors, np.zeros(0)])
-    names = dict.fromkeys(name for leg in legs for name in leg.positions)
+    parts = {
+        name: [one.positions[name][one.steady] for one in legs if name in one.positions]
+        for name in dict.fromkeys(name for leg in legs for name in leg.positions)
+    }
     swings = [{name: _swing(name, leg) for name in ("heading", "pitch", "roll")} for leg in legs]
     return PhaseFigures(
-        depth_rate=mean([leg.depth_rate[leg.steady] for leg in legs]),
-        speed=float(known.mean()) if known.size >= LEAST_SAMPLES else None,
-        pitch=mean([leg.pitch[leg.steady] for leg in legs]),
+        depth_rate=float(steady("depth_rate").mean()),
+        speed=usual(steady("speed")),
+        pitch=float(steady("pitch").mean()),
         turn_per_actuator=turn_per_actuator(legs),
-        turning=float(turned.mean()) if turned.size >= LEAST_SAMPLES else None,
-        heading_sd=float(np.sqrt(np.mean(error**2))) if error.size >= LEAST_SAMPLES else None,
-        heading_bias=float(np.mean(error)) if error.size >= LEAST_SAMPLES else None,
-        parts={
-            name: mean([leg.positions[name][leg.steady] for leg in legs if name in leg.positions])
-            for name in names
-        },
+        turning=usual(steady("turning")),
+        heading_sd=rms(error) if error.size >= LEAST_SAMPLES else None,
+        heading_bias=usual(error),
+        parts={name: float(np.mean(np.concatenate(held))) for name, held in parts.items()},
         oscillation=limit_cycle(swings, OFTEN),
     )
 
@@ -166,24 +256,19 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
 def settled(leg: FigureSamples) -> Mask:
     """Steady samples at which a change of the heading target has been flown out: the heading has
     been near it since, or the slowest turn would have come there."""
-    if leg.heading_target is None:
+    if "heading_error" not in leg.series:
         return leg.steady
-    step = np.abs(np.diff(leg.heading_target, prepend=leg.heading_target[0]))
+    target, error = leg.series["heading_target"], np.abs(leg.series["heading_error"])
+    step = np.abs(np.diff(target, prepend=target[0]))
     step = np.minimum(step, 360.0 - step)
-    step[0] = abs(leg.first_error)
+    step[0] = error[0]
     out = leg.steady.copy()
     settling = round(SETTLING / leg.period)
     for k in np.flatnonzero(step > NEW_TARGET):
         latest = k + round(step[k] / SLOWEST_TURN / leg.period)
-        error = np.zeros(0) if leg.heading_error is None else np.abs(leg.heading_error[k:latest])
-        there = np.flatnonzero(error < NEW_TARGET)
+        there = np.flatnonzero(error[k:latest] < NEW_TARGET)
         out[k : (k + int(there[0]) if there.size else latest) + settling] = False
     return out
-
-
-def settled_error(leg: FigureSamples) -> Array | None:
-    """Heading errors [deg] at settled samples; None without a heading or its target."""
-    return None if leg.heading_error is None else leg.heading_error[settled(leg)]
 
 
 def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
@@ -195,13 +280,14 @@ def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
     rates, positions = [], []
     for leg in legs:
         window = max(round(TURN_WINDOW / leg.period), 5) | 1
-        if leg.heading is None or leg.turning is None or len(leg.heading) <= window:
+        heading, turning = leg.series.get("heading"), leg.series.get("turning")
+        if heading is None or turning is None or len(heading) <= window:
             continue
         use = leg.steady
         if use.sum() < LEAST_SAMPLES:
             continue
-        rate = savgol_filter(leg.heading, window, 2, deriv=1, delta=leg.period)[use]
-        behind = np.array([_lagging(leg.turning, lag / leg.period) for lag in TURN_LAGS])
+        rate = savgol_filter(heading, window, 2, deriv=1, delta=leg.period)[use]
+        behind = np.array([_lagging(turning, lag / leg.period) for lag in TURN_LAGS])
         behind = savgol_filter(behind, window, 2)[:, use]
         rates.append(rate - rate.mean())
         positions.append(behind - behind.mean(axis=1, keepdims=True))
@@ -233,7 +319,7 @@ def _fit(rate: Array, position: Array) -> tuple[float, float]:
 
 def _swing(name: str, leg: FigureSamples) -> Oscillation | None:
     """Of the longest stretch of settled samples."""
-    values = {"heading": leg.heading_error, "pitch": leg.pitch, "roll": leg.roll}[name]
+    values = leg.series.get("heading_error" if name == "heading" else name)
     if values is None:
         return None
     use = settled(leg)

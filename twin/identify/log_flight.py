@@ -7,7 +7,6 @@ compass' noise. There pitch and pump stay in closed loop and the heading is left
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -15,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable
-from twin.identify.heading_leg import Turning
-from twin.identify.replayed_dive import DivePiece, ReplayedDive, Target
+from twin.identify.replayed_dive import DivePiece, ReplayedDive, Target, Turning
 from twin.mission import Mission
 from twin.mission.controller import (
     MEMORY,
@@ -68,40 +66,35 @@ def fly_dives(
       InputError: the vehicle's pump cannot do what the log's did.
       MissionError: the vehicle cannot fly the log's pitch at its buoyancy.
     """
+    legs = [(dive.targets[0].leg, dive.targets[-1].leg) for dive in dives]
+    scenarios = [
+        scenario_of(vehicle, dive, PATIENCE * dive.period * (last.last - first.first), engine)
+        for dive, (first, last) in zip(dives, legs, strict=True)
+    ]
     if engine == "lanes":
-        scenarios = [
-            dataclasses.replace(closed_loop(vehicle, dive), engine=engine) for dive in dives
-        ]
         return fly_in_lanes(scenarios, until_flown=True)
     flights: list[Trajectory | SimulationUnstable] = []
     with quiet_mujoco():
-        for dive in dives:
+        for dive, scenario in zip(dives, scenarios, strict=True):
             try:
-                flights.append(_fly(vehicle, dive))
+                flights.append(_fly(Simulation(scenario), dive.row))
             except SimulationUnstable as error:
                 flights.append(error)
     return flights
 
 
-def _fly(vehicle: Vehicle, dive: ReplayedDive) -> Trajectory:
+def _fly(simulation: Simulation, row: int) -> Trajectory:
     """One dive, until it is flown or the twin has taken far longer than the log."""
-    simulation = Simulation(closed_loop(vehicle, dive))
     steps = max(1, round(LOOK / simulation.model.opt.timestep))
     for _ in range(-(-simulation.steps // steps)):
         if simulation.failed or state(simulation.data)["guidance"][DONE]:
             break
         simulation.step(steps)
-    return simulation.trajectory(dive.row)
-
-
-def closed_loop(vehicle: Vehicle, dive: ReplayedDive) -> Scenario:
-    """A dive on its targets, for as long as it may take."""
-    logged = dive.period * (dive.targets[-1].leg.last - dive.targets[0].leg.first)
-    return scenario_of(vehicle, dive, PATIENCE * logged)
+    return simulation.trajectory(row)
 
 
 def scenario_of(
-    vehicle: Vehicle, dive: ReplayedDive, duration: float, *, plan: bool = True
+    vehicle: Vehicle, dive: ReplayedDive, duration: float, engine: str, *, plan: bool = True
 ) -> Scenario:
     """A dive as the twin flies it, for `duration` [s]: its targets as a mission, water, start.
 
@@ -124,6 +117,7 @@ def scenario_of(
     return Scenario(
         vehicle=vehicle,
         mission=mission_of(vehicle, dive) if plan else None,
+        engine=engine,
         duration=duration,
         density=water_of(dive),
         start=Start(
@@ -255,11 +249,9 @@ def fly_turns(
       engine: as of `Scenario`; in lanes the dives fly side by side.
     """
     follow = [_followed(vehicle, dive, turning) for dive, _ in flown]
-    if engine == "lanes":
-        scenarios = [
-            dataclasses.replace(scenario_of(vehicle, d, float(f.time[-1])), engine=engine)
-            for d, f in flown
-        ]
+    lanes = engine == "lanes"
+    scenarios = [scenario_of(vehicle, d, float(f.time[-1]), engine, plan=lanes) for d, f in flown]
+    if lanes:
         runs = fly_in_lanes(scenarios, follow=follow)
         return (
             [
@@ -271,9 +263,8 @@ def fly_turns(
         )
     found: list[FlownTurn] = []
     failed: list[SimulationUnstable] = []
-    for (dive, flight), positions in zip(flown, follow, strict=True):
+    for (dive, _), positions, scenario in zip(flown, follow, scenarios, strict=True):
         controller = _Turned(vehicle, dive, positions)
-        scenario = scenario_of(vehicle, dive, float(flight.time[-1]), plan=False)
         try:
             with quiet_mujoco():
                 run = Simulation(scenario).run(controller, mission=dive.row)
@@ -285,7 +276,7 @@ def fly_turns(
 
 
 def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> FollowedPositions:
-    """What the turning part does in place of its guidance."""
+    """Positions that the turning part follows in place of its guidance."""
     assert dive.turning is not None
     part = vehicle.part(turning.part)
     legs = [dive.targets[k].leg for k in segment_legs(dive)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,10 @@ NEEDED = ("measured_depth", "measured_pitch", "measured_roll", "measured_heading
 OPTIONAL = (
     *("measured_density", "measured_temperature", "measured_gap"),
     *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate"),
-    *("measured_shift", "measured_rotation", "measured_fin", "true_speed"),
+    *("measured_shift", "measured_rotation", "measured_fin"),
 )
-WINDOW = 20.0
-"""[s] of the depth rate's filter: a quarter of an inflection, ten times the log's noise."""
-LEAST_WINDOW = 5
-"""samples of that filter"""
+WINDOW, LEAST_WINDOW = 20.0, 5
+"""[s], samples of the depth rate's filter: a quarter of an inflection, ten times the noise."""
 ATTITUDE_WINDOW = 8.0
 """[s] of the filter whose slope gives the rates of a log without gyroscopes."""
 AFLOAT = 0.5
@@ -42,9 +40,9 @@ MAX_PITCH = 80.0
 """[degree] beyond which no glide is."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Log:
-    """One mission; arrays are (time,)."""
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """Signals that a glider's mission and a propelled vehicle's run share; arrays are (time,)."""
 
     index: int
     """Row in the store."""
@@ -56,12 +54,6 @@ class Log:
     """[m/s], positive down, filtered over `window`."""
     window: int
     """samples of the depth rate's filter"""
-    density: Array | None
-    """[kg/m3] in situ"""
-    temperature: Array | None
-    """[degree_Celsius] of the water"""
-    pump: Array
-    """[cm3]"""
     roll: Array
     """[rad]"""
     pitch: Array
@@ -69,23 +61,33 @@ class Log:
     heading: Array
     """[rad] from true north, the compass', unwrapped"""
     rates: Array
-    """roll, pitch, yaw rate [rad/s], body FRD, (3, time)"""
+    """roll, pitch, yaw rate [rad/s], body FRD, (3, time); of a run less the gyroscopes' biases"""
+    use: Mask
+    """Under water and measured: what is compared with the model."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Log(Record):
+    """One mission of a glider; arrays are (time,)."""
+
+    density: Array | None
+    """[kg/m3] in situ"""
+    temperature: Array | None
+    """[degree_Celsius] of the water"""
+    pump: Array
+    """[cm3]"""
     shift: Array | None
     """[m]"""
     rotation: Array | None
     """[rad]"""
     fin: Array | None = None
     """[rad] of the rudder, + turns to starboard"""
-    use: Mask
-    """Under water and measured: what is compared with the model."""
     displacement: tuple[float, float] | None
     """North, east [m] over ground between the fixes."""
     follows: bool
     """The mission before it in the list ended shortly before: their currents are alike."""
     powered: bool = False
     """A thruster drove it."""
-    true_speed: Array | None = None
-    """[m/s] through the water; never used to fit."""
 
     @property
     def duration(self) -> float:
@@ -143,19 +145,15 @@ def load_logs(
     """
     found = MissionStore(store)
     check_channels(found, task)
-    chosen = list(range(len(found))) if rows is None else list(rows)
-    for row in chosen:
-        if not 0 <= row < len(found):
-            raise StoreError(f"store {store} has no mission {row}; it holds 0 to {len(found) - 1}")
-    arrays = {n: found.rows(n, chosen) for n in (*NEEDED, *OPTIONAL) if n in found}
-    if "measured_density" in arrays and not np.isfinite(arrays["measured_density"]).any():
-        del arrays["measured_density"]  # other vehicles of the store have a CTD, these have none
-    found.check_samples(chosen)
+    every = read_signals(found, (*NEEDED, *OPTIONAL), rows, "mission")
+    density = [one["measured_density"] for _, one in every if "measured_density" in one]
+    blind = not any(np.isfinite(one).any() for one in density)
     period, dives = found.period, log_rows(found)
     logs: list[Log] = []
     before: int | None = None
-    for k, row in enumerate(chosen):
-        signals = {n: a[k, : found.samples[row]].astype(float) for n, a in arrays.items()}
+    for row, signals in every:
+        if blind:  # other vehicles of the store have a CTD, these have none
+            signals.pop("measured_density", None)
         follows = before is not None and row == before + 1 and dives[row].follows(dives[before])
         log = log_of(row, signals, period, dives[row].displacement, follows)
         if log is not None:
@@ -167,6 +165,27 @@ def load_logs(
             "pumped volume"
         )
     return logs
+
+
+def read_signals(
+    store: MissionStore, names: Iterable[str], rows: Sequence[int] | None, word: str
+) -> list[tuple[int, dict[str, Array]]]:
+    """Rows of a store, all by default, and their signals of these names, as far as it has them.
+
+    Raises:
+      StoreError: an unknown row, which the error calls by `word`, or a damaged store.
+    """
+    chosen = list(range(len(store))) if rows is None else list(rows)
+    for row in chosen:
+        if not 0 <= row < len(store):
+            last = len(store) - 1
+            raise StoreError(f"store {store.path} has no {word} {row}; it holds 0 to {last}")
+    arrays = {name: store.rows(name, chosen) for name in names if name in store}
+    store.check_samples(chosen)
+    return [
+        (row, {n: a[k, : store.samples[row]].astype(float) for n, a in arrays.items()})
+        for k, row in enumerate(chosen)
+    ]
 
 
 def gliding(logs: Sequence[Log]) -> tuple[list[Log], tuple[int, ...]]:
@@ -207,7 +226,7 @@ def log_of(
     displacement: tuple[float, float] | None,
     follows: bool,
 ) -> Log | None:
-    """What identification reads of one mission; None without a dive or one of the needed channels.
+    """One mission for identification; None without a dive or one of the needed channels.
 
     Args:
       row: of the store. signals: by their names in the schema, in its units, (time,).
@@ -254,8 +273,14 @@ def log_of(
         use=use,
         displacement=displacement,
         follows=follows,
-        true_speed=signals.get("true_speed"),
     )
+
+
+def layers(depth: Array, values: Array, thickness: float) -> tuple[Array, Array]:
+    """Depths [m] of the layers that a record passes, and the medians of its values in each."""
+    numbers = np.maximum(np.round(depth / thickness), 0).astype(int)
+    used = np.unique(numbers)
+    return used * thickness, np.array([np.median(values[numbers == k]) for k in used])
 
 
 def unwrapped(degrees: Array) -> Array:
@@ -269,14 +294,20 @@ def unwrapped(degrees: Array) -> Array:
 def _rates(
     optional: dict[str, Array | None], roll: Array, pitch: Array, heading: Array, period: float
 ) -> Array:
-    """Body rates (3, time): the gyroscopes', or the slopes of the attitude (Fossen 2011, 2.26)."""
+    """Body rates (3, time): the gyroscopes', or the slopes of the attitude."""
     gyro = [optional.get(f"measured_{name}_rate") for name in ("roll", "pitch", "yaw")]
     if all(rate is not None for rate in gyro):
         return np.stack([np.asarray(rate) for rate in gyro])
     window = max(round(ATTITUDE_WINDOW / period), LEAST_WINDOW) | 1
-    d_roll, d_pitch, d_heading = (
+    slopes = [
         savgol_filter(angle, window, 2, deriv=1, delta=period) for angle in (roll, pitch, heading)
-    )
+    ]
+    return body_rates(roll, pitch, *slopes)
+
+
+def body_rates(roll: Array, pitch: Array, d_roll: Array, d_pitch: Array, d_heading: Array) -> Array:
+    """Roll, pitch and yaw rate [rad/s], body FRD, (3, time), of an attitude [rad] and its slopes
+    [rad/s] (Fossen 2011, 2.26)."""
     return np.stack(
         [
             d_roll - np.sin(pitch) * d_heading,

@@ -26,7 +26,7 @@ from twin.identify.calibration import Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted, ResidualNoise
 from twin.identify.logged_missions import Log
 from twin.identify.speed import motion_of, steady_parts
-from twin.identify.unknowns import UnknownParameter
+from twin.identify.unknowns import UnknownParameter, of_law
 from twin.vehicle.parts import Pump
 from twin.vehicle.parts.pump import CUBIC_CM
 
@@ -50,16 +50,21 @@ LEAST_OBSERVATIONS = 4
 def righting_arm(calibration: Calibration) -> float:
     """Depth of the centre of gravity below the centre of buoyancy [m]."""
     v = calibration.vehicle
-    below = v.static_mass * v.static_cg[2] + v.battery.mass * v.battery.eccentricity
-    return float(below / v.mass)
+    return float((v.static_mass * v.static_cg[2] + battery_moment(calibration)) / v.mass)
+
+
+def battery_moment(calibration: Calibration) -> float:
+    """[kg m] first moment of the battery below the axis that it turns about."""
+    battery = calibration.vehicle.battery
+    return battery.mass * battery.eccentricity
 
 
 def with_righting_arm(calibration: Calibration, arm: float) -> Calibration:
     """The hull's centre of gravity moved so that the whole has this righting arm [m]."""
     v = calibration.vehicle
     cg = v.static_cg.copy()
-    cg[2] = (arm * v.mass - v.battery.mass * v.battery.eccentricity) / v.static_mass
-    return calibration.replace(vehicle=v.replace(static_cg=cg))
+    cg[2] = (arm * v.mass - battery_moment(calibration)) / v.static_mass
+    return calibration.with_vehicle(static_cg=cg)
 
 
 def munk_pitch(calibration: Calibration) -> float:
@@ -78,14 +83,7 @@ def pump_of(calibration: Calibration) -> Pump:
 
 def _with_pump(calibration: Calibration, x: float) -> Calibration:
     pump = pump_of(calibration)
-    place = {pump.name: {"position": (x, *pump.position[1:])}}
-    return calibration.replace(vehicle=calibration.vehicle.replace(**place))
-
-
-def _with_moment(calibration: Calibration, ratio: float) -> Calibration:
-    constant, _, damping = calibration.vehicle.flow_frame.pitch_moment
-    moment = (constant, ratio * munk_pitch(calibration), damping)
-    return calibration.replace(vehicle=calibration.vehicle.replace(pitch_moment=moment))
+    return calibration.with_vehicle(**{pump.name: {"position": (x, *pump.position[1:])}})
 
 
 PITCHING = (
@@ -95,7 +93,7 @@ PITCHING = (
         meaning="battery position less the vehicle file's, at encoder zero",
         spread=100.0,  # encoders are zeroed in the workshop: in effect free
         get=lambda c: c.vehicle.battery.neutral_x / MILLI,
-        set=lambda c, x: c.replace(vehicle=c.vehicle.replace(battery={"neutral_x": MILLI * x})),
+        set=lambda c, x: c.with_vehicle(battery={"neutral_x": MILLI * x}),
     ),
     UnknownParameter(
         name="righting_arm",
@@ -114,17 +112,18 @@ PITCHING = (
         get=lambda c: pump_of(c).position[0],
         set=_with_pump,
     ),
-    UnknownParameter(
+    of_law(
+        field="pitch_moment",
+        place=1,
+        scale=munk_pitch,
         name="pitch_moment",
         unit="1",
         meaning="pitch moment of angle of attack, K_M, over the Munk moment: -1 cancels it",
         spread=0.5,
         channel="density",
-        get=lambda c: c.vehicle.flow_frame.pitch_moment[1] / munk_pitch(c),
-        set=_with_moment,
     ),
 )
-"""What a twin needs to pitch as the log does."""
+"""Parameters that a twin needs to pitch as the log does."""
 NAMES = tuple(p.name for p in PITCHING)
 
 
@@ -181,7 +180,7 @@ def balanced_pitch(seen: PitchObservations, calibration: Calibration) -> Array:
     first = first + battery.mass * (battery.neutral_x + seen.shift)
     pumped = CUBIC_CM * vehicle.reference_density * (seen.pump - pump.neutral)
     first = first - pump.position[0] * pumped
-    raised = battery.mass * battery.eccentricity * (1.0 - np.cos(seen.rotation))
+    raised = battery_moment(calibration) * (1.0 - np.cos(seen.rotation))
     righting = vehicle.mass * righting_arm(calibration) - raised
     turned = water / (vehicle.gravity * np.cos(pitch)) - np.cos(seen.roll) * first
     return np.arctan(turned / righting)

@@ -1,7 +1,8 @@
-"""Proof: a calibrated vehicle flies, before its file is written.
+"""Proof: an identified vehicle flies, before its file is written.
 
-It must trim in the log's dive and in its climb, be stable there, turn when it is steered, settle
-under guidance, and hold its heading through a dive and a climb flown in MuJoCo.
+A glider must trim in the log's dive and in its climb, be stable there, turn when it is steered,
+settle under guidance, and hold its heading through a dive and a climb flown in MuJoCo. A propelled
+vehicle must hold its depth, its heading and its speed, level and through a turn with a dive.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from numpy.typing import NDArray
 from twin.errors import InputError, MissionError, NoSteadyState, SimulationUnstable
 from twin.fossen.model import FossenModel
 from twin.identify.calibration import Calibration
-from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, way_of
-from twin.identify.vehicle_file import largest_step
+from twin.identify.linear_motion import Phase, loop_modes, plane_of, trimmed, way_of
+from twin.identify.vehicle_file import driven_step, largest_step
 from twin.mission import Mission
-from twin.mission.segments import SawTooth
+from twin.mission.segments import SawTooth, Transect
 from twin.mission.turning import turn_factor
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
@@ -29,16 +30,12 @@ from twin.water.density import DensityProfile
 
 Array = NDArray[np.float64]
 
-STEERED = 0.25
-"""Of its travel that the turning part is moved by to see whether the vehicle turns"""
-LEAST_TURN = math.radians(0.02)
-"""[rad/s] that it must turn then"""
+STEERED, LEAST_TURN = 0.25, math.radians(0.02)
+"""Of its travel that the turning part is moved by, and [rad/s] that the vehicle must turn then"""
 COURSE = 30.0
 """[deg] of heading that the flight changes by at its start"""
-MOST_SD = 2.0
-"""[deg] of heading and pitch once they have settled"""
-MOST_ERROR = 3.0
-"""[deg] of their mean"""
+MOST_SD, MOST_ERROR = 2.0, 3.0
+"""[deg] of heading and pitch once they have settled: standard deviation, error of the mean"""
 PART = 0.5
 """Last part of a dive and of a climb that is judged"""
 LONGEST, SHORTEST = 1500.0, 600.0
@@ -47,12 +44,18 @@ START_DEPTH = 10.0
 """[m]"""
 SLOWEST_RATE = 0.02
 """[m/s] of depth below which a vehicle does not fly"""
-SAMPLE = 2.0
-"""[s]"""
+SAMPLE, DRIVEN_SAMPLE = 2.0, 0.5
+"""[s] of a glider's flight, and of a propelled vehicle's"""
+DEPTHS, COURSES = (15.0, 25.0), (0.0, 90.0)
+"""[m], [deg] of the two legs of a propelled vehicle"""
+LENGTH, JUDGED = 60.0, 0.25
+"""Hull lengths of each leg, and the last part of it that is judged"""
+MOST_DEPTH, MOST_HEADING, MOST_SPEED = 1.0, 3.0, 0.05
+"""[m], [deg] and part of the speed by which it may be off there, on average"""
 
 
 def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:
-    """What a calibrated vehicle cannot do in these phases; empty when it flies."""
+    """Failures of a calibrated vehicle in these phases; empty when it flies."""
     vehicle = calibration.vehicle
     found: list[str] = []
     for phase in phases:
@@ -81,8 +84,8 @@ def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
             found += _spiral(vehicle, phase, positions, plane.gain)
         else:
             factor = part.sense("pitch")
-        kp, ki, kd = (factor * gain for gain in getattr(vehicle, f"{control}_pid"))
-        modes = loop_modes(plane, (kp, ki, kd), part.lag, vehicle.control_period)
+        pid = [factor * gain for gain in getattr(vehicle, f"{control}_pid")]
+        modes = loop_modes(plane, pid, part.lag, vehicle.control_period)
         if np.max(modes.real) >= 0.0:
             found.append(
                 f"its {control} loop does not settle in the {_called(phase)}: a mode grows by "
@@ -139,31 +142,25 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
     depth = np.array([0.0, 2000.0])
     pressure = vehicle.reference_density * vehicle.gravity * depth
     density = vehicle.reference_density / (1.0 - vehicle.hull_compressibility * pressure)
+    state, positions = trimmed(vehicle, dive)
+    scenario = Scenario(
+        vehicle=vehicle,
+        mission=plan,
+        density=DensityProfile(depth=depth, values=density),
+        sample_period=SAMPLE,
+        timestep=largest_step(vehicle),
+        start=Start(  # gliding: what a vehicle does at the surface is not asked
+            depth=START_DEPTH,
+            pitch=float(state[7]),
+            v_rel=(float(state[0]), float(state[1]), float(state[2])),
+            actuators=tuple(map(float, positions)),
+        ),
+    )
     try:
-        flown = simulate(
-            Scenario(
-                vehicle=vehicle,
-                mission=plan,
-                density=DensityProfile(depth=depth, values=density),
-                sample_period=SAMPLE,
-                timestep=largest_step(vehicle),
-                start=_start(vehicle, dive),
-            )
-        )
+        flown = simulate(scenario)
     except SimulationUnstable as error:
         return [f"it does not fly a dive and a climb: {error}"]
     return _held(flown, START_DEPTH + deepest, phases, vehicle)
-
-
-def _start(vehicle: Vehicle, dive: Phase) -> Start:
-    """Gliding: what a vehicle does at the surface is not asked."""
-    state, positions = trimmed(vehicle, dive)
-    return Start(
-        depth=START_DEPTH,
-        pitch=float(state[7]),
-        v_rel=(float(state[0]), float(state[1]), float(state[2])),
-        actuators=tuple(map(float, positions)),
-    )
 
 
 def _held(
@@ -191,3 +188,47 @@ def _held(
                     f"average, standard deviation {sd:.1f} deg"
                 )
     return found
+
+
+def driven_failures(calibration: Calibration, speed: float) -> tuple[str, ...]:
+    """Failures of a propelled vehicle at a speed [m/s]; empty when it flies."""
+    vehicle = calibration.vehicle
+    duration = max(LENGTH * vehicle.hull_length / speed, 60.0)
+    plan = Mission(
+        name="proof",
+        start_heading_deg=COURSES[0],
+        start_depth_m=DEPTHS[0],
+        segments=tuple(
+            Transect(depth_m=depth, heading_deg=course, speed_m_s=speed, duration_s=duration)
+            for depth, course in zip(DEPTHS, COURSES, strict=True)
+        ),
+    )
+    scenario = Scenario(
+        vehicle=vehicle,
+        mission=plan,
+        density=DensityProfile.constant(calibration.water_density),
+        sample_period=DRIVEN_SAMPLE,
+        timestep=driven_step(vehicle),
+        duration=2.0 * duration,
+    )
+    try:
+        flown = simulate(scenario)
+    except (SimulationUnstable, MissionError) as error:
+        return (f"it does not fly level: {error}",)
+    found = []
+    for k, (depth, course) in enumerate(zip(DEPTHS, COURSES, strict=True)):
+        last = round((k + 1) * duration / DRIVEN_SAMPLE)
+        part = slice(last - round(JUDGED * duration / DRIVEN_SAMPLE), last)
+        sunk, turned, surge = (flown[f"true_{n}"][part] for n in ("depth", "heading", "surge"))
+        turned = (turned - course + 180.0) % 360.0 - 180.0
+        for what, off, most, unit in (
+            ("depth", float((sunk - depth).mean()), MOST_DEPTH, "m"),
+            ("heading", float(turned.mean()), MOST_HEADING, "deg"),
+            ("speed", float(surge.mean()) / speed - 1.0, MOST_SPEED, "of it"),
+        ):
+            if not abs(off) <= most:
+                found.append(
+                    f"it does not hold its {what} on the way at {depth:g} m: off by {off:.2g} "
+                    f"{unit} on average"
+                )
+    return tuple(found)

@@ -1,8 +1,11 @@
-"""Dive: what a log says of one dive, on the hull's own axes, and the targets that it flew by."""
+"""Replayed dive: one dive of a log on the hull's own axes, its legs and their targets."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Container
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,27 +13,141 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import savgol_filter
 
 from twin.identify.calibration import Calibration
-from twin.identify.heading_leg import HeadingLeg, Turning, legs_of, log_signal
 from twin.identify.logged_missions import filled, unwrapped
 from twin.records.logged import LogStore
 from twin.records.trajectory import VELOCITY
+from twin.vehicle.parts import BatteryHinge, BatterySlide, Fin, Part, Pump
+from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Phase = Literal["dive", "climb"]
+PHASES: tuple[Phase, ...] = ("dive", "climb")
+
+REVERSAL = 5.0
+"""[m] of the other way that end a leg: `factory import` calls a dive what is deeper than this"""
+LEAST_RANGE = 15.0
+"""[m] of a leg that is compared; a shorter one is an inflection and little else"""
+MARGIN, LEAST_MARGIN = 0.1, 3.0
+"""Part of a leg's range, and metres at least, that are inflection at either end of it"""
 
 SMOOTHING = 20.0
 """[s] of the depth's filter: shorter than an inflection, longer than pressure noise"""
 COURSE = 900.0
 """[s] of the running mean that is the target of a log without a heading setpoint: longer than the
 periods of heading loops, shorter than most legs"""
-TOLERANCE = 3.0
-"""[deg] by which a heading target may wander within one piece of a mission"""
-LEAST_PIECE = 5.0
-"""[m] of depth of a piece"""
+TOLERANCE, LEAST_PIECE = 3.0, 5.0
+"""[deg] by which a heading target may wander within one piece of a leg, [m] of its depth"""
 PUMP_REST = 20.0
 """[cm3] about a leg's median within which the pump is at rest"""
 PUMP_STILL = 6
 """samples around one that a pump at rest stays within as much"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HeadingLeg:
+    """A descent or a climb: samples `first` to `last`."""
+
+    first: int
+    last: int
+    phase: Phase
+    top: float
+    """[m]"""
+    bottom: float
+    """[m]"""
+
+    @property
+    def samples(self) -> slice:
+        """Its samples."""
+        return slice(self.first, self.last + 1)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Depths [m] between which it is away from its inflections."""
+        margin = max(MARGIN * (self.bottom - self.top), LEAST_MARGIN)
+        return self.top + margin, self.bottom - margin
+
+    @property
+    def compared(self) -> bool:
+        """Whether it is long enough to be compared."""
+        return self.bottom - self.top >= LEAST_RANGE
+
+
+def legs_of(depth: Array) -> list[HeadingLeg]:
+    """Descents and climbs in their order; `depth` [m], (time,), without NaN."""
+    # where the depth turns round by REVERSAL, with the ends of what moves so far
+    turns: list[int] = []
+    low = high = way = 0
+    for k, z in enumerate(depth):
+        low = k if z <= depth[low] else low
+        high = k if z >= depth[high] else high
+        if way <= 0 and z - depth[low] >= REVERSAL:
+            turns.append(low)
+            high, way = k, 1
+        elif way >= 0 and depth[high] - z >= REVERSAL:
+            turns.append(high)
+            low, way = k, -1
+    if way:
+        turns.append(high if way > 0 else low)
+    legs = []
+    for a, b in itertools.pairwise(turns):
+        top, bottom = sorted((float(depth[a]), float(depth[b])))
+        phase: Phase = "dive" if depth[b] > depth[a] else "climb"
+        legs.append(HeadingLeg(first=a, last=b, phase=phase, top=top, bottom=bottom))
+    return legs
+
+
+USUAL = {
+    BatterySlide: "measured_shift",
+    BatteryHinge: "measured_rotation",
+    Pump: "measured_pump",
+}
+"""Signals that importers give the parts of real vehicles, whatever a vehicle file calls them."""
+RUDDER = "measured_fin"
+"""The same, of a fin that turns the vehicle."""
+USUAL_NAMES = frozenset({RUDDER, *USUAL.values()})
+TURNING = (RUDDER, USUAL[BatteryHinge])
+"""Signals of what turns a vehicle."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Turning:
+    """The part that turns the vehicle, and the signal of what turned the logged one."""
+
+    part: str
+    """name of the vehicle's part"""
+    signal: str | None
+    """of the log, None: it has no position of what turns it"""
+    same: bool
+    """whether both are the same kind of part, so that their effects can be compared"""
+    sense: float
+    """what the vehicle's position is multiplied by to have the log's sign"""
+
+
+def log_signal(vehicle: Vehicle, part: Part, names: Container[str]) -> str | None:
+    """Name of the log's signal of a part: by the part's own name or by its kind; None without."""
+    turns = vehicle.steering.get("heading") == part.name
+    usual = RUDDER if isinstance(part, Fin) and turns else USUAL.get(type(part))
+    for name in (f"measured_{part.name}", usual):
+        if name is not None and name in names:
+            return name
+    return None
+
+
+def turning_of(vehicle: Vehicle, names: Container[str]) -> Turning | None:
+    """The turning part beside the log's; None of a vehicle without one."""
+    part = vehicle.steered("heading")
+    if part is None:
+        return None
+    signal = log_signal(vehicle, part, names)
+    other = next((name for name in TURNING if name in names), None)
+    return Turning(
+        part=part.name,
+        signal=signal or other,
+        same=signal is not None,
+        # a log's rudder is positive to starboard, a file's fin turns about an axis of its own
+        sense=part.sense("heading") if isinstance(part, Fin) else 1.0,
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,7 +164,7 @@ class DivePiece:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Target:
-    """What a leg was flown by."""
+    """Pitch, pump, turning depth and headings that a leg was flown by."""
 
     leg: HeadingLeg
     pitch: float
@@ -118,26 +235,29 @@ def read_dive(
     targets = tuple(_target(leg, smooth, pitch, pump, wanted) for leg in legs)
     gap = np.nan_to_num(store.signal("measured_gap", row), nan=0.0) > 0.0
     known = np.isfinite(store.signal("measured_depth", row))
-    positions = {}
-    for part in hull.vehicle.parts:
-        name = log_signal(hull.vehicle, part, store)
-        values = None if name is None else filled(store.signal(name, row))
-        if values is not None:
-            positions[part.name] = values
-    turned = None
-    if turning is not None and turning.signal is not None:
-        turned = filled(store.signal(turning.signal, row))
+
+    def signal(name: str | None) -> Array | None:
+        return None if name is None else filled(store.signal(name, row))
+
+    every = {p.name: signal(log_signal(hull.vehicle, p, store)) for p in hull.vehicle.parts}
+    density = signal("measured_density")
+    salty = [signal(f"measured_{name}") for name in ("temperature", "salinity")]
+    others = [values for values in salty if values is not None]
+    if density is None:
+        water: tuple[Array, ...] = (hull.sea_density(smooth),)
+    else:
+        water = (density, *(others if len(others) == len(salty) else ()))
     return ReplayedDive(
         row=row,
         period=store.period,
         depth=smooth,
         pitch=pitch,
-        roll=filled(store.signal("measured_roll", row)),
+        roll=signal("measured_roll"),
         heading=heading,
         speed=_speed(store, row),
-        water=_water(store, row, hull, smooth),
-        positions=positions,
-        turning=turned,
+        water=water,
+        positions={name: values for name, values in every.items() if values is not None},
+        turning=None if turning is None else signal(turning.signal),
         measured=known & ~gap,
         targets=targets,
         heading_target=_per_sample(targets, len(smooth)),
@@ -147,21 +267,6 @@ def read_dive(
 def _course(degrees: Array) -> Array | None:
     """Heading [deg] without jumps at north, gaps bridged; None where there is none."""
     return filled(np.rad2deg(unwrapped(degrees)))
-
-
-def _water(store: LogStore, row: int, hull: Calibration, depth: Array) -> tuple[Array, ...]:
-    """Density [kg/m3], then temperature and salinity where the log has both; (time,) each."""
-    density = filled(store.signal("measured_density", row))
-    found = [filled(store.signal(f"measured_{name}", row)) for name in ("temperature", "salinity")]
-    if density is None:
-        return (hull.sea_density(depth),)
-    return (density, *_all(found))
-
-
-def _all(found: list[Array | None]) -> list[Array]:
-    """All of them, or none where one is missing."""
-    there = [values for values in found if values is not None]
-    return there if len(there) == len(found) else []
 
 
 def _pump(store: LogStore, row: int, hull: Calibration) -> Array:
@@ -184,7 +289,7 @@ def _speed(store: LogStore, row: int) -> Array | None:
 
 
 def _heading_target(store: LogStore, row: int, heading: Array | None) -> Array | None:
-    """Setpoint, or the course of a log without: the heading's running mean; [deg], near it."""
+    """Setpoint near the heading [deg], or its running mean, which the ends of a log shorten."""
     if heading is None:
         return None
     asked = store.signal("commanded_heading", row)
@@ -192,28 +297,26 @@ def _heading_target(store: LogStore, row: int, heading: Array | None) -> Array |
         target = _course(asked)
         assert target is not None
         return target + 360.0 * np.round((heading - target) / 360.0)
-    width = min(round(COURSE / store.period), len(heading)) | 1
-    return _running_mean(heading, width)
-
-
-def _running_mean(values: Array, width: int) -> Array:
-    """Mean over `width` samples, over fewer at the ends."""
-    half = width // 2
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    index = np.arange(len(values))
-    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, len(values))
+    half = (min(round(COURSE / store.period), len(heading)) | 1) // 2
+    total = np.concatenate([[0.0], np.cumsum(heading)])
+    index = np.arange(len(heading))
+    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, len(heading))
     return np.asarray((total[last] - total[first]) / (last - first))
 
 
 def _target(
     leg: HeadingLeg, depth: Array, pitch: Array, pump: Array, wanted: Array | None
 ) -> Target:
-    inside = _in_band(leg, depth)
+    shallow, deep = leg.band
+    inside = leg.first + np.flatnonzero(
+        (depth[leg.samples] >= shallow) & (depth[leg.samples] <= deep)
+    )
+    if not inside.size:  # a leg that is nothing but inflections
+        inside = np.arange(leg.first, leg.last + 1)
     usual = float(np.median(pump[inside]))
     levels = pump_levels(leg, pump, usual)
     resting = np.flatnonzero(np.abs(pump[leg.samples] - levels) <= PUMP_REST)
     turn = float(depth[leg.first + resting[-1]]) if resting.size else float(depth[leg.last])
-    shallow, deep = leg.band
     turn = max(turn, deep) if leg.phase == "dive" else min(turn, shallow)
     return Target(
         leg=leg,
@@ -222,15 +325,6 @@ def _target(
         turn_depth=turn,
         pieces=_pieces(leg, depth, wanted, levels, turn),
     )
-
-
-def _in_band(leg: HeadingLeg, depth: Array) -> NDArray[np.intp]:
-    """Samples of a leg away from its inflections; all of a leg that is nothing else."""
-    shallow, deep = leg.band
-    inside = leg.first + np.flatnonzero(
-        (depth[leg.samples] >= shallow) & (depth[leg.samples] <= deep)
-    )
-    return inside if inside.size else np.arange(leg.first, leg.last + 1)
 
 
 def pump_levels(leg: HeadingLeg, pump: Array, usual: float) -> Array:

@@ -1,12 +1,16 @@
-"""Dive residuals: what one dive says of a vehicle, for a fit that goes on from dive to dive.
+"""Residuals of dives, model less log: vertical velocity, pitch and turn, for fits and recursions.
 
     noise = noise_of_dives(logs[:6], calibration)
     said = dive_residuals([logs[6]], calibration, choose(["neutral_density", "drag"]), noise)
     said.information()                                    # of the unknowns, and the step's slope
 
-The residuals are those that `twin identify` minimises (`twin.identify.comparison`): depth rate,
-pitch and turn. Here every parameter may move each of them: drag the speed, and with it the pitch
-at which the moments balance and the glide that turns are linearised about.
+`DepthRates` compares the vertical velocity at every sample under water and, where a store has
+fixes, the depth-averaged current of each mission with that of the mission before, which a wrong
+angle of attack or compass makes jump as the vehicle turns.
+
+`dive_residuals` has all that `twin identify` minimises (`twin.identify.comparison`). Here every
+parameter may move each of them: drag the speed, and with it the pitch at which the moments balance
+and the glide that turns are linearised about.
 """
 
 from __future__ import annotations
@@ -18,21 +22,113 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import Comparison, ResidualNoise, Residuals
-from twin.identify.depth_rates import DepthRates
-from twin.identify.lateral import turning_part
+from twin.identify.comparison import ComparedQuantity, Comparison, ResidualNoise, Residuals
+from twin.identify.linear_motion import turning_part
 from twin.identify.logged_missions import Log
 from twin.identify.pitch import Pitches
+from twin.identify.speed import FlightModel, horizontal, motions_of, steady_parts
+from twin.identify.translation import ABREAST, Translation
 from twin.identify.turning_fit import Turns, biases_beside, channel_of
 from twin.identify.turning_windows import groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
 
 Array = NDArray[np.float64]
 
+LEAST_PAIRS = 6
+"""Pairs of missions with fixes below which fixes are not used."""
+LEAST_CURRENT_CHANGE = 0.01
+"""[m/s] between missions that no estimate of its spread falls below."""
+LONGEST_CORRELATION = 600.0
+"""[s] up to which autocorrelation is summed: half of a long dive."""
+FIRST_DEVIATION = 0.01
+"""[m/s] of depth rate that a search starts with"""
+
+
+class DepthRates(Comparison):
+    """Channels "depth_rate" [m/s], of every log, and "current" [m/s], of each pair with fixes."""
+
+    def __init__(
+        self,
+        logs: Sequence[Log],
+        nominal: Calibration,
+        parameters: tuple[UnknownParameter, ...],
+        model: FlightModel = "flight",
+        *,
+        fixes: bool = False,
+    ):
+        self.logs, self.model = logs, model
+        self.masks = [log.use & steady_parts(log) for log in logs]
+        fixed = [log.displacement is not None for log in logs]
+        pairs = [k for k in range(1, len(logs)) if logs[k].follows and fixed[k] and fixed[k - 1]]
+        self.pairs = pairs if fixes and len(pairs) >= LEAST_PAIRS else []
+        longest = round(LONGEST_CORRELATION / logs[0].period)
+        # Differences of one series: each current enters two of them, hence twice the variance.
+        channels = {
+            "depth_rate": ComparedQuantity(unit="m/s", least=1e-12, longest=longest),
+            "current": ComparedQuantity(unit="m/s", least=LEAST_CURRENT_CHANGE, samples=2.0),
+        }
+        dives = {"depth_rate": range(len(logs)), "current": self.pairs}
+        super().__init__(nominal, parameters, channels, dives)
+        self.weights = {
+            "depth_rate": [np.full(int(m.sum()), 1.0 / FIRST_DEVIATION) for m in self.masks],
+            "current": [np.full(2, 1.0 / LEAST_CURRENT_CHANGE) for _ in self.pairs],
+        }
+        self._kept: dict[tuple[tuple[UnknownParameter, ...], bytes], list[Translation]] = {}
+
+    def missed(self, x: Array) -> dict[str, list[Array]]:
+        """Model less log."""
+        return next(self.missed_at([x]))
+
+    def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
+        """`missed` at each place; `ABREAST` of them fly side by side."""
+        for k in range(0, len(places), ABREAST):
+            some = [(x, self.calibration(x)) for x in places[k : k + ABREAST]]
+            keys = [self._key(x) for x, _ in some]
+            made = {key: calibration for key, (_, calibration) in zip(keys, some, strict=True)}
+            new = [key for key in made if key not in self._kept]
+            motions = motions_of(self.logs, [made[key] for key in new], self.model)
+            flown = self._kept | dict(zip(new, motions, strict=True))
+            if k == 0:
+                self._kept = {keys[0]: flown[keys[0]]}
+            pairs = [(own, flown[key]) for key, (_, own) in zip(keys, some, strict=True)]
+            for rates, pair in zip(self._depth_rates(pairs), pairs, strict=True):
+                yield {"depth_rate": rates, "current": self._current_changes(*pair)}
+
+    def _key(self, x: Array) -> tuple[tuple[UnknownParameter, ...], bytes]:
+        """Of the motions; the compass changes none, only where it leads."""
+        moving = [not p.name.startswith("heading") for p in self.parameters]
+        return self.parameters, x[np.array(moving, bool)].tobytes()
+
+    def _depth_rates(
+        self, pairs: Sequence[tuple[Calibration, list[Translation]]]
+    ) -> list[list[Array]]:
+        """Model less measured [m/s] at the used samples of each log, by each calibration."""
+        out: list[list[Array]] = [[] for _ in pairs]
+        for k, (log, mask) in enumerate(zip(self.logs, self.masks, strict=True)):
+            sinks = [
+                motions[k].sink_rate(log.roll, calibration.true_pitch(log.pitch))
+                for calibration, motions in pairs
+            ]
+            for found, rates in zip(out, log.filtered(np.stack(sinks)), strict=True):
+                found.append((rates - log.depth_rate)[mask])
+        return out
+
+    def _current_changes(self, calibration: Calibration, motions: list[Translation]) -> list[Array]:
+        """North and east change of the depth-averaged current [m/s] of each pair."""
+        if not self.pairs:
+            return []
+        current = np.full((len(self.logs), 2), np.nan)
+        for k, (log, motion) in enumerate(zip(self.logs, motions, strict=True)):
+            if log.displacement is not None:
+                swum = horizontal(log, calibration, motion)
+                moved = [log.period * float(np.sum(v)) for v in swum]
+                current[k] = (np.array(log.displacement) - moved) / log.duration
+        return [current[k] - current[k - 1] for k in self.pairs]
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class DiveResiduals:
-    """What dives say of a vehicle near a calibration."""
+    """Residuals of dives near a calibration, and their slopes."""
 
     unknowns: tuple[str, ...]
     """Names of the parameters, then of the biases of `twin.identify.turning_fit`: the columns of
@@ -87,7 +183,7 @@ def dive_residuals(
 
 
 def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, ResidualNoise]:
-    """How far each channel of these dives is off, and over how many residuals."""
+    """Noise of each channel of these dives."""
     found: dict[str, ResidualNoise] = {}
     for comparison in _comparisons(logs, calibration, ()):
         found |= comparison.reweight(np.zeros(comparison.size))
@@ -97,7 +193,7 @@ def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, R
 def _comparisons(
     logs: Sequence[Log], calibration: Calibration, parameters: tuple[UnknownParameter, ...]
 ) -> Iterator[Comparison]:
-    """Those that these dives have something for."""
+    """Comparisons that these dives have something for."""
     yield DepthRates(logs, calibration, parameters)
     yield Pitches(logs, calibration, parameters)
     windows = windows_of(logs, calibration)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from twin.errors import InputError, SimulationUnstable
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Calibration
-from twin.identify.comparison import correlation_samples, robust_scale
-from twin.identify.logged_missions import Log, gliding
+from twin.identify.comparison import correlation_samples, rms, robust_scale
+from twin.identify.logged_missions import Log, gliding, layers
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.speed import density_of, motion_of
 from twin.identify.turning_fit import channel_of
@@ -84,17 +84,12 @@ class Refinement:
         }
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Window:
-    log: Log
-    first: int
-    last: int
-    density: DensityProfile
+class _Window(NamedTuple):
+    """A part of a log: its samples, and its water."""
 
-    @property
-    def compared(self) -> slice:
-        skip = round(SETTLE_S / self.log.period)
-        return slice(self.first + skip, self.last)
+    log: Log
+    part: slice
+    density: DensityProfile
 
 
 def refine(
@@ -115,8 +110,7 @@ def refine(
     windows = _windows(logs, flight.calibration)
     names = [name for name in flight.determined if name in REFINED]
     parameters = (*choose(names), *PITCHING)
-    nominal = flight.nominal
-    centres = np.array([p.get(nominal) for p in parameters])
+    centres = np.array([p.get(flight.nominal) for p in parameters])
     balance = balanced(logs, flight.calibration)
     start = flight.calibration if balance is None else balance.calibration
     x = np.array([_offset(p, c, start) for p, c in zip(parameters, centres, strict=True)])
@@ -127,40 +121,29 @@ def refine(
             out = parameter.at(out, float(centre), float(offset))
         return out
 
+    def missed(places: Sequence[Array]) -> list[tuple[list[Array], list[Array]]]:
+        return _missed(windows, [calibrated(place) for place in places])
+
     for iteration in range(ITERATIONS):
         progress(iteration / ITERATIONS)
-        points = [x] + [x + STEP * unit for unit in np.eye(len(x))]
-        flown = _fly(windows, [calibrated(point) for point in points])
-        scales = _scales(windows, flown[0], calibrated(x))
-
-        def stacked(
-            results: list[_Flown], offsets: Array, scales: tuple[float, float] = scales
-        ) -> Array:
-            return _residual(windows, results, calibrated(offsets), scales)
-
-        base = stacked(flown[0], x)
-        columns = [
-            (stacked(f, p) - base) / STEP for f, p in zip(flown[1:], points[1:], strict=True)
-        ]
-        jacobian = np.stack(columns, axis=1)
+        places = [x] + [x + STEP * unit for unit in np.eye(len(x))]
+        found = missed(places)
+        period = logs[0].period
+        scales = _scale(found[0][0], period, 0.0), _scale(found[0][1], period, PITCH_BIAS)
+        base, *moved = (_weighted(one, scales) for one in found)
+        jacobian = np.stack([(one - base) / STEP for one in moved], axis=1)
         hessian = jacobian.T @ jacobian + np.eye(len(x))
         step = np.linalg.solve(hessian, jacobian.T @ base + x)
         tried = [x - part * step for part in PARTS]
         costs = [
-            np.sum(stacked(f, p) ** 2) + np.sum(p**2)
-            for f, p in zip(_fly(windows, [calibrated(p) for p in tried]), tried, strict=True)
+            np.sum(_weighted(one, scales) ** 2) + np.sum(p**2)
+            for one, p in zip(missed(tried), tried, strict=True)
         ]
         x = tried[int(np.argmin(costs))]
     progress(1.0)
-    covariance = np.asarray(np.linalg.inv(hessian), np.float64)
     final = calibrated(x)
-    results = _fly(windows, [final])[0]
-    rate = np.concatenate([_rate_residual(w, f) for w, f in zip(windows, results, strict=True)])
-    pitch = np.concatenate(
-        [_pitch_residual(w, f, final) for w, f in zip(windows, results, strict=True)]
-    )
-    deviation: Array = np.sqrt(np.diag(covariance))
-    pitch_rmse = float(np.sqrt(np.mean(pitch**2)))
+    ((rates, pitches),) = missed([x])
+    pitch_rmse = rms(np.concatenate(pitches))
     if pitch_rmse > MOST_PITCH:
         raise InputError(
             f"the twin does not pitch as this log does (RMSE {np.rad2deg(pitch_rmse):.1f} deg), "
@@ -168,9 +151,9 @@ def refine(
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
     return Refinement(
-        identification=_merged(flight, final, parameters, centres, deviation, covariance),
+        identification=_merged(flight, final, parameters, np.linalg.inv(hessian)),
         flight=flight,
-        depth_rate_rmse=float(np.sqrt(np.mean(rate**2))),
+        depth_rate_rmse=rms(np.concatenate(rates)),
         pitch_rmse=pitch_rmse,
         windows=len(windows),
     )
@@ -207,46 +190,48 @@ def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Win
         part = slice(first, first + length + 1)
         deep = log.depth[first] > LEAST_DEPTH and log.depth[part].min() > 0.5 * LEAST_DEPTH
         if deep and log.use[part].all():
-            profile = _density(log, calibration, part)
-            found.append(_Window(log=log, first=first, last=first + length, density=profile))
+            # as dense as it feels to a hull that swells, which the twin's physics does not know
+            warming = log.hull_warming(calibration.thermal_lag)
+            density = density_of(log, calibration) * (1.0 + calibration.thermal_expansion * warming)
+            depths, values = layers(log.depth[part], density[part], DENSITY_STEP)
+            found.append(_Window(log, part, DensityProfile(depth=depths, values=values)))
     return found
 
 
-def _density(log: Log, calibration: Calibration, part: slice) -> DensityProfile:
-    """The water of a window, as dense as it feels to a hull that swells with its temperature,
-    which the twin's physics does not know."""
-    swelling = 1.0 + calibration.thermal_expansion * log.hull_warming(calibration.thermal_lag)
-    density = (density_of(log, calibration) * swelling)[part]
-    bins = np.maximum(np.round(log.depth[part] / DENSITY_STEP), 0).astype(int)
-    used = np.unique(bins)
-    values = np.array([np.median(density[bins == k]) for k in used])
-    return DensityProfile(depth=used * DENSITY_STEP, values=values)
+def _missed(
+    windows: Sequence[_Window], calibrations: Sequence[Calibration]
+) -> list[tuple[list[Array], list[Array]]]:
+    """Depth rates [m/s] and pitches [rad] by each calibration, model less log, of each window.
+
+    All of them fly in one batch.
+    """
+    flights = Fleet([_scenario(w, c) for c in calibrations for w in windows], threads=1).run()
+    found = []
+    for k, calibration in enumerate(calibrations):
+        rates, pitches = [], []
+        for window, flown in zip(windows, flights[k * len(windows) :], strict=False):
+            if isinstance(flown, SimulationUnstable):
+                raise InputError(f"the twin does not fly this log: {flown}; use --model flight")
+            log, skip = window.log, round(SETTLE_S / window.log.period)
+            seen = slice(window.part.start + skip, window.part.stop - 1)
+            rate = log.filtered(np.gradient(flown["true_depth"], log.period))
+            rates.append((rate[skip:-1] - log.depth_rate[seen])[: -log.window])
+            pitch = np.deg2rad(flown["true_pitch"])[skip:-1]
+            pitches.append(pitch - calibration.true_pitch(log.pitch)[seen])
+        found.append((rates, pitches))
+    return found
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Flown:
-    depth: Array
-    pitch: Array
-
-
-def _fly(windows: Sequence[_Window], calibrations: Sequence[Calibration]) -> list[list[_Flown]]:
-    """Every window with every calibration, in one batch."""
-    scenarios = [_scenario(w, c) for c in calibrations for w in windows]
-    results = Fleet(scenarios, threads=1).run()
-    flown: list[_Flown] = []
-    for result in results:
-        if isinstance(result, SimulationUnstable):
-            raise InputError(f"the twin does not fly this log: {result}; use --model flight")
-        flown.append(_Flown(depth=result["true_depth"], pitch=np.deg2rad(result["true_pitch"])))
-    n = len(windows)
-    return [flown[k * n : (k + 1) * n] for k in range(len(calibrations))]
+def _weighted(missed: tuple[list[Array], list[Array]], scales: tuple[float, float]) -> Array:
+    """Depth rates and pitches of all windows, in independent deviations, flat."""
+    (rates, pitches), (of_rates, of_pitches) = missed, scales
+    return np.concatenate([*(r / of_rates for r in rates), *(p / of_pitches for p in pitches)])
 
 
 def _scenario(window: _Window, calibration: Calibration) -> Scenario:
-    log, first, last = window.log, window.first, window.last
-    part = slice(first, last + 1)
+    log, part, first = window.log, window.part, window.part.start
     vehicle = calibration.vehicle
-    commands = np.tile(vehicle.rest, (last + 1 - first, 1))
+    commands = np.tile(vehicle.rest, (part.stop - first, 1))
     turning = channel_of(calibration)
     for control, values in (
         ("pitch", log.shift),
@@ -272,7 +257,7 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
     return Scenario(
         vehicle=vehicle.replace(**prompt),
         mission=Schedule(times=times, commands=commands),
-        duration=log.period * (last - first),
+        duration=log.period * (len(commands) - 1),
         sample_period=log.period,
         density=window.density,
         start=Start(
@@ -291,43 +276,6 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
     )
 
 
-def _scales(
-    windows: Sequence[_Window], flown: list[_Flown], calibration: Calibration
-) -> tuple[float, float]:
-    """What depth rates [m/s] and pitches [rad] are divided by."""
-    rates = [_rate_residual(w, f) for w, f in zip(windows, flown, strict=True)]
-    pitches = [_pitch_residual(w, f, calibration) for w, f in zip(windows, flown, strict=True)]
-    period = windows[0].log.period
-    return _scale(rates, period, 0.0), _scale(pitches, period, PITCH_BIAS)
-
-
-def _residual(
-    windows: Sequence[_Window],
-    flown: list[_Flown],
-    calibration: Calibration,
-    scales: tuple[float, float],
-) -> Array:
-    """Depth rates and pitches of all windows, in independent deviations, flat."""
-    pairs = list(zip(windows, flown, strict=True))
-    parts = [_rate_residual(w, f) / scales[0] for w, f in pairs]
-    return np.concatenate(
-        parts + [_pitch_residual(w, f, calibration) / scales[1] for w, f in pairs]
-    )
-
-
-def _rate_residual(window: _Window, flown: _Flown) -> Array:
-    log = window.log
-    skip = round(SETTLE_S / log.period)
-    rate = log.filtered(np.gradient(flown.depth, log.period))
-    return (rate[skip:-1] - log.depth_rate[window.compared])[: -log.window]
-
-
-def _pitch_residual(window: _Window, flown: _Flown, calibration: Calibration) -> Array:
-    skip = round(SETTLE_S / window.log.period)
-    measured = calibration.true_pitch(window.log.pitch)[window.compared]
-    return flown.pitch[skip:-1] - measured
-
-
 def _scale(series: list[Array], period: float, least: float) -> float:
     """Deviation to divide residuals by so that they count as independent ones.
 
@@ -343,35 +291,30 @@ def _merged(
     flight: Identification,
     calibration: Calibration,
     parameters: tuple[UnknownParameter, ...],
-    centres: Array,
-    deviation: Array,
     covariance: Array,
 ) -> Identification:
     """The flight model's identification with the refined estimates in their places."""
+    deviation = np.sqrt(np.diag(covariance))
     refined = {
-        p.name: IdentifiedParameter(
-            name=p.name,
-            unit=p.unit,
-            meaning=p.meaning,
-            nominal=float(c),
+        p.name: IdentifiedParameter.of(
+            p,
+            nominal=float(p.get(flight.nominal)),
             value=p.get(calibration),
-            deviation=p.deviation(p.get(calibration), float(d)),
-            spread=p.deviation(float(c), 1.0),
+            deviation=float(off),
             determined=True,
         )
-        for p, c, d in zip(parameters, centres, deviation, strict=True)
+        for p, off in zip(parameters, deviation, strict=True)
     }
-    names = [p.name for p in parameters]
-    kept = tuple(refined.get(e.name, e) for e in flight.estimates)
-    own = {e.name for e in flight.estimates}
-    estimates = (*kept, *(e for name, e in refined.items() if name not in own))
-    mine = covariance / np.outer(deviation, deviation)
+    kept = {e.name: refined.get(e.name, e) for e in flight.estimates}
+    estimates = tuple((kept | refined).values())
+    names = list(refined)
     known = [e.name for e in estimates if e.determined]
+    both = [k for k, name in enumerate(known) if name in names]
+    mine = [names.index(known[k]) for k in both]
     correlation = np.eye(len(known))
-    for i, one in enumerate(known):
-        for j, other in enumerate(known):
-            if one in names and other in names:
-                correlation[i, j] = mine[names.index(one), names.index(other)]
+    correlation[np.ix_(both, both)] = (covariance / np.outer(deviation, deviation))[
+        np.ix_(mine, mine)
+    ]
     return dataclasses.replace(
         flight,
         calibration=calibration,

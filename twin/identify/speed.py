@@ -15,7 +15,7 @@ from twin.errors import InputError, unknown_name
 from twin.identify.calibration import Calibration, load_calibration
 from twin.identify.logged_missions import AFLOAT, Log, load_logs
 from twin.identify.start_values import balance
-from twin.identify.translation import AttitudeFlight, Translation, fly
+from twin.identify.translation import AttitudeFlight, Translation, Velocity, fly
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -71,9 +71,13 @@ class SpeedEstimate:
 
     def track(self) -> Array:
         """North, east [m] through the water since the first sample, (time, 2)."""
-        velocity = np.stack([self.velocity_north, self.velocity_east], axis=1)
-        steps = 0.5 * self.period * (velocity[1:] + velocity[:-1])
-        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        return way_of(np.stack([self.velocity_north, self.velocity_east], axis=1), self.period)
+
+
+def way_of(velocity: Array, period: float) -> Array:
+    """Displacement [m] since the first sample of velocities [m/s] every `period` [s], (time, 2)."""
+    steps = 0.5 * period * (velocity[1:] + velocity[:-1])
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
 def density_of(log: Log, calibration: Calibration) -> Array:
@@ -86,7 +90,7 @@ def motion_of(
     calibration: Calibration,
     model: FlightModel = "flight",
     *,
-    start: tuple[float, float, float] | None = None,
+    start: Velocity | None = None,
 ) -> Translation:
     """Velocity through the water, body FRD, that the model gives for a log.
 
@@ -144,10 +148,8 @@ def _steady_motion(log: Log, calibration: Calibration) -> Translation:
     )
 
 
-def _flight(
-    log: Log, calibration: Calibration, start: tuple[float, float, float] | None = None
-) -> AttitudeFlight:
-    """What the log says of how it flew."""
+def _flight(log: Log, calibration: Calibration, start: Velocity | None = None) -> AttitudeFlight:
+    """Inputs of the flight model, from a log."""
     vehicle = calibration.vehicle
     pitch = calibration.true_pitch(log.pitch)
     x = np.clip((log.depth + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
@@ -166,7 +168,7 @@ def _flight(
     )
 
 
-def start_of(log: Log, calibration: Calibration) -> tuple[float, float, float]:
+def start_of(log: Log, calibration: Calibration) -> Velocity:
     """Surge, sway, heave [m/s] of a log that begins under water: along the nose at the depth rate.
 
     At rest at the surface, and where the nose is too flat to tell.
@@ -190,10 +192,7 @@ def steady_parts(log: Log) -> Mask:
 
 def horizontal(log: Log, calibration: Calibration, motion: Translation) -> tuple[Array, Array]:
     """North and east velocity through the water [m/s], (time,) each; zero afloat."""
-    pitch, roll = calibration.true_pitch(log.pitch), log.roll
-    across = motion.sway * np.sin(roll) + motion.heave * np.cos(roll)
-    forward = motion.surge * np.cos(pitch) + across * np.sin(pitch)
-    starboard = motion.sway * np.cos(roll) - motion.heave * np.sin(roll)
+    forward, starboard = motion.level(log.roll, calibration.true_pitch(log.pitch))
     heading = calibration.true_heading(log.heading)
     under = log.depth > AFLOAT
     north = forward * np.cos(heading) - starboard * np.sin(heading)

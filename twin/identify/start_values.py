@@ -47,10 +47,10 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
         kind = _kind(found)
         if kind is None:
             check_channels(found, "a flight model")  # no --vehicle helps a log without them
-            said = [str(found.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
+            source, platform = _said(found)
             raise InputError(
                 f"store {store} does not say which glider it is of "
-                f"(source_format {said[0]!r}, platform {said[1]!r}); give --vehicle, such as "
+                f"(source_format {source!r}, platform {platform!r}); give --vehicle, such as "
                 f"{', '.join(KINDS[:2])} or slocum-200"
             )
         return load_vehicle(_slocum(found) if kind == "slocum" else kind)
@@ -67,7 +67,10 @@ def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
     Raises:
       StoreError: no such store.
     """
-    flown = _glider(kind) if kind else _kind_of(store)
+    flown = _glider(kind)
+    if not kind:
+        with MissionStore(store) as found:
+            flown = _kind(found) if found.logged else None
     model = vehicle.model
     if flown is None or model not in vehicle_names() or flown in model:
         return ""
@@ -77,14 +80,14 @@ def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
     )
 
 
-def _kind_of(store: str | StorePath) -> str | None:
-    with MissionStore(store) as found:
-        return _kind(found) if found.logged else None
+def _said(store: MissionStore) -> list[str]:
+    """Format and platform of a log."""
+    return [str(store.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
 
 
 def _kind(store: MissionStore) -> str | None:
-    """Of the glider, as a log says; None where it does not."""
-    return _glider(*(str(store.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)))
+    """Kind of the glider, as a log says; None where it does not."""
+    return _glider(*_said(store))
 
 
 def _glider(*said: str) -> str | None:

@@ -37,6 +37,9 @@ from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
+Velocity = tuple[float, float, float]
+"""Surge, sway and heave [m/s]"""
+
 ABREAST = 8
 """Flights of one loop: their steps fill the vector registers, and a step waits for none before"""
 LONGEST_STEP = 1.0
@@ -71,6 +74,12 @@ class Translation:
         """[rad], atan2(heave, surge)."""
         return np.arctan2(self.heave, self.surge)
 
+    def level(self, roll: Array, pitch: Array) -> tuple[Array, Array]:
+        """Horizontal velocity [m/s] along the heading and to starboard at `roll`, `pitch` [rad]."""
+        across = self.sway * np.sin(roll) + self.heave * np.cos(roll)
+        starboard = self.sway * np.cos(roll) - self.heave * np.sin(roll)
+        return self.surge * np.cos(pitch) + across * np.sin(pitch), starboard
+
     def sink_rate(self, roll: Array, pitch: Array) -> Array:
         """Downward velocity [m/s] through the water at `roll` and `pitch` [rad]."""
         return (
@@ -97,8 +106,8 @@ class AttitudeFlight:
     """[rad], (time,)"""
     rates: Array
     """Roll, pitch and yaw rate, body FRD [rad/s], (3, time)"""
-    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Surge, sway and heave [m/s] at the first sample; at rest by default"""
+    start: Velocity = (0.0, 0.0, 0.0)
+    """At the first sample; at rest by default"""
 
     def __len__(self) -> int:
         return len(self.pitch)

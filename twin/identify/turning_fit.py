@@ -1,8 +1,8 @@
 """Turning: what turns and rolls a glider, fitted to the turns of a log.
 
 Every steady part of a log is flown again by the lateral motion about its own glide
-(`twin.identify.lateral`): the yaw rate that its roll and its rudder should have given beside the
-one it had, and the roll that the battery's rotation should have given beside the measured one.
+(`twin.identify.linear_motion`): the yaw rate that its roll and its rudder should have given beside
+the one it had, and the roll that the battery's rotation should have given beside the measured one.
 Dives and climbs each have their own glides, so that what changes sign with the lift parts from
 what does not. Which of the coefficients make up a turn is less known than the turn: they start at
 the vehicle file's, in proportion to its hull, and what the log does not tell stays there. The
@@ -23,17 +23,11 @@ from scipy.optimize import least_squares
 from twin.compiled import jit
 from twin.identify.calibration import Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
-from twin.identify.lateral import Lateral, linearised, turning_part
+from twin.identify.linear_motion import Lateral, linearised, turning_part
 from twin.identify.logged_missions import Log
-from twin.identify.pitch import righting_arm, with_righting_arm
-from twin.identify.turning_windows import (
-    Group,
-    TurningWindow,
-    averaged,
-    groups_of,
-    windows_of,
-)
-from twin.identify.unknowns import UnknownParameter
+from twin.identify.pitch import battery_moment, righting_arm, with_righting_arm
+from twin.identify.turning_windows import Group, TurningWindow, averaged, groups_of, windows_of
+from twin.identify.unknowns import UnknownParameter, of_law
 from twin.vehicle.parts import BatteryHinge, Fin
 
 Array = NDArray[np.float64]
@@ -50,22 +44,14 @@ ROUNDS = 2
 """Fits of a battery's turns, the later ones from where it was found to hang straight"""
 STEERABLE = 0.8
 """Of its travel within which the neutral position stays, so that the part steers both ways"""
-MOST_LOOKS = 15
-"""of a fit at the residuals and their slopes"""
-PASSES = 3
-"""Fits between which weights are taken again."""
-LEAST_TURN = math.radians(0.01)
-"""[rad/s] that the yaw rate is off at least: compasses and the log's rounding."""
-LEAST_ROLL = math.radians(0.3)
-"""[rad] that the roll is off at least"""
+PASSES, MOST_LOOKS = 3, 15
+"""Fits between which weights are taken again, and looks of each at the residuals"""
+LEAST_TURN, LEAST_ROLL = math.radians(0.01), math.radians(0.3)
+"""[rad/s], [rad] that yaw rate and roll are off at least: compasses and the log's rounding."""
 START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
 """Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
 LONGEST_CORRELATION = 300.0
 """[s]"""
-
-
-def _with_law(calibration: Calibration, **changes: object) -> Calibration:
-    return calibration.replace(vehicle=calibration.vehicle.replace(**changes))
 
 
 def munk_moment(calibration: Calibration) -> float:
@@ -85,75 +71,70 @@ def _side_scale(calibration: Calibration) -> float:
     return abs(vehicle.flow_frame.side_force[0]) * 0.5 * vehicle.hull_diameter
 
 
-def _set_part(calibration: Calibration, **changes: float) -> Calibration:
-    part = turning_part(calibration.vehicle)
-    assert part is not None
-    return _with_law(calibration, **{part.name: changes})
-
-
 def _with_authority(calibration: Calibration, value: float) -> Calibration:
     """The battery hung lower or higher, the righting arm of the whole kept."""
-    arm = righting_arm(calibration)
-    vehicle = calibration.vehicle
+    arm, vehicle = righting_arm(calibration), calibration.vehicle
     eccentricity = value * vehicle.mass * arm / vehicle.battery.mass
-    moved = calibration.replace(vehicle=vehicle.replace(battery={"eccentricity": eccentricity}))
-    return with_righting_arm(moved, arm)
+    return with_righting_arm(calibration.with_vehicle(battery={"eccentricity": eccentricity}), arm)
+
+
+def _with_lift_slope(calibration: Calibration, value: float) -> Calibration:
+    part = turning_part(calibration.vehicle)
+    assert part is not None
+    return calibration.with_vehicle(**{part.name: {"lift_slope": value}})
 
 
 TURNING = (
-    UnknownParameter(
+    of_law(
+        field="side_force",
+        scale=lambda c: -1.0,
         name="side_force",
         unit="kg m-1 rad-1",
         meaning="side force of sideslip, -K_beta",
         spread=0.4,  # hulls with and without a large fin
         logarithmic=True,
-        get=lambda c: -c.vehicle.flow_frame.side_force[0],
-        set=lambda c, x: _with_law(c, side_force=(-x,)),
     ),
-    UnknownParameter(
+    of_law(
+        field="yaw_moment",
+        scale=munk_moment,
         name="yaw_moment",
         unit="1",
         meaning="yaw moment of sideslip, K_MY, over the Munk moment: above 1 the fin wins",
         spread=0.5,
-        get=lambda c: c.vehicle.flow_frame.yaw_moment[0] / munk_moment(c),
-        set=lambda c, x: _with_law(
-            c, yaw_moment=(x * munk_moment(c), c.vehicle.flow_frame.yaw_moment[1])
-        ),
     ),
-    UnknownParameter(
+    of_law(
+        field="yaw_moment_lift",
+        scale=munk_moment,
         name="yaw_moment_lift",
         unit="rad-1",
         meaning="part of the yaw moment of sideslip that is odd in lift, over the Munk moment",
         spread=4.0,  # 0.2 of the Munk moment at 3 deg
-        get=lambda c: c.vehicle.flow_frame.yaw_moment_lift[0] / munk_moment(c),
-        set=lambda c, x: _with_law(c, yaw_moment_lift=(x * munk_moment(c),)),
     ),
-    UnknownParameter(
+    of_law(
+        field="yaw_moment",
+        place=1,
+        scale=lambda c: -1.0,
         name="yaw_damping",
         unit="kg s rad-1",
         meaning="yaw moment of yaw rate, -K_r",
         spread=0.6,
         logarithmic=True,
-        get=lambda c: -c.vehicle.flow_frame.yaw_moment[1],
-        set=lambda c, x: _with_law(c, yaw_moment=(c.vehicle.flow_frame.yaw_moment[0], -x)),
     ),
-    UnknownParameter(
+    of_law(
+        field="roll_moment",
+        scale=_side_scale,
         name="roll_moment",
         unit="1",
         meaning="roll moment of sideslip, K_MR, over that of its side force half a diameter up",
         spread=3.0,
-        get=lambda c: c.vehicle.flow_frame.roll_moment[0] / _side_scale(c),
-        set=lambda c, x: _with_law(
-            c, roll_moment=(x * _side_scale(c), c.vehicle.flow_frame.roll_moment[1])
-        ),
     ),
-    UnknownParameter(
+    of_law(
+        field="roll_moment_lift",
+        scale=_side_scale,
         name="roll_moment_lift",
         unit="rad-1",
         meaning="part of the roll moment of sideslip that is odd in lift, over the same",
         spread=10.0,
-        get=lambda c: c.vehicle.flow_frame.roll_moment_lift[0] / _side_scale(c),
-        set=lambda c, x: _with_law(c, roll_moment_lift=(x * _side_scale(c),)),
     ),
     UnknownParameter(
         name="yaw_moment_offset",
@@ -162,7 +143,7 @@ TURNING = (
         spread=3.0,
         channel="rotation",  # a rudder's neutral position says the same
         get=lambda c: math.degrees(own_sideslip(c)),
-        set=lambda c, x: _with_law(c, yaw_moment_offset=(math.radians(x) * munk_moment(c),)),
+        set=lambda c, x: c.with_vehicle(yaw_moment_offset=(math.radians(x) * munk_moment(c),)),
     ),
     UnknownParameter(
         name="roll_authority",
@@ -171,11 +152,7 @@ TURNING = (
         spread=0.7,
         logarithmic=True,
         channel="rotation",
-        get=lambda c: (
-            c.vehicle.battery.mass
-            * c.vehicle.battery.eccentricity
-            / (c.vehicle.mass * righting_arm(c))
-        ),
+        get=lambda c: battery_moment(c) / (c.vehicle.mass * righting_arm(c)),
         set=_with_authority,
     ),
     UnknownParameter(
@@ -186,10 +163,10 @@ TURNING = (
         logarithmic=True,
         channel="fin",
         get=lambda c: getattr(turning_part(c.vehicle), "lift_slope", math.nan),
-        set=lambda c, x: _set_part(c, lift_slope=x),
+        set=_with_lift_slope,
     ),
 )
-"""What a twin needs to turn as the log does."""
+"""Parameters that a twin needs to turn as the log does."""
 
 BIASES = ("yaw_bias", "roll_offset")
 """Fitted beside them: the asymmetry that turns a vehicle at no roll and no rudder (as the sideslip
@@ -201,7 +178,7 @@ BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 
 
 def biases_beside(names: Collection[str]) -> tuple[str, ...]:
-    """Those of BIASES that are fitted beside parameters of these names."""
+    """Members of BIASES that are fitted beside parameters of these names."""
     return BIASES[1:] if "yaw_moment_offset" in names else BIASES
 
 
@@ -268,9 +245,9 @@ def felt(calibration: Calibration, position: Array) -> Array:
     if channel_of(calibration) != "rotation":
         return position
     vehicle = calibration.vehicle
-    battery = vehicle.battery.mass * vehicle.battery.eccentricity
     whole = vehicle.mass * righting_arm(calibration)
-    return whole * np.sin(position) / (whole - battery * (1.0 - np.cos(position)))
+    raised = battery_moment(calibration) * (1.0 - np.cos(position))
+    return whole * np.sin(position) / (whole - raised)
 
 
 class Turns(Comparison):
@@ -289,18 +266,18 @@ class Turns(Comparison):
         own, free = {p.name for p in TURNING}, {p.name for p in parameters}
         self.flies = bool(free - own)
         self.biases = biases_beside(free)
-        first = groups[0]
-        longest = round(LONGEST_CORRELATION / (first.period * first.count))
+        longest = round(LONGEST_CORRELATION / (groups[0].period * groups[0].count))
         channels = {
             "yaw_rate": ComparedQuantity(unit="rad/s", least=LEAST_TURN, longest=longest),
             "roll": ComparedQuantity(unit="rad", least=LEAST_ROLL, longest=longest),
         }
-        rolled = [g for g in groups if g.position is not None and self.channel == "rotation"]
-        dives = {
-            "yaw_rate": [w.block for g in groups for w in g.windows],
-            "roll": [w.block for g in rolled for w in g.windows],
-        }
+        blocks = {"yaw_rate": groups, "roll": [g for g in groups if self._rolls(g)]}
+        dives = {n: [w.block for g in some for w in g.windows] for n, some in blocks.items()}
         super().__init__(nominal, parameters, channels, dives)
+
+    def _rolls(self, group: Group) -> bool:
+        """Whether a battery rolls the group's windows at known positions."""
+        return group.position is not None and self.channel == "rotation"
 
     def asymmetry(self, x: Array) -> tuple[float, float]:
         """Yaw moment as a sideslip, the hull's own and what it lacks, and roll offset [rad]."""
@@ -328,9 +305,7 @@ class Turns(Comparison):
         for group in self.groups:
             if group.position is None or not group.used.any():
                 continue
-            lateral = linearised(calibration.vehicle, group.glide)
-            square = group.glide.surge**2 + group.glide.heave**2
-            yaw = munk_moment(calibration) * bias * square
+            lateral, yaw = _linear(calibration, group, bias)
             step, response = lateral.turned_by_roll(group.period)
             by_roll, _, by_part, by_yaw = np.linalg.solve(np.eye(2) - step, response)[1]
             compared = np.repeat(group.used, group.count, axis=0)
@@ -373,15 +348,13 @@ class Turns(Comparison):
         found: dict[str, list[Array]] = {"yaw_rate": [], "roll": []}
         for kept in self.groups:
             group = kept.reglided(calibration) if self.flies else kept
-            lateral = linearised(calibration.vehicle, group.glide)
+            lateral, yaw = _linear(calibration, group, bias)
             position = np.zeros_like(group.roll)
             if group.position is not None:
                 position = felt(calibration, group.position)
-            square = group.glide.surge**2 + group.glide.heave**2
-            yaw = munk_moment(calibration) * bias * square
             rate = yaw_rates(group, lateral, position, yaw, offset) - group.rate
             found["yaw_rate"] += _windows(group, averaged(rate, group.count))
-            if group.position is not None and self.channel == "rotation":
+            if self._rolls(group):
                 roll = averaged(rolls(group, lateral, position) - group.roll, group.count)
                 # its roll with the battery at rest is an offset of the trim, not dynamics
                 found["roll"] += _windows(group, roll - np.median(roll[group.used]))
@@ -410,19 +383,26 @@ class Turns(Comparison):
         return best
 
 
+def _linear(calibration: Calibration, group: Group, bias: float) -> tuple[Lateral, float]:
+    """Motion about the group's glide, and the yaw moment [N m] there of a sideslip `bias` [rad]."""
+    square = group.glide.surge**2 + group.glide.heave**2
+    moment = munk_moment(calibration) * bias * square
+    return linearised(calibration.vehicle, group.glide), moment
+
+
 def _windows(group: Group, values: Array) -> list[Array]:
-    """What is compared of each window."""
+    """Compared values of each window."""
     return [values[group.used[:, k], k] for k in range(len(group.windows))]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class TurningFit:
-    """What the turns of a log say."""
+    """Result of a fit of a log's turns."""
 
     fitted: Fitted
     """Its channels are those of `Turns`"""
     asymmetry: tuple[float, float]
-    """Yaw moment without sideslip as one, roll offset [rad]"""
+    """Yaw moment as the sideslip of its Munk moment, roll offset [rad]"""
     groups: tuple[Group, ...]
     neutral: float | None
     """[rad] position of the turning part that flies the asymmetry; None: not known"""
@@ -431,18 +411,6 @@ class TurningFit:
     balanced: bool
     """Whether a yaw moment of the hull's own that was fitted is sure, and its part can keep it
     straight in dives and in climbs"""
-
-
-def turning_parameters(
-    calibration: Calibration, groups: Sequence[Group]
-) -> tuple[UnknownParameter, ...]:
-    """Of TURNING those that the windows can tell something about."""
-    channel = channel_of(calibration)
-    there = all(g.position is not None for g in groups)
-    found = tuple(p for p in TURNING if p.channel is None or (p.channel == channel and there))
-    if channel != "rotation" or not there:
-        found = tuple(p for p in found if not p.name.startswith("roll_moment"))
-    return found
 
 
 def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
@@ -454,8 +422,12 @@ def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
     windows = windows_of(logs, calibration)
     if min(sum(w.climbing == c for w in windows) for c in (False, True)) < LEAST_WINDOWS:
         return None
-    parameters = turning_parameters(calibration, groups_of(windows, channel_of(calibration)))
-    found = _turned(windows, calibration, parameters)
+    channel = channel_of(calibration)
+    there = all(g.position is not None for g in groups_of(windows, channel))
+    parameters = [p for p in TURNING if p.channel is None or (p.channel == channel and there)]
+    if channel != "rotation" or not there:
+        parameters = [p for p in parameters if not p.name.startswith("roll_moment")]
+    found = _turned(windows, calibration, tuple(parameters))
     if not found.balanced:
         rest = tuple(p for p in parameters if p.name != "yaw_moment_offset")
         found = _turned(windows, calibration, rest)
@@ -475,14 +447,13 @@ def _turned(
     own = [k for k, p in enumerate(parameters) if p.name == "yaw_moment_offset"]
     if part is not None and there:
         neutral, calibration = 0.0, _resting(calibration, part.name, 0.0)
+    farthest = [FARTHEST if p.logarithmic else np.inf for p in parameters]
+    farthest += [np.inf for _ in biases_beside({p.name for p in parameters})]
+    bounds = (-np.array(farthest), np.array(farthest))
     # a battery turns by the sine of its rotation from where it hangs straight: once more from there
     for _ in range(ROUNDS if channel == "rotation" and there else 1):
         turns = Turns(groups, calibration, parameters)
-        farthest = np.where([p.logarithmic for p in parameters], FARTHEST, np.inf)
-        farthest = np.append(farthest, np.full(len(turns.biases), np.inf))
-        start = turns.best_start()
-        bounds = (-farthest, farthest)
-        x, _ = turns.fit(start, PASSES, bounds=bounds, max_nfev=MOST_LOOKS, xtol=1e-4)
+        x, _ = turns.fit(turns.best_start(), PASSES, bounds=bounds, max_nfev=MOST_LOOKS, xtol=1e-4)
         fitted, asymmetry = turns.fitted(x), turns.asymmetry(x)
         more = turns.neutral(x)
         if neutral is None or part is None or more is None:
@@ -512,5 +483,4 @@ def _turned(
 
 def _resting(calibration: Calibration, part: str, neutral: float) -> Calibration:
     """With the neutral position [rad] of its turning part."""
-    vehicle = calibration.vehicle.replace(**{part: {"neutral": neutral}})
-    return calibration.replace(vehicle=vehicle)
+    return calibration.with_vehicle(**{part: {"neutral": neutral}})

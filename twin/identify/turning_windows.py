@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.identify.calibration import Calibration
-from twin.identify.lateral import Glide
+from twin.identify.linear_motion import Glide
 from twin.identify.logged_missions import Log
 from twin.identify.speed import motion_of, net_mass_of, steady_parts
 from twin.identify.translation import Translation
@@ -29,11 +29,8 @@ a move ended is known to about one of its samples."""
 BENT = 1e-6
 """[rad] of the heading's second difference from which a sample is the vehicle's own, not one that
 was put between two of them"""
-SPEED_BINS = 3
-"""Glides of a phase, by speed, that turns are linearised about."""
-ENOUGH_IN_BIN = 6
-"""Windows for which a glide of their own is worth while."""
-GLIDE = ("surge", "heave", "pitch", "net_mass")
+SPEED_BINS, ENOUGH_IN_BIN = 3, 6
+"""Glides of a phase, by speed, that turns are linearised about, and windows worth one."""
 MOST_ROLL = math.radians(60.0)
 """[rad] beyond which no glide is linear"""
 
@@ -60,7 +57,7 @@ def _flight(log: Log, calibration: Calibration) -> tuple[Translation, Array, Arr
 
 def _glide(motion: Translation, pitch: Array, net: Array, part: slice) -> Glide:
     columns = (motion.surge, motion.heave, pitch, net)
-    return Glide(**{n: float(np.median(one[part])) for n, one in zip(GLIDE, columns, strict=True)})
+    return Glide(*(float(np.median(one[part])) for one in columns))
 
 
 def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[TurningWindow]:
@@ -142,7 +139,7 @@ def groups_of(
 
 
 def _median(glides: Sequence[Glide]) -> Glide:
-    return Glide(**{n: float(np.median([getattr(g, n) for g in glides])) for n in GLIDE})
+    return Glide(*np.median(glides, axis=0).tolist())
 
 
 def _group(

@@ -4,16 +4,28 @@ Each parameter has a nominal value (the vehicle file's) and a spread, the standa
 what such vehicles are known to differ by. Drag is the size of all coefficients: lift and induced
 drag are given as ratios to it, because a glide at one pitch shows the size only, and because the
 ratios belong to the shape of a vehicle while its drag changes with every sensor and barnacle.
+
+`twin identify` writes into its vehicle file how surely each parameter is known, and how their
+errors go together: `draw_vehicles` samples the vehicles that this leaves possible.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+from xml.etree import ElementTree
 
-from twin.errors import InputError, unknown_name
-from twin.identify.calibration import Calibration
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import InputError, VehicleError, unknown_name
+from twin.identify.calibration import CYCLES, PROVENANCE, Calibration, load_calibration
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
 
 DEGREE = math.pi / 180.0
 
@@ -32,7 +44,7 @@ class UnknownParameter:
     least: float | None = None
     """Smallest value there can be, in `unit`, of one that is not logarithmic."""
     channel: str | None = None
-    """What it needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart,
+    """Needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart,
     the position of a part ("rotation", "fin"), "dives" that are predicted better with it when they
     are left out, or the user's "request". Lift, induced drag and pitch offset all turn into drag
     and trim when a log holds one pitch, and then take up what the model lacks. With a current
@@ -57,19 +69,33 @@ class UnknownParameter:
         return scaled * self.spread * (value if self.logarithmic else 1.0)
 
 
-def _vehicle(calibration: Calibration, **changes: object) -> Calibration:
-    return calibration.replace(vehicle=calibration.vehicle.replace(**changes))
+def of_law(
+    field: str, place: int = 0, scale: Callable[[Calibration], float] = lambda c: 1.0, **about: Any
+) -> UnknownParameter:
+    """A coefficient of a glider's hull law, `field`[place], over a scale of the vehicle's own."""
+
+    def put(calibration: Calibration, value: float) -> Calibration:
+        numbers = list(getattr(calibration.vehicle.flow_frame, field))
+        numbers[place] = value * scale(calibration)
+        return calibration.with_vehicle(**{field: tuple(numbers)})
+
+    return UnknownParameter(
+        get=lambda c: getattr(c.vehicle.flow_frame, field)[place] / scale(c), set=put, **about
+    )
+
+
+def _drag(calibration: Calibration) -> float:
+    return calibration.vehicle.flow_frame.drag[0]
 
 
 def _set_drag(calibration: Calibration, value: float) -> Calibration:
     """All forces grow together (see the module), so that a bank's sideslip stays what it was."""
-    vehicle = calibration.vehicle
-    scale = value / vehicle.flow_frame.drag[0]
-    return _vehicle(
-        calibration,
-        drag=(value, vehicle.flow_frame.drag[1] * scale),
-        lift=(vehicle.flow_frame.lift[0] * scale, vehicle.flow_frame.lift[1] * scale),
-        side_force=(vehicle.flow_frame.side_force[0] * scale,),
+    law = calibration.vehicle.flow_frame
+    scale = value / law.drag[0]
+    return calibration.with_vehicle(
+        drag=(value, law.drag[1] * scale),
+        lift=(law.lift[0] * scale, law.lift[1] * scale),
+        side_force=(law.side_force[0] * scale,),
     )
 
 
@@ -77,39 +103,30 @@ def _set_mass(calibration: Calibration, value: float) -> Calibration:
     """The static block takes the change; inertia and added mass grow with it."""
     vehicle = calibration.vehicle
     scale = value / vehicle.mass
-    return _vehicle(
-        calibration,
+    return calibration.with_vehicle(
         static_mass=value - vehicle.battery.mass,
         static_inertia=vehicle.static_inertia * scale,
         added_mass=vehicle.added_mass * scale,
     )
 
 
-def _set_lift(calibration: Calibration, ratio: float) -> Calibration:
-    vehicle = calibration.vehicle
-    return _vehicle(
-        calibration, lift=(vehicle.flow_frame.lift[0], ratio * vehicle.flow_frame.drag[0])
-    )
+def _cycle(index: int, text: str) -> UnknownParameter:
+    """One part of a compass's deviation."""
 
-
-def _set_induced(calibration: Calibration, ratio: float) -> Calibration:
-    vehicle = calibration.vehicle
-    return _vehicle(
-        calibration, drag=(vehicle.flow_frame.drag[0], ratio * vehicle.flow_frame.drag[0])
-    )
-
-
-def _set_cycle(index: int) -> Callable[[Calibration, float], Calibration]:
     def put(calibration: Calibration, value: float) -> Calibration:
         cycles = list(calibration.heading_cycles)
         cycles[index] = value * DEGREE
         return calibration.replace(heading_cycles=tuple(cycles))
 
-    return put
-
-
-def _get_cycle(index: int) -> Callable[[Calibration], float]:
-    return lambda calibration: calibration.heading_cycles[index] / DEGREE
+    return UnknownParameter(
+        name=CYCLES[index],
+        unit="degree",
+        meaning=f"compass deviation with the {text}",
+        spread=_COMPASS_SPREAD,
+        channel="fixes",
+        get=lambda c: c.heading_cycles[index] / DEGREE,
+        set=put,
+    )
 
 
 _COMPASS_SPREAD = 3.0
@@ -122,7 +139,7 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
         meaning="density in which the vehicle is neutral at pump 0: the trim",
         spread=5.0,  # 0.5 % of the volume, more than the pump of any glider: in effect free
         get=lambda c: c.vehicle.reference_density,
-        set=lambda c, x: _vehicle(c, reference_density=x),
+        set=lambda c, x: c.with_vehicle(reference_density=x),
     ),
     UnknownParameter(
         name="drag",
@@ -130,7 +147,7 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
         meaning="parasite drag K_D0; lift, side force and induced drag keep their ratios to it",
         spread=1.0,  # a factor of 2.7 either way: in effect free
         logarithmic=True,
-        get=lambda c: c.vehicle.flow_frame.drag[0],
+        get=_drag,
         set=_set_drag,
     ),
     UnknownParameter(
@@ -143,25 +160,27 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
         get=lambda c: c.vehicle.mass,
         set=_set_mass,
     ),
-    UnknownParameter(
+    of_law(
+        field="lift",
+        place=1,
+        scale=_drag,
         name="lift_ratio",
         unit="rad-1",
         meaning="lift slope over parasite drag, K_alpha / K_D0: the angle of attack",
         spread=0.25,  # published Slocum models: 48 and 62
         logarithmic=True,
         channel="fixes",
-        get=lambda c: c.vehicle.flow_frame.lift[1] / c.vehicle.flow_frame.drag[0],
-        set=_set_lift,
     ),
-    UnknownParameter(
+    of_law(
+        field="drag",
+        place=1,
+        scale=_drag,
         name="induced_ratio",
         unit="rad-2",
         meaning="induced over parasite drag, K_D / K_D0",
         spread=0.7,  # published Slocum models: 12 and 70
         logarithmic=True,
         channel="request",
-        get=lambda c: c.vehicle.flow_frame.drag[1] / c.vehicle.flow_frame.drag[0],
-        set=_set_induced,
     ),
     UnknownParameter(
         name="compressibility",
@@ -171,7 +190,7 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
         least=0.0,
         channel="pressure",
         get=lambda c: 1e10 * c.vehicle.hull_compressibility,
-        set=lambda c, x: _vehicle(c, hull_compressibility=1e-10 * x),
+        set=lambda c, x: c.with_vehicle(hull_compressibility=1e-10 * x),
     ),
     UnknownParameter(
         name="thermal_expansion",
@@ -219,25 +238,10 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
         get=lambda c: c.heading_offset / DEGREE,
         set=lambda c, x: c.replace(heading_offset=x * DEGREE),
     ),
-    *(
-        UnknownParameter(
-            name=f"heading_{name}",
-            unit="degree",
-            meaning=f"compass deviation with the {text}",
-            spread=_COMPASS_SPREAD,
-            channel="fixes",
-            get=_get_cycle(index),
-            set=_set_cycle(index),
-        )
-        for index, (name, text) in enumerate(
-            (
-                ("cos", "cosine of the heading"),
-                ("sin", "sine of the heading"),
-                ("cos2", "cosine of twice the heading"),
-                ("sin2", "sine of twice the heading"),
-            )
-        )
-    ),
+    _cycle(0, "cosine of the heading"),
+    _cycle(1, "sine of the heading"),
+    _cycle(2, "cosine of twice the heading"),
+    _cycle(3, "sine of twice the heading"),
 )
 
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
@@ -278,3 +282,94 @@ def with_known(
             )
         calibration = parameter.set(calibration, value)
     return calibration
+
+
+SPEED = ("drag", "lift_ratio", "induced_ratio")
+"""Parameters that decide the speed: where logs tell the speed, their filter's scale stands for
+them"""
+
+
+def identified(vehicle: Vehicle) -> Mapping[str, Any]:
+    """Record of its identification in a vehicle's file; empty where it has none."""
+    for text in ElementTree.fromstring(vehicle.xml).iter("text"):
+        if text.get("name") == PROVENANCE:
+            try:
+                found = json.loads(text.get("data", ""))
+            except json.JSONDecodeError as error:
+                raise VehicleError(
+                    f"vehicle file {vehicle.path}: <text name={PROVENANCE!r}> is not JSON: {error}"
+                ) from None
+            return found if isinstance(found, dict) else {}
+    return {}
+
+
+def known_compass(vehicle: Vehicle) -> tuple[float, float | None]:
+    """True heading less the compass's [rad] as an identification found it, and its deviation [rad].
+
+    (0, None) where it did not. Deviations that turn with the heading are left out.
+    """
+    entry = identified(vehicle).get("parameters", {}).get("heading_offset", {})
+    if not (entry.get("determined") and entry.get("deviation")):
+        return 0.0, None
+    return load_calibration(vehicle).heading_offset, math.radians(float(entry["deviation"]))
+
+
+def draw_vehicles(
+    vehicle: Vehicle, count: int, rng: np.random.Generator, *, speed: bool
+) -> tuple[list[Vehicle], tuple[str, ...]]:
+    """Possible vehicles, the first of them as its file says, and the parameters that were drawn.
+
+    Drawn is what changes how the vehicle flies, and not only how its sensors read.
+
+    Args:
+      speed: whether to draw what decides the speed, too.
+
+    Raises:
+      VehicleError: what the file says of its identification cannot be read.
+    """
+    said = identified(vehicle).get("parameters", {})
+    known = {p.name: p for p in PARAMETERS}
+    drawn = [
+        name
+        for name, entry in said.items()
+        if name in known and entry.get("determined") and entry.get("deviation")
+        if not name.startswith(("pitch_", "heading_", "water_density", "thermal_"))
+        if speed or name not in SPEED
+    ]
+    if not drawn:
+        return [vehicle] * count, ()
+    calibration = load_calibration(vehicle)
+    deviation = np.array([float(said[name]["deviation"]) for name in drawn])
+    covariance = _correlation(vehicle, drawn) * np.outer(deviation, deviation)
+    vehicles = [vehicle]
+    for row in normal_draws(covariance, count, rng)[1:]:
+        one = calibration
+        for name, error in zip(drawn, row.tolist(), strict=True):
+            value, factor = known[name].get(one), known[name].logarithmic
+            moved = value * math.exp(error / value) if factor and value > 0.0 else value + error
+            one = known[name].set(one, moved)
+        vehicles.append(one.vehicle)
+    return vehicles, tuple(drawn)
+
+
+def _correlation(vehicle: Vehicle, drawn: Sequence[str]) -> Array:
+    """Of the drawn parameters; files of earlier versions do not say it: then none."""
+    said = identified(vehicle).get("correlation")
+    if said is None:
+        return np.eye(len(drawn))
+    try:
+        whole, order = np.asarray(said["matrix"], float), said["parameters"]
+        places = [order.index(name) for name in drawn]
+        return np.asarray(whole[np.ix_(places, places)])
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise VehicleError(
+            f"vehicle file {vehicle.path}: its identification's correlation cannot be read: {error}"
+        ) from None
+
+
+def normal_draws(covariance: Array, count: int, rng: np.random.Generator) -> Array:
+    """Draws of mean 0, (count, size); the covariance (size, size) may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(
+        rng.standard_normal((count, len(values))) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    )

@@ -35,7 +35,7 @@ from twin.physics.stiffness import file_timestep, stiffness_of
 from twin.records.storage.whole import whole_file
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.laws import BodyAxes
-from twin.vehicle.parts import BatteryHinge, Fin, Pump
+from twin.vehicle.parts import Part
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 STEPS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
@@ -59,40 +59,16 @@ def driven_step(vehicle: Vehicle) -> float:
 
 CYLINDER = 1.1
 """Drag coefficient of a cylinder across the flow below the drag crisis (Hoerner 1965, page 3-9)"""
-COEFFICIENTS = (
-    "drag", "lift", "side_force", "side_force_lift", "roll_moment", "roll_moment_lift",
-    "pitch_moment", "yaw_moment", "yaw_moment_lift", "yaw_moment_offset", "roll_from_yaw",
-    "yaw_from_roll",
-)  # fmt: skip
-"""Of the hull law, each a `<numeric>` of its name."""
-LOOPS = ("pitch_pid", "heading_pid")
+GUIDANCE = ("pitch_pid", "heading_pid", "usual_glide")
 SWELLING = ("hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature")
-GUIDANCE = (*LOOPS, "usual_glide")
+NUMBERS = ("reference_density", "hull_compressibility", "mass", "added_mass", "static_cg")
 WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
-    "reference_density": lambda v: v.reference_density,
-    "hull_compressibility": lambda v: v.hull_compressibility,
-    "mass": lambda v: v.mass,
-    **{name: attrgetter(f"law.{name}") for name in COEFFICIENTS},
-    **{name: attrgetter(name) for name in (*GUIDANCE, *SWELLING)},
-    "neutral_x of the battery": lambda v: v.battery.neutral_x,
-    "eccentricity of the battery": lambda v: v.battery.eccentricity,
-    "static_cg": lambda v: v.static_cg,
-    "travel of the parts": lambda v: [(part.low, part.high) for part in v.parts],
-    "place of the pump": lambda v: _pump(v).position,
-    "neutral positions": lambda v: [
-        part.neutral for part in v.parts if isinstance(part, Fin | BatteryHinge)
-    ],
-    "lift slope of the rudder": lambda v: [p.lift_slope for p in v.parts if isinstance(p, Fin)],
-}
-"""What identification may change, by name."""
-DRIVEN_WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
-    "reference_density": lambda v: v.reference_density,
+    **{name: attrgetter(name) for name in (*NUMBERS, *GUIDANCE, *SWELLING)},
     "hull law": lambda v: v.law.values(),
-    "added_mass": lambda v: v.added_mass,
-    "static_cg": lambda v: v.static_cg,
-    "parts": lambda v: np.concatenate([np.asarray(part.values()) for part in v.parts]),
+    "parts": lambda v: [x for p in v.parts for x in (p.low, p.high, *p.position, *p.values())],
+    "battery": lambda v: [(mass.neutral_x, mass.eccentricity) for mass in v.masses],
 }
-"""The same of a vehicle under a propeller"""
+"""Numbers that identification may change, by name."""
 DIGITS = 10
 """Significant digits of a written number: far finer than any parameter is known."""
 
@@ -103,14 +79,18 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     Raises:
       VehicleError: the file has the elements in a form that cannot be edited.
     """
-    if driven(calibration.vehicle):
-        vehicle, measured = calibration.vehicle, ""
-        xml = _with_changes(vehicle)
+    vehicle, measured = calibration.vehicle, ""
+    if driven(vehicle):
+        step = driven_step(vehicle)
     else:
-        vehicle, measured = _swelling(calibration), _measured(calibration)
-        xml = _with_glide(vehicle)
+        vehicle, measured = _as_flown(calibration), _measured(calibration)
+        step = largest_step(vehicle)
+    xml = _with_changes(vehicle)
+    if step != file_timestep(vehicle):
+        head = r'(<option\b[^>]*\btimestep=")[^"]*(")'
+        xml = _substitute(xml, head, _text([step]), "<option timestep>", vehicle)
     for name in (HULL_NUMERIC, PUMP_NUMERIC, SENSOR_NUMERIC):
-        xml = re.sub(rf"[ \t]*<numeric name={name!r}[^>]*/>\n?".replace("'", '"'), "", xml)
+        xml = re.sub(rf'[ \t]*<numeric name="{name}"[^>]*/>\n?', "", xml)
     xml = re.sub(rf'[ \t]*<text name="{PROVENANCE}"[^>]*/>\n?', "", xml)
     note = quoteattr(json.dumps(dict(provenance), sort_keys=True))
     added = f'{measured}    <text name="{PROVENANCE}" data={note}/>\n'
@@ -122,24 +102,25 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     return xml
 
 
-def _swelling(calibration: Calibration) -> Vehicle:
-    """The hull that is flown swells as the one that was identified."""
-    return calibration.vehicle.replace(
+def _as_flown(calibration: Calibration) -> Vehicle:
+    """The glider whose hull swells as the identified one, and has drag across the flow."""
+    vehicle = calibration.vehicle.replace(
         hull_thermal_expansion=calibration.thermal_expansion,
         hull_thermal_lag=calibration.thermal_lag,
         hull_reference_temperature=REFERENCE_TEMPERATURE,
     )
+    law = vehicle.flow_frame
+    original = parse_vehicle(vehicle.xml, vehicle.path).law
+    if np.array_equal(law.values(), original.values()) or law.cross_flow_drag:
+        return vehicle
+    return vehicle.replace(cross_flow_drag=max(law.drag[1], cylinder_drag(vehicle)))
 
 
 def _measured(calibration: Calibration) -> str:
-    """What identification reads of the water and the sensors again."""
-    hull = [calibration.water_density, calibration.thermal_expansion, calibration.thermal_lag]
-    sensors = [
-        calibration.pitch_scale,
-        calibration.pitch_offset,
-        calibration.heading_offset,
-        *calibration.heading_cycles,
-    ]
+    """Elements with the water and the sensors, which identification reads again."""
+    c = calibration
+    hull = [c.water_density, c.thermal_expansion, c.thermal_lag]
+    sensors = [c.pitch_scale, c.pitch_offset, c.heading_offset, *c.heading_cycles]
     return (
         "    <!-- identified: water in a log without CTD [kg/m3], thermal expansion [1/K] and\n"
         "         thermal lag [s] of the hull, as identification reads them -->\n"
@@ -151,81 +132,47 @@ def _measured(calibration: Calibration) -> str:
 
 
 def _with_changes(vehicle: Vehicle) -> str:
-    """Text of a propelled vehicle's file with the numbers that differ from it."""
-    xml, changes = vehicle.xml, vehicle.changes()
-    original = parse_vehicle(xml, vehicle.path)
-    step = driven_step(vehicle)
-    if step != file_timestep(vehicle):
-        xml = _with_step(xml, vehicle, step)
-    for name, value in changes.items():
-        if name == "static_cg":
-            xml = _hull_place(xml, vehicle)
-        elif name == "derivatives":
-            assert isinstance(vehicle.law, BodyAxes)
-            assert isinstance(original.law, BodyAxes)
-            for (own, mine), (_, before) in zip(
-                vehicle.law.derivatives, original.law.derivatives, strict=True
-            ):
-                if mine != before:
-                    xml = _numeric(xml, own, [mine], vehicle)
+    """Text of a vehicle's file with the numbers that differ from it."""
+    xml, original = vehicle.xml, parse_vehicle(vehicle.xml, vehicle.path)
+    for name, value in vehicle.changes().items():
+        if name == "static_cg":  # MJCF's axes are forward-port-up
+            place, what = flip_vector(vehicle.static_cg), "the hull's centre of gravity"
+            xml = _inertial(xml, vehicle, "hull", "pos", place, what)
+        elif name == "static_mass":
+            xml = _hull_inertial(xml, vehicle, vehicle.mass / original.mass)
+        elif name == "derivatives" and isinstance(vehicle.law, BodyAxes):
+            before = dict(getattr(original.law, name))
+            for own, number in vehicle.law.derivatives:
+                if number != before[own]:
+                    xml = _numeric(xml, own, [number], vehicle)
+        elif name == "battery":
+            if "neutral_x" in value:
+                moved = vehicle.battery.neutral_x - original.battery.neutral_x
+                xml = _battery_place(xml, vehicle, moved)
+            if "eccentricity" in value:  # below its body's origin
+                below = [0.0, 0.0, -vehicle.battery.eccentricity]
+                what = "the battery's centre of gravity"
+                xml = _inertial(xml, vehicle, vehicle.battery.name, "pos", below, what)
         elif name in vehicle.part_names:
-            for field, number in value.items():
-                xml = _numeric(xml, f"{name}.{field}", [number], vehicle)
-        elif name != "coupling":  # which follows from the added mass
+            xml = _with_part(xml, vehicle, vehicle.part(name), value)
+        elif name not in ("coupling", "static_inertia"):  # which follow from added mass and mass
             xml = _numeric(xml, name, np.ravel(value), vehicle)
     return xml
 
 
-def _with_step(xml: str, vehicle: Vehicle, step: float) -> str:
-    head = r'(<option\b[^>]*\btimestep=")[^"]*(")'
-    return _substitute(xml, head, _text([step]), "<option timestep>", vehicle)
-
-
-def _with_glide(vehicle: Vehicle) -> str:
-    """Text of a glider's file with what identification changes in it."""
-    xml = vehicle.xml
-    original = parse_vehicle(xml, vehicle.path)
-    xml = _numeric(xml, "reference_density", [vehicle.reference_density], vehicle)
-    xml = _numeric(xml, "hull_compressibility", [vehicle.hull_compressibility], vehicle)
-    step = largest_step(vehicle)
-    if step != file_timestep(vehicle):
-        xml = _with_step(xml, vehicle, step)
-    for name in SWELLING:
-        if getattr(vehicle, name) != getattr(original, name):
-            xml = _numeric(xml, name, [getattr(vehicle, name)], vehicle)
-    changed = [c for c in COEFFICIENTS if _law(vehicle, c) != _law(original, c)]
-    for name in changed:
-        xml = _numeric(xml, name, _law(vehicle, name), vehicle)
-    if changed and not vehicle.flow_frame.cross_flow_drag:
-        across = max(vehicle.flow_frame.drag[1], cylinder_drag(vehicle))
-        xml = _numeric(xml, "cross_flow_drag", [across], vehicle)
-    for name in GUIDANCE:
-        if getattr(vehicle, name) != getattr(original, name):
-            xml = _numeric(xml, name, getattr(vehicle, name), vehicle)
-    if vehicle.mass != original.mass:
-        xml = _numeric(xml, "added_mass", vehicle.added_mass.ravel(), vehicle)
-        xml = _hull_inertial(xml, vehicle, vehicle.mass / original.mass)
-    if vehicle.static_cg[2] != original.static_cg[2]:
-        xml = _hull_place(xml, vehicle)
-    if vehicle.battery.neutral_x != original.battery.neutral_x:
-        xml = _battery_place(xml, vehicle, vehicle.battery.neutral_x - original.battery.neutral_x)
-    if vehicle.battery.eccentricity != original.battery.eccentricity:
-        xml = _battery_hangs(xml, vehicle)
-    if _pump(vehicle).position != _pump(original).position:
-        xml = _pump_place(xml, vehicle)
-    for part, before in zip(vehicle.parts, original.parts, strict=True):
-        if (part.low, part.high) != (before.low, before.high):
-            xml = _travel(xml, vehicle, part.name, part.low, part.high)
-        if isinstance(part, Fin | BatteryHinge) and part.neutral != getattr(before, "neutral", 0.0):
-            xml = _numeric(xml, f"{part.name}.neutral", [part.neutral], vehicle)
-        if isinstance(part, Fin) and part.lift_slope != getattr(before, "lift_slope", None):
-            xml = _numeric(xml, f"{part.name}.lift_slope", [part.lift_slope], vehicle)
+def _with_part(xml: str, vehicle: Vehicle, part: Part, changes: Mapping[str, Any]) -> str:
+    """The text with a part's place, the ends of its travel, and its other numbers."""
+    if "position" in changes:
+        xml = _with_site(xml, vehicle, part)
+    if "low" in changes or "high" in changes:
+        for attribute in ("ctrlrange", "actrange"):
+            what = f"{attribute} of actuator {part.name!r}"
+            ends = _text([part.low, part.high])
+            xml = _substitute(xml, _actuator(part.name, attribute), ends, what, vehicle)
+    for field, value in changes.items():
+        if field not in ("position", "low", "high"):
+            xml = _numeric(xml, f"{part.name}.{field}", [value], vehicle)
     return xml
-
-
-def _law(vehicle: Vehicle, name: str) -> tuple[float, ...]:
-    """A coefficient of the hull law."""
-    return tuple(getattr(vehicle.flow_frame, name))
 
 
 def cylinder_drag(vehicle: Vehicle) -> float:
@@ -307,10 +254,16 @@ def _numeric(xml: str, name: str, values: Any, vehicle: Vehicle) -> str:
     return _substitute(xml, pattern, _text(values), f"<numeric name={name!r}>", vehicle)
 
 
+def _inertial(xml: str, vehicle: Vehicle, body: str, attribute: str, values: Any, what: str) -> str:
+    """The text with an attribute of a body's `<inertial>`."""
+    name = re.escape(body)
+    head = rf'(<body\s+name="{name}".*?<inertial\b[^>]*?\b{attribute}=")[^"]*(")'
+    return _substitute(xml, head, _text(values), what, vehicle)
+
+
 def _hull_inertial(xml: str, vehicle: Vehicle, scale: float) -> str:
     """Mass and inertia of the hull; its inertia grows with the mass."""
-    head = r'(<body\s+name="hull".*?<inertial\b[^>]*?\bmass=")[^"]*(")'
-    xml = _substitute(xml, head, _text([vehicle.static_mass]), "the hull's mass", vehicle)
+    xml = _inertial(xml, vehicle, "hull", "mass", [vehicle.static_mass], "the hull's mass")
     pattern = re.compile(
         r'(<body\s+name="hull".*?<inertial\b[^>]*?\b(?:diag|full)inertia=")([^"]*)(")', re.DOTALL
     )
@@ -319,13 +272,6 @@ def _hull_inertial(xml: str, vehicle: Vehicle, scale: float) -> str:
         xml,
         count=1,
     )
-
-
-def _hull_place(xml: str, vehicle: Vehicle) -> str:
-    """Centre of gravity of the hull; MJCF's axes are forward-port-up."""
-    head = r'(<body\s+name="hull".*?<inertial\b[^>]*?\bpos=")[^"]*(")'
-    place = flip_vector(vehicle.static_cg)
-    return _substitute(xml, head, _text(place), "the hull's centre of gravity", vehicle)
 
 
 def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
@@ -337,49 +283,27 @@ def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
     return pattern.sub(lambda m: m.group(1) + _text([x + moved, y, z]) + m.group(3), xml, count=1)
 
 
-def _battery_hangs(xml: str, vehicle: Vehicle) -> str:
-    """Eccentricity of the battery: its centre of gravity below its body's origin."""
-    name = re.escape(vehicle.battery.name)
-    head = rf'(<body\s+name="{name}".*?<inertial\b[^>]*?\bpos=")[^"]*(")'
-    place = [0.0, 0.0, -vehicle.battery.eccentricity]
-    return _substitute(xml, head, _text(place), "the battery's centre of gravity", vehicle)
-
-
 def _actuator(name: str, attribute: str) -> str:
     """Pattern of an attribute of the actuator of a part."""
     return rf'(<general\s+(?=[^>]*\bname="{re.escape(name)}")[^>]*?\b{attribute}=")[^"]*(")'
 
 
-def _travel(xml: str, vehicle: Vehicle, name: str, low: float, high: float) -> str:
-    """Ends of a part's travel: both ranges of its actuator."""
-    for attribute in ("ctrlrange", "actrange"):
-        what = f"{attribute} of actuator {name!r}"
-        xml = _substitute(xml, _actuator(name, attribute), _text([low, high]), what, vehicle)
-    return xml
-
-
-def _pump(vehicle: Vehicle) -> Pump:
-    return next(part for part in vehicle.parts if isinstance(part, Pump))
-
-
-def _pump_place(xml: str, vehicle: Vehicle) -> str:
-    """A site of its own for the pump, at its place."""
-    pump = _pump(vehicle)
-    place = _text(flip_vector(np.array(pump.position)))
-    site = pump.name
+def _with_site(xml: str, vehicle: Vehicle, part: Part) -> str:
+    """A site of its own for a part, at its place."""
+    site, place = part.name, _text(flip_vector(np.array(part.position)))
     if re.search(rf'<site\s+name="{re.escape(site)}"', xml):
         head = rf'(<site\s+name="{re.escape(site)}"[^>]*?\bpos=")[^"]*(")'
         xml = _substitute(xml, head, place, f"site {site!r}", vehicle)
     else:
         line = f'      <site name="{site}" pos="{place}" size="0.015" group="3"/>\n'
         xml = re.sub(r'[ \t]*<site\s+name="cb"', lambda match: line + match.group(0), xml, count=1)
-    return _substitute(xml, _actuator(pump.name, "site"), site, "the pump's site", vehicle)
+    return _substitute(xml, _actuator(site, "site"), site, f"the site of the {site}", vehicle)
 
 
 def _check(xml: str, vehicle: Vehicle) -> None:
-    """What was written must read back as the vehicle that was meant."""
+    """Make sure that the text reads back as the vehicle that was meant."""
     again = parse_vehicle(xml, vehicle.path)
-    for name, value in (DRIVEN_WRITTEN if driven(vehicle) else WRITTEN).items():
+    for name, value in WRITTEN.items():
         mine, theirs = (np.atleast_1d(value(v)) for v in (vehicle, again))
         if (np.abs(mine - theirs) > 1e-8 * np.maximum(np.abs(mine), 1.0)).any():
             raise VehicleError(

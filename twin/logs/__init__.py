@@ -5,20 +5,17 @@ found.summary().w_deviation
 flight_dataset(found)["w_water"]
 """
 
+from twin.logs.corrected_track import DiveCurrent as DiveCurrent
 from twin.logs.corrected_track import Drift as Drift
 from twin.logs.corrected_track import corrected_track as corrected_track
 from twin.logs.corrected_track import linear_track as linear_track
 from twin.logs.corrected_track import track_velocity as track_velocity
-from twin.logs.depth_averaged_current import DiveCurrent as DiveCurrent
-from twin.logs.endurance import Endurance as Endurance
-from twin.logs.endurance import endurance_of as endurance_of
+from twin.logs.energy_use import Endurance as Endurance
 from twin.logs.energy_use import EnergyUse as EnergyUse
 from twin.logs.energy_use import counted_energy as counted_energy
+from twin.logs.energy_use import endurance_of as endurance_of
 from twin.logs.energy_use import energy_used as energy_used
 from twin.logs.energy_use import second_half as second_half
-from twin.logs.fix import Fixes as Fixes
-from twin.logs.fix import fixes_at as fixes_at
-from twin.logs.fix import place_of as place_of
 from twin.logs.flight_dataset import DAC as DAC
 from twin.logs.flight_dataset import EPOCH as EPOCH
 from twin.logs.flight_dataset import OF_DIVES as OF_DIVES
@@ -33,3 +30,6 @@ from twin.logs.flight_summary import FlightSummary as FlightSummary
 from twin.logs.flight_summary import summarise as summarise
 from twin.logs.logged_mission import logged_trajectory as logged_trajectory
 from twin.logs.thermal_lag import ThermalLag as ThermalLag
+from twin.logs.track import Fixes as Fixes
+from twin.logs.track import fixes_at as fixes_at
+from twin.logs.track import place_of as place_of

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ class NotCounted(InputError):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveCharge:
-    """What one dive took, from its counter's first sample to its last."""
+    """Charge of one dive, from its counter's first sample to its last."""
 
     mission: int
     hours: float
@@ -46,6 +47,34 @@ class DiveCharge:
     """[A h]"""
     modelled: float
     """[A h]"""
+
+
+class EnergyFactor(NamedTuple):
+    """Factor of one consumer in the line of energy."""
+
+    name: str
+    unit: str
+    least: float
+    field: str
+    """Field of `Consumption`; empty: it has none"""
+    inverse: bool = False
+    """Whether the field is one over the factor"""
+    most: float = np.inf
+
+
+FACTORS = (
+    EnergyFactor("hotel", "W", 0.0, "hotel_power"),
+    EnergyFactor("surface", "W", 0.0, "surface_power"),
+    EnergyFactor("payload", "W", 0.0, "payload_power"),
+    EnergyFactor("pump", "1", 1.0, "pump_efficiency", inverse=True),
+    EnergyFactor("pump loss", "Pa", 0.0, "pump_loss"),
+    EnergyFactor("pump return", "Pa", 0.0, "pump_return"),
+    # a drive that wins less than a hundredth: it moves with the pump, whose energy it takes
+    EnergyFactor("drives", "1", 1.0, "screw_efficiency", inverse=True, most=100.0),
+    EnergyFactor("propeller", "1", 1.0, "propeller_efficiency", inverse=True),
+    EnergyFactor("thruster", "1", 0.0, ""),
+)
+"""The line's factors; the first is in every log"""
 
 
 class EnergyTimeline:
@@ -125,12 +154,12 @@ class EnergyTimeline:
             parts[which] = parts.get(which, 0.0) + np.asarray(of)
         return {name: np.cumsum(values) for name, values in parts.items()}
 
-    def intervals(self, least: float = INTERVAL) -> NDArray[np.intp]:
+    def intervals(self) -> NDArray[np.intp]:
         """First and last sample of each interval between readings of the counter, (interval, 2)."""
         found, start = [], -1
         for k in np.flatnonzero(np.isfinite(self.charge)).tolist():
             if start >= 0 and self.chain[k] == self.chain[start]:
-                if self.time[k] - self.time[start] < least:
+                if self.time[k] - self.time[start] < INTERVAL:
                     continue
                 found.append((start, k))
             start = k
@@ -143,7 +172,7 @@ class EnergyTimeline:
         return np.asarray((self.charge[last] - self.charge[first]) * COULOMBS * volts)
 
     def table(self, span: NDArray[np.intp], names: Sequence[str]) -> Array:
-        """What was done in each interval, (interval, factor)."""
+        """Quantity of each factor in each interval, (interval, factor)."""
         first, last = span.T
         columns = [self.done[name][last] - self.done[name][first] for name in names]
         return np.stack(columns, axis=1)
@@ -168,6 +197,31 @@ class EnergyTimeline:
                 )
             )
         return tuple(found)
+
+
+def least_squares(
+    table: Array, taken: Array, dive: Array, names: Sequence[str]
+) -> tuple[Array, Array]:
+    """Factors within their bounds, and deviations by the sums of dives: infinite at a bound."""
+    from scipy.optimize import lsq_linear
+
+    scale = np.maximum(np.abs(table).max(axis=0), 1e-300)
+    bounds = [(f.least, f.most) for name in names for f in FACTORS if f.name == name]
+    least, most = np.array(bounds).T * scale
+    with np.errstate(invalid="ignore"):  # scipy multiplies its endless step along a zero gradient
+        found = lsq_linear(table / scale, taken, bounds=(least, most))
+    error = taken - table / scale @ found.x
+    inner = found.active_mask == 0
+    deviations = np.full(len(names), np.inf)
+    if inner.any():
+        design = table[:, inner] / scale[inner]
+        inverse = np.linalg.pinv(design.T @ design)
+        groups = np.unique(dive, return_inverse=True)[1]
+        sums = np.stack([np.bincount(groups, column * error) for column in design.T], axis=1)
+        count = len(sums)
+        cover = inverse @ (sums.T @ sums) @ inverse * (count / max(count - 1, 1))
+        deviations[inner] = np.sqrt(np.diag(cover))
+    return found.x / scale, deviations / scale
 
 
 def settled(values: Array) -> Array:

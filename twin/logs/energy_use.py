@@ -13,6 +13,11 @@ masses and propellers without losses and the energy E that a glider's thruster d
 current. Least squares over intervals of five minutes, each factor within what is possible; its
 deviation is that of whole dives, since neighbouring intervals err together. A factor that the log
 does not determine keeps the vehicle's figure.
+
+The power of a dive is a level and noise; the level walks from dive to dive and has a slope, such as
+that of a pump which weakens (Durbin and Koopman 2012, Time Series Analysis by State Space Methods,
+chapter 3). How far it walks is averaged over by its likelihood, so that ten dives promise less than
+a hundred.
 """
 
 from __future__ import annotations
@@ -29,10 +34,12 @@ from twin.identify.start_values import start_vehicle
 from twin.logs.energy_timeline import (
     CHARGE,
     COULOMBS,
+    FACTORS,
     INTERVAL,
     DiveCharge,
     EnergyTimeline,
     NotCounted,
+    least_squares,
 )
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
@@ -50,6 +57,19 @@ MOST_KWH = 1e4
 """[kW h] of batteries"""
 LEAST_EQUATIONS = 3
 """for each factor"""
+WALKS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+"""Variance of a step of the level over that of the noise; each as likely before the dives speak"""
+SLOPE = 0.05
+"""Part by which the power changes over a whole deployment, standard deviation, before the dives
+speak: fouling, pump, batteries"""
+LEAST_DIVES = 3
+"""Below which a dive's noise is not known"""
+DRAWS = 4000
+LEAST_PART = 0.1
+"""Of the level that a drawn power keeps: nothing takes less than its electronics"""
+DAYS_INTERVAL = (0.05, 0.95)
+DAY_HOURS = 24.0
+SEED = 0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -185,13 +205,16 @@ class ChargeForecast:
 
     def errors(self) -> dict[str, float]:
         """Mean absolute error of a dive and error of the sum, as parts of what was measured."""
-        measured, modelled, hours = (
-            np.array([getattr(one, name) for one in self.dives])
-            for name in ("measured", "modelled", "hours")
-        )
+        measured, modelled, hours = np.array(
+            [(one.measured, one.modelled, one.hours) for one in self.dives]
+        ).T
+        rivals = {
+            "model": modelled,
+            "per_hour": self.per_hour * hours,
+            "each": np.full(len(hours), self.each),
+        }
         found = {}
-        rivals = (("per_hour", self.per_hour * hours), ("each", np.full(len(hours), self.each)))
-        for name, said in (("model", modelled), *rivals):
+        for name, said in rivals.items():
             found[f"{name}_per_dive"] = float(np.mean(np.abs(said / measured - 1.0)))
             found[f"{name}_sum"] = float(said.sum() / measured.sum() - 1.0)
         return found
@@ -217,40 +240,12 @@ def second_half(
     except NotCounted:
         return None
     factors = {one.name: one.value for one in fit.terms}
-    dives = timelines[1].dives(factors)
-    before = timelines[0].dives(factors)
+    before, dives = (timeline.dives(factors) for timeline in timelines)
     hours = sum(one.hours for one in before)
     charge = sum(one.measured for one in before)
     return ChargeForecast(
         dives=dives, taught=len(before), per_hour=charge / hours, each=charge / len(before)
     )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Factor:
-    name: str
-    unit: str
-    least: float
-    field: str
-    """Of `Consumption`; empty: it has none"""
-    inverse: bool = False
-    """Whether the field is one over the factor"""
-    most: float = np.inf
-
-
-FACTORS = (
-    _Factor(name="hotel", unit="W", least=0.0, field="hotel_power"),
-    _Factor(name="surface", unit="W", least=0.0, field="surface_power"),
-    _Factor(name="payload", unit="W", least=0.0, field="payload_power"),
-    _Factor(name="pump", unit="1", least=1.0, field="pump_efficiency", inverse=True),
-    _Factor(name="pump loss", unit="Pa", least=0.0, field="pump_loss"),
-    _Factor(name="pump return", unit="Pa", least=0.0, field="pump_return"),
-    # a drive that wins less than a hundredth: it moves with the pump, whose energy it takes
-    _Factor(name="drives", unit="1", least=1.0, most=100.0, field="screw_efficiency", inverse=True),
-    _Factor(name="propeller", unit="1", least=1.0, field="propeller_efficiency", inverse=True),
-    _Factor(name="thruster", unit="1", least=0.0, field=""),
-)
-"""The line's factors; the first is in every log"""
 
 
 def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
@@ -280,7 +275,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
     while True:
         known = [name for name in kept if name not in free and name in line.done]
         rest = taken - line.table(span, known) @ [kept[name] for name in known] if known else taken
-        values, deviations = _least_squares(line.table(span, free), rest, dive, free)
+        values, deviations = least_squares(line.table(span, free), rest, dive, free)
         doubt = {
             name: deviation / value if value > 0.0 else np.inf
             for name, value, deviation in zip(free, values, deviations, strict=True)
@@ -293,8 +288,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
         free.remove(worst)
     found = {**kept, **dict(zip(free, values.tolist(), strict=True))}
     spread = dict(zip(free, deviations.tolist(), strict=True))
-    whole = line.table(span, [n for n in found if n in line.done])
-    names = [n for n in found if n in line.done]
+    names = [name for name in found if name in line.done]
     by_field = {
         f.field: 1.0 / found[f.name] if f.inverse else found[f.name]
         for f in FACTORS
@@ -313,7 +307,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
                 value=found[f.name],
                 deviation=spread.get(f.name, np.nan),
                 unit=f.unit,
-                energy=float(found[f.name] * whole[:, names.index(f.name)].sum()),
+                energy=float(found[f.name] * line.table(span, [f.name]).sum()),
             )
             for f in FACTORS
             if f.name in names
@@ -328,28 +322,96 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
     )
 
 
-def _least_squares(
-    table: Array, taken: Array, dive: Array, names: Sequence[str]
-) -> tuple[Array, Array]:
-    """Factors within their bounds, and deviations by the sums of dives: infinite at a bound."""
-    from scipy.optimize import lsq_linear
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Endurance:
+    """Days that are left, where it goes on as in its last dives."""
 
-    scale = np.maximum(np.abs(table).max(axis=0), 1e-300)
-    bounds = [(f.least, f.most) for name in names for f in FACTORS if f.name == name]
-    least, most = np.array(bounds).T * scale
-    with np.errstate(invalid="ignore"):  # scipy multiplies its endless step along a zero gradient
-        found = lsq_linear(table / scale, taken, bounds=(least, most))
-    error = taken - table / scale @ found.x
-    inner = found.active_mask == 0
-    deviations = np.full(len(names), np.inf)
-    if inner.any():
-        design = table[:, inner] / scale[inner]
-        inverse = np.linalg.pinv(design.T @ design)
-        groups = np.unique(dive, return_inverse=True)[1]
-        sums = np.stack(
-            [np.bincount(groups, column * error) for column in design.T], axis=1
-        )  # (dive, factor)
-        count = len(sums)
-        cover = inverse @ (sums.T @ sums) @ inverse * (count / max(count - 1, 1))
-        deviations[inner] = np.sqrt(np.diag(cover))
-    return found.x / scale, deviations / scale
+    energy_left_kwh: float
+    """[kW h]"""
+    power: float
+    """[W] expected"""
+    powers: Array
+    """[W] draws of the mean power until the energy is gone, (draw,)"""
+
+    @property
+    def days(self) -> float:
+        """[d] at the expected power; 0 where nothing is left."""
+        return max(self.energy_left_kwh, 0.0) * 1e3 / self.power / DAY_HOURS
+
+    def days_drawn(self, added: float = 0.0) -> Array:
+        """[d] of each draw with so much power [W] added, such as that of a change, (draw,)."""
+        power = np.maximum(self.powers + added, LEAST_PART * self.power)
+        return np.asarray(max(self.energy_left_kwh, 0.0) * 1e3 / power / DAY_HOURS)
+
+    def interval(self, added: float = 0.0) -> tuple[float, float]:
+        """[d] 90 % of the days left."""
+        low, high = np.quantile(self.days_drawn(added), DAYS_INTERVAL)
+        return float(low), float(high)
+
+    def between(self, added: float = 0.0) -> str:
+        """The interval in words; it has no upper end where the power may be next to nothing."""
+        low, high = self.interval(added)
+        if high > 0.99 * self.days / LEAST_PART:
+            return f"{low:.1f} and more"
+        return f"{low:.1f} to {high:.1f}"
+
+
+def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
+    """Days left by the dives of a deployment; None of fewer than three.
+
+    Args:
+      used: of one deployment. energy_left_kwh: [kW h].
+    """
+    if len(used.dives) < LEAST_DIVES:
+        return None
+    hours = np.array([one.hours for one in used.dives])
+    taken = np.array([one.measured for one in used.dives])
+    whole = used.charge / used.hours / (taken.sum() / hours.sum())  # stays at the surface, too
+    power = taken / hours * used.voltage * whole
+    left = max(energy_left_kwh, 0.0) * 1e3 / power.mean() / float(np.median(hours))  # dives
+    slope = SLOPE * power.mean() / (len(power) + left)
+    found = [_followed(power, ratio, slope, left) for ratio in WALKS]
+    likely = np.array([one[2] for one in found])
+    weights = np.exp(likely - likely.max())
+    weights /= weights.sum()
+    rng = np.random.default_rng(SEED)
+    which = rng.choice(len(WALKS), DRAWS, p=weights)
+    expected, spread = np.array([one[:2] for one in found]).T
+    drawn = expected[which] + spread[which] * rng.standard_t(len(hours) - 1, DRAWS)
+    mean = float(weights @ expected)
+    return Endurance(
+        energy_left_kwh=energy_left_kwh,
+        power=mean,
+        powers=np.maximum(drawn, LEAST_PART * mean),
+    )
+
+
+def _followed(power: Array, walk: float, slope: float, left: float) -> tuple[float, float, float]:
+    """Mean of the dives to come, its deviation, and the logarithm of the likelihood.
+
+    A Kalman filter of level and slope, begun with the first dive; its variances are over that of
+    the noise, which the innovations tell.
+
+    Args:
+      power: [W] of each dive. walk: variance of a step. slope: [W] a dive, its deviation before.
+      left: dives to come.
+    """
+    least = (1e-6 * abs(float(power.mean()))) ** 2  # a counter that is even without end
+    noise = max(0.5 * float(np.mean(np.diff(power) ** 2)), least)
+    state, cover = np.array([power[0], 0.0]), np.diag([1.0, slope**2 / noise])
+    step = np.array([[1.0, 1.0], [0.0, 1.0]])
+    squares, variances = [], []
+    for value in power[1:]:
+        state, cover = step @ state, step @ cover @ step.T
+        cover[0, 0] += walk
+        variance = cover[0, 0] + 1.0
+        innovation = value - state[0]
+        gain = cover[:, 0] / variance
+        state, cover = state + gain * innovation, cover - np.outer(gain, cover[0])
+        squares.append(innovation**2 / variance)
+        variances.append(variance)
+    noise = max(float(np.mean(squares)), least)
+    middle = np.array([1.0, 0.5 * left])  # the slope's part of the mean of what is to come
+    ahead = middle @ cover @ middle + walk * left / 3.0 + 1.0 / max(left, 1.0)
+    likelihood = -0.5 * float(np.log(variances).sum() + len(squares) * np.log(noise))
+    return float(middle @ state), float(np.sqrt(noise * ahead)), likelihood

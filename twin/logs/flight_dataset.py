@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.logs.corrected_track import LINEAR, SMOOTHER
-from twin.logs.fix import fixes_of
-from twin.logs.flight_estimate import Flight
+from twin.logs.flight_estimate import Flight, MissionFlight
+from twin.logs.track import fixes_of
 from twin.records.attributes import (
     COMMENT,
     DEPLOYMENT,
@@ -28,6 +28,7 @@ from twin.records.attributes import (
 from twin.records.coordinates import DATETIME, padded, sample_variables, unix_milliseconds
 from twin.records.logged import start_times
 from twin.records.presence import FLIGHT_TITLE, is_derived
+from twin.records.reader import MissionStore
 from twin.records.schema import MISSION, TIME
 from twin.records.storage.whole import (
     check_file_target,
@@ -45,6 +46,7 @@ Array = NDArray[np.float64]
 
 W_WATER, GPS_FIX = "w_water", "gps_fix"
 POSITIONS = ("latitude", "longitude")
+OF_CTD = ("conductivity", "salinity", "density")
 BODY = "forward-starboard-down body axes"
 FLOWN: dict[str, tuple[str, str, str | None]] = {
     "speed_through_water": (
@@ -105,7 +107,7 @@ TRACK_COMMENTS = {
         "longitude": SPREAD,
     },
 }
-"""By the correction at the fixes"""
+"""Comments by the correction at the fixes"""
 PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_north": (
         "m s-1", "depth-averaged current, northward", "northward_sea_water_velocity"
@@ -115,7 +117,7 @@ PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_start": ("s", "time of the fix before the dive, since the mission's start", None),
     "dac_end": ("s", "time of the fix after the dive, since the mission's start", None),
 }  # fmt: skip
-"""The same of each dive between two fixes, (dac,)"""
+"""Units, meaning and CF standard name of each dive between two fixes, (dac,)"""
 DAC, DAC_MISSION, DAC_TIME = "dac", "dac_mission", "dac_time"
 EPOCH = {"units": "seconds since 1970-01-01T00:00:00", "calendar": "standard",
          "standard_name": "time"}  # fmt: skip
@@ -153,40 +155,20 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
     arrays = {name: np.full((len(chosen), longest), np.nan) for name in FLOWN}
     arrays |= {n: np.full((len(chosen), longest), np.nan) for s, n in COPIED.items() if s in store}
     for k, one in enumerate(flight.missions):
-        part = slice(0, lengths[k])
-        dive = one.dive
-        arrays["north"][k, part], arrays["east"][k, part] = one.position.T
-        arrays["latitude"][k, part], arrays["longitude"][k, part] = one.place.degrees(
-            *one.position.T
-        )
-        arrays["position_sd"][k, part] = one.deviation
-        arrays[W_WATER][k, part] = dive.water_up
-        if dive.motion is not None:
-            motion = dive.motion
-            for name in ("surge", "sway", "heave"):
-                arrays[name][k, part] = getattr(motion, name)
-            speed = motion.speed
-            arrays["speed_through_water"][k, part] = speed
-            arrays["angle_of_attack"][k, part] = np.where(
-                speed > LEAST_SPEED, np.degrees(motion.angle_of_attack), np.nan
-            )
-        if dive.ctd is not None:
-            for name in ("conductivity", "salinity", "density"):
-                arrays[name][k, part] = getattr(dive.ctd, name)
-        for stored, name in COPIED.items():
-            if stored in store:
-                arrays[name][k, part] = store.row(stored, dive.mission)[: lengths[k]]
-    if all(one.dive.ctd is None for one in flight.missions):
-        for name in ("conductivity", "salinity", "density"):
-            del arrays[name]
+        for name, series in _series(one, store).items():
+            arrays[name][k, : lengths[k]] = series
+    absent = () if any(one.dive.ctd is not None for one in flight.missions) else OF_CTD
     if not any(one.place.known for one in flight.missions):
-        for name in POSITIONS:
-            del arrays[name]
+        absent = (*absent, *POSITIONS)
+    arrays = {name: values for name, values in arrays.items() if name not in absent}
     variables: dict[str, Any] = {}
     for name, values in arrays.items():
         kind = np.float64 if name in POSITIONS else np.float32
         variables[name] = ((MISSION, TIME), values.astype(kind), _attributes(flight, name))
-    variables[GPS_FIX] = ((MISSION, TIME), _fixed(flight, longest), FIX_ATTRIBUTES)
+    fixed = np.zeros((len(chosen), longest), np.int8)
+    for k, mission in enumerate(chosen):
+        fixed[k, fixes_of(store, mission).sample] = 1
+    variables[GPS_FIX] = ((MISSION, TIME), fixed, FIX_ATTRIBUTES)
     variables |= _per_dive(flight)
     variables[N_SAMPLES] = (MISSION, lengths, dict(OF_FLIGHTS[N_SAMPLES]))
     for name in (DEPLOYMENT, DIVE):
@@ -200,11 +182,7 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
     period = store.period
     coordinates: dict[str, Any] = {
         MISSION: (MISSION, np.array(chosen), dict(OF_FLIGHTS[MISSION])),
-        TIME: (
-            TIME,
-            period * np.arange(longest),
-            dict(OF_FLIGHTS[TIME]),
-        ),
+        TIME: (TIME, period * np.arange(longest), dict(OF_FLIGHTS[TIME])),
     }
     if np.isfinite(starts).any():
         moments = [
@@ -216,12 +194,27 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, _about(flight))
 
 
-def _fixed(flight: Flight, longest: int) -> NDArray[np.int8]:
-    """1 at the samples with a fix, (mission, time)."""
-    fixed = np.zeros((len(flight.missions), longest), np.int8)
-    for k, one in enumerate(flight.missions):
-        fixed[k, fixes_of(flight.store, one.dive.mission).sample] = 1
-    return fixed
+def _series(one: MissionFlight, store: MissionStore) -> dict[str, Array]:
+    """Variables of one mission, each (time,)."""
+    dive, count = one.dive, len(one.dive.depth)
+    latitude, longitude = one.place.degrees(*one.position.T)
+    found = {
+        "north": one.position[:, 0],
+        "east": one.position[:, 1],
+        "latitude": latitude,
+        "longitude": longitude,
+        "position_sd": one.deviation,
+        W_WATER: dive.water_up,
+    }
+    if dive.motion is not None:
+        speed, alpha = dive.motion.speed, np.degrees(dive.motion.angle_of_attack)
+        found |= {name: getattr(dive.motion, name) for name in ("surge", "sway", "heave")}
+        found["speed_through_water"] = speed
+        found["angle_of_attack"] = np.where(speed > LEAST_SPEED, alpha, np.nan)
+    if dive.ctd is not None:
+        found |= {name: getattr(dive.ctd, name) for name in OF_CTD}
+    copied = {name: stored for stored, name in COPIED.items() if stored in store}
+    return found | {n: store.row(stored, dive.mission)[:count] for n, stored in copied.items()}
 
 
 FIX_ATTRIBUTES = {
@@ -270,16 +263,19 @@ def _attributes(flight: Flight, name: str) -> dict[str, Any]:
         kept = ("units", "long_name", "standard_name", "positive", "flag_values", "flag_meanings")
         given = flight.store.dataset[stored].attrs
         return {key: given[key] for key in kept if key in given}
-    units, long_name, standard = FLOWN[name]
-    attributes: dict[str, Any] = {"units": units, "long_name": long_name}
-    if standard:
-        attributes["standard_name"] = standard
+    attributes = _described(FLOWN[name])
     comments = COMMENTS | TRACK_COMMENTS[flight.track]
     if name in comments:
         attributes["comment"] = comments[name]
     if name not in ("latitude", "longitude") and any(one.place.known for one in flight.missions):
         attributes["coordinates"] = "latitude longitude"
     return attributes
+
+
+def _described(about: tuple[str, str, str | None]) -> dict[str, Any]:
+    """CF attributes of an entry of FLOWN or PER_DIVE."""
+    named = zip(("units", "long_name", "standard_name"), about, strict=True)
+    return {name: text for name, text in named if text}
 
 
 def _per_dive(flight: Flight) -> dict[str, Any]:
@@ -296,10 +292,9 @@ def _per_dive(flight: Flight) -> dict[str, Any]:
         "dac_end": [period * one.last for one in found],
     }
     arrays: dict[str, Any] = {}
-    for name, (units, long_name, standard) in PER_DIVE.items():
-        attributes = {"units": units, "long_name": long_name}
-        if standard:
-            attributes["standard_name"] = standard
+    for name, about in PER_DIVE.items():
+        attributes = _described(about)
+        if "standard_name" in attributes:
             attributes["comment"] = "mean over the dive, from fix to fix"
         arrays[name] = (DAC, np.array(values[name]), attributes)
     mission = np.array([one.mission for one in found], np.int32)

@@ -19,17 +19,17 @@ from twin.identify.logged_missions import check_channels, load_logs
 from twin.identify.start_values import start_vehicle
 from twin.logs.corrected_track import (
     SMOOTHER,
+    DiveCurrent,
     check_correction,
     corrected_tracks,
+    currents,
+    drift_of,
     linear_track,
 )
-from twin.logs.depth_averaged_current import DiveCurrent, currents, drift_of
-from twin.logs.fix import Fixes, Place, fixes_of, places_of
-from twin.logs.flight_estimator import FlightEstimator, open_estimator
+from twin.logs.flight_estimator import FlightEstimator, FlownDive, fly_dive, open_estimator, still
 from twin.logs.flight_summary import FlightSummary, phase_duration, phase_speed, summarise
-from twin.logs.flown_dive import FlownDive, fly_dive, still
-from twin.logs.smoothed_track import PHASE, SmoothedWay
 from twin.logs.thermal_lag import CtdSeries, ThermalLag, common_lag
+from twin.logs.track import PHASE, Fixes, Place, SmoothedWay, fixes_of, places_of
 from twin.records.attributes import DEPLOYMENT
 from twin.records.logged import start_times
 from twin.records.reader import MissionStore
@@ -56,13 +56,13 @@ class MissionFlight:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flight:
-    """What a flight model says of the missions of a store."""
+    """Flights of the missions of a store by a flight model."""
 
     store: MissionStore
     calibration: Calibration
     estimator: str
     track: str
-    """How tracks are corrected at the fixes"""
+    """Correction of tracks at the fixes"""
     missions: tuple[MissionFlight, ...]
     currents: tuple[DiveCurrent, ...]
     """of all dives between fixes, in the order of the missions"""
@@ -117,10 +117,12 @@ def estimate_flight(
     places = places_of(found, chosen)
     raw = {mission: _ctd(found, mission, places[mission]) for mission in chosen}
     deployments = _deployments(found)
+    names: dict[str, list[int]] = {}
+    for mission in chosen:
+        names.setdefault(deployments[mission], []).append(mission)
     lags: dict[str, ThermalLag] = {}
-    for name in dict.fromkeys(deployments[mission] for mission in chosen) if thermal_lag else ():
-        own = [raw[mission] for mission in chosen if deployments[mission] == name]
-        lag = common_lag([ctd for ctd in own if ctd is not None])
+    for name, own in names.items() if thermal_lag else ():
+        lag = common_lag([ctd for mission in own if (ctd := raw[mission]) is not None])
         if lag is not None:
             lags[name] = lag
     dives: dict[int, FlownDive] = {}
@@ -139,13 +141,9 @@ def estimate_flight(
         mission: currents(
             mission, dive.velocity, dive.depth, found.period, fixes[mission], float(starts[mission])
         )
-        if dive.tells_current
-        else []
         for mission, dive in dives.items()
-        if mission in logs
+        if mission in logs and dive.tells_current
     }
-    names = {name: [m for m in chosen if deployments[m] == name] for name in
-             dict.fromkeys(deployments[mission] for mission in chosen)}  # fmt: skip
     tracks = _tracks(found, list(names.values()), dives, fixes, dacs, places, track, way)
     flown = [
         MissionFlight(

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.logs.flown_dive import FlownDive
+from twin.logs.flight_estimator import FlownDive
 
 MOST_APART, MOST_MEAN = 0.01, 0.015
 """[m/s] Means of dives and climbs of an identified vehicle differ by less, and are smaller."""
@@ -126,7 +126,7 @@ LOWEST, HIGHEST = 0.6, 1.6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseSpeed:
-    """By what the modelled speed is multiplied."""
+    """Factors of the modelled speed."""
 
     descent: float
     """[1]"""

@@ -8,13 +8,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.geodesy import offset
-from twin.logs.depth_averaged_current import DiveCurrent
+from twin.logs.corrected_track import DiveCurrent
 from twin.logs.flight_estimate import MissionFlight, estimate_flight
 from twin.records.coordinates import METHOD, METHODS, START_LATITUDE, START_LONGITUDE
 from twin.records.logged import AVERAGED, MEASURED, LoggedTrajectory, LogStore
@@ -40,11 +41,11 @@ STORED = {
     METHODS["depth_rate_and_pitch"]: CORRECTED,
     METHODS["straight_line"]: STRAIGHT,
 }
-"""What the latitude and longitude of a store are, by how they were found"""
+"""Kind of track of a store's latitude and longitude, by how they were found"""
 DOPPLER, PROFILED, MODEL = "Doppler log", "current profiler", "flight model"
 PROFILER = "profiler's current"
 SIMULATED, LOGGED = "simulated truth", "reference of the log"
-"""Of logs of simulations, and of what a log brings itself"""
+"""Sources in logs of simulations, and of what a log brings itself"""
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
 """[1], [kg/m3] that salinity and density may differ by from the stored ones, by rounding"""
@@ -54,8 +55,7 @@ BREAK = 1.5
 """Periods between two missions from which lines break"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Part:
+class _Part(NamedTuple):
     """One mission: its signals, and what those of the truth are."""
 
     start: float
@@ -187,7 +187,7 @@ def _part(
 
 
 def _reference(name: str, logs: LogStore, profiled: bool) -> str:
-    """What a true_* signal is that the log itself holds.
+    """Source of a true_* signal that the log itself holds.
 
     Args:
       profiled: whether the log holds currents, so that its velocities are a profiler's.

@@ -150,7 +150,7 @@ LEAST_SAMPLES = 10
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CtdSeries:
-    """What the CTD of a dive says, each (time,), NaN where it was silent."""
+    """Samples of a dive's CTD, each (time,), NaN where it was silent."""
 
     period: float
     """[s]"""
@@ -188,7 +188,7 @@ class CtdSeries:
         return np.asarray(gsw.rho_t_exact(absolute, self.temperature, self.pressure))
 
     def corrected(self, lag: ThermalLag | None) -> CtdSeries:
-        """The same with the salinity of the water in the cell; itself without a lag."""
+        """A copy with the salinity of the water in the cell; itself without a lag."""
         import gsw
 
         if lag is None or self.known.sum() < 2:

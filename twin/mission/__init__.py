@@ -2,7 +2,6 @@
 
 from twin.mission.glide_balance import SteadyGlide as SteadyGlide
 from twin.mission.glide_balance import steady_glide as steady_glide
-from twin.mission.mission_file import shipped_vehicles as shipped_vehicles
 from twin.mission.plan import Mission as Mission
 from twin.mission.segments import Circle as Circle
 from twin.mission.segments import Hold as Hold
@@ -18,6 +17,7 @@ from twin.mission.segments.base import SURFACED_MARGIN_M as SURFACED_MARGIN_M
 from twin.mission.shipped_missions import load_mission as load_mission
 from twin.mission.shipped_missions import load_mission_for as load_mission_for
 from twin.mission.shipped_missions import mission_names as mission_names
+from twin.mission.shipped_missions import shipped_vehicles as shipped_vehicles
 from twin.mission.slocum_arguments import degrees_minutes as degrees_minutes
 from twin.mission.slocum_arguments import slocum_arguments as slocum_arguments
 from twin.mission.slocum_arguments import waypoints_of as waypoints_of

@@ -3,9 +3,8 @@
 The simulation calls a controller once per control period of its vehicle. Anything callable with
 this signature will do: a function, a trained policy, an object with a memory.
 
-Schedule: actuator commands, each held until the next one; an open-loop manoeuvre.
-
-Followed positions: a part that follows a log in place of what guidance commands.
+A schedule replaces it by commands that are each held until the next one; followed positions
+replace what guidance commands one part by those of a log.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.compiled import borrowing
 from twin.errors import InputError, MissionError, unknown_name
-from twin.mission import Mission, guidance
-from twin.mission.instruments import altitude_read, heading_read
+from twin.mission import Mission
+from twin.mission.guidance import guidance_step, new_state
 from twin.mission.mission_file import ABORTED, DEPTH_OFFSET, DONE, HOLDING, PHASE, SEGMENT
-from twin.mission.reckoning import compass
+from twin.mission.reckoning import altitude_read, compass, heading_read
 from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
 
@@ -151,7 +150,7 @@ class MissionController:
     def __init__(self, mission: Mission, vehicle: Vehicle):
         """Compile `mission` for `vehicle`; raises MissionError when it cannot be flown."""
         self.table, self.gains = mission.compile(vehicle)
-        self.state = guidance.new_state()
+        self.state = new_state()
         self._names = vehicle.part_names
         self._needs_floor = mission.needs_floor
         self._command = np.zeros(len(self._names))
@@ -168,26 +167,11 @@ class MissionController:
                 f"the mission goes by {self._needs_floor}, and the observation has no altitude: "
                 "fly it in a scenario with a sea floor, such as floor=FlatFloor(depth_m=200)"
             )
-        guidance.guidance_step(
-            self.table,
-            self.gains,
-            self.state,
-            o.time,
-            o.depth,
-            o.roll,
-            o.pitch,
-            o.heading,
-            o.roll_rate,
-            o.pitch_rate,
-            o.yaw_rate,
-            self._command,
-            o.altitude,
-            o.north,
-            o.east,
-            o.current_north,
-            o.current_east,
-            float(o.fixed),
-        )
+        guidance_step(
+            self.table, self.gains, self.state, o.time, o.depth, o.roll, o.pitch, o.heading,
+            o.roll_rate, o.pitch_rate, o.yaw_rate, self._command, o.altitude, o.north, o.east,
+            o.current_north, o.current_east, float(o.fixed),
+        )  # fmt: skip
         return Command(**dict(zip(self._names, self._command.tolist(), strict=True)))
 
     @property
@@ -250,10 +234,7 @@ class Schedule:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able form; `Schedule(**form)` is equal."""
-        return {
-            "times": np.asarray(self.times).tolist(),
-            "commands": np.asarray(self.commands).tolist(),
-        }
+        return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
 
 
 MEMORY = 2

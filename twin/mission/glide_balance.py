@@ -1,17 +1,22 @@
-"""Glide balance: forces and moments on a vehicle in a steady motion, whose sum must be zero.
+"""Balance of a steady motion: forces and moments whose sum must be zero; glides and cruises.
 
 Kirchhoff's equations with the rigid body's (Fossen 2021, sections 3.3 and 8.1), in still water of
 the reference density and far below the surface. Steady flight and turns are where they vanish.
 
 The polar is drag, lift and pitch moment of a hull over the angle of attack, per speed squared. The
-inverse of a trim is the steady straight glide at a wanted pitch and net buoyancy.
+inverse of a trim is the steady straight glide at a wanted pitch and net buoyancy. Under a propeller
+angle of attack, rate and the position of what pitches the vehicle follow from the balance of surge,
+heave and pitch.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +25,7 @@ from twin.frames import cross
 from twin.numbers import Array, product, solved_system
 from twin.vehicle.laws.base import Polar, polar_of_wrench, straight_flow
 from twin.vehicle.laws.flow_frame import is_flow_frame
-from twin.vehicle.parts import BatteryHinge, BatterySlide
+from twin.vehicle.parts import BatteryHinge, BatterySlide, Part
 from twin.vehicle.vehicle import Vehicle
 
 WIDEST = math.radians(20.0)
@@ -237,14 +242,11 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
             f"{abs(math.degrees(pitch)):g} deg is too shallow for vehicle {vehicle.name!r}: "
             f"it glides from {math.degrees(pitches[shallowest]):.1f} deg on"
         )
-    near, far = zero_lift, float(angles[shallowest])  # steeper and shallower than wanted
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (near + far)
-        if middle != zero_lift and abs(pitch_at(middle)) < abs(pitch):
-            far = middle
-        else:
-            near = middle
-    alpha = far
+
+    def steeper(alpha: float) -> bool:
+        return alpha == zero_lift or not abs(pitch_at(alpha)) < abs(pitch)
+
+    _, alpha = _halved(steeper, zero_lift, float(angles[shallowest]))
     glide_angle = pitch - alpha
     drag, _, moment = polar.at(alpha)
     speed = math.sqrt(-net_mass * vehicle.gravity * math.sin(glide_angle) / drag)
@@ -257,12 +259,7 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
 
 
 def _balancing_shift(
-    vehicle: Vehicle,
-    pitch: float,
-    net_mass: float,
-    alpha: float,
-    speed: float,
-    coefficient: float,
+    vehicle: Vehicle, pitch: float, net_mass: float, alpha: float, speed: float, coefficient: float
 ) -> float:
     """Shift [m] at which the pitch moments about the CB balance, wings level; 0 without a slide.
 
@@ -286,3 +283,133 @@ def _balancing_shift(
         z += net_mass * pump.position[2]
     x = (moment / vehicle.gravity - z * math.sin(pitch)) / math.cos(pitch)
     return float((x - neutral) / vehicle.moved_by(slide.name).mass)
+
+
+LONGITUDINAL = (0, 2, 4)
+"""Rows of surge and heave force and pitch moment"""
+_LARGEST_ANGLE = math.radians(45.0)
+"""Angles of attack beyond this are no flight."""
+
+
+class SteadyCruise(NamedTuple):
+    """A straight flight under a propeller in still water of the reference density."""
+
+    pitch: float
+    """[rad], positive nose up"""
+    angle_of_attack: float
+    """[rad]"""
+    position: Array
+    """of the parts, shape (parts,), in their units; may be outside the travel of what pitches"""
+
+
+def steady_flight(
+    vehicle: Vehicle, pitch: float | None, speed: float, position: Array
+) -> SteadyCruise:
+    """The flight at a pitch [rad] and speed [m/s] through the water; pitch None flies level.
+
+    Args:
+      position: of the parts, shape (parts,): the propeller and the part that pitches are found,
+        the others stay. A vehicle that nothing pitches flies at the pitch that its moments allow
+        and is given the rate for zero angle of attack.
+
+    Raises:
+      MissionError: the propeller cannot drive it so fast (the largest speed is named), or no such
+        flight exists.
+    """
+    found = _steady_flight(vehicle, pitch, speed, tuple(np.asarray(position, float).tolist()))
+    return found._replace(position=found.position.copy())
+
+
+@functools.lru_cache(maxsize=256)
+def _steady_flight(
+    vehicle: Vehicle, pitch: float | None, speed: float, rest: tuple[float, ...]
+) -> SteadyCruise:
+    """The flight, worked out once: segments of a mission, and its time limit, ask for few."""
+    driving, pitching = vehicle.steered_index("speed"), vehicle.steered_index("pitch")
+    assert driving is not None
+    position = np.array(rest)
+    position[driving] = cruise_rate(vehicle, speed)
+    if pitching is None:
+        return SteadyCruise(pitch or 0.0, 0.0, position)
+    free = [pitching, driving]
+    parts = (vehicle.parts[i] for i in free)
+    scale = np.array([1.0, *(max(abs(part.low), abs(part.high)) for part in parts)])
+
+    def flight(x: Array) -> SteadyCruise:
+        at = position.copy()
+        at[free] = x[1:] * scale[1:]
+        return SteadyCruise(float(x[0]) if pitch is None else pitch, float(x[0]), at)
+
+    def left(x: Array) -> Array:
+        f = flight(x)
+        velocity = speed * np.array([math.cos(f.angle_of_attack), 0.0, math.sin(f.angle_of_attack)])
+        wrench = imbalance(vehicle, f.position, velocity, pitch=f.pitch)
+        return np.asarray(wrench[list(LONGITUDINAL)] / (vehicle.mass * vehicle.gravity))
+
+    x = newton(left, np.array([0.0, *(position[free] / scale[1:])]))
+    if x is not None and abs(x[0]) < _LARGEST_ANGLE:
+        return flight(x)
+    way = "level" if pitch is None else f"at a pitch of {math.degrees(pitch):.4g} deg"
+    raise MissionError(
+        f"vehicle {vehicle.name!r} has no steady flight {way} at {speed:g} m/s: give another "
+        "speed_m_s, or a shallower pitch"
+    )
+
+
+def _halved(below: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
+    """Ends of an interval halved _BISECTIONS times about the place where `below` ceases to hold."""
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if below(middle):
+            low = middle
+        else:
+            high = middle
+    return low, high
+
+
+def cruise_rate(vehicle: Vehicle, speed: float) -> float:
+    """Rate [rad/s] at which thrust equals the drag of hull and parts, straight ahead at `speed`.
+
+    Raises:
+      MissionError: the propeller cannot; the largest speed [m/s] that it can hold is named.
+    """
+    driving = vehicle.steered("speed")
+    assert driving is not None
+    most = float(driving.high)
+    if not surplus(vehicle, driving.high, speed) >= 0.0:
+        fast, _ = _halved(lambda v: surplus(vehicle, driving.high, v) >= 0.0, 0.0, speed)
+        raise MissionError(
+            f"speed_m_s = {speed:g}: propeller {driving.name!r} of vehicle {vehicle.name!r} drives "
+            f"it at up to {fast:.2f} m/s ({driving.high:g} rad/s); give less"
+        )
+    left = surplus_at(vehicle, speed)
+    return _halved(lambda rate: not left(rate) >= 0.0, 0.0, most)[1]
+
+
+def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:
+    """Thrust less drag [N] at a propeller's `rate` [rad/s] and `speed` [m/s] straight ahead."""
+    return surplus_at(vehicle, speed)(rate)
+
+
+def surplus_at(vehicle: Vehicle, speed: float) -> Callable[[float], float]:
+    """`surplus` at a speed, of the rate; parts that do not go along with it are asked once."""
+    nu_r, density = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), vehicle.reference_density
+    driving, position = vehicle.steering["speed"], vehicle.rest
+    place = vehicle.part_names.index(driving)
+    moved = {driving, *(one.part for one in vehicle.followers if one.lead == driving)}
+    hull = float(vehicle.law.wrench(nu_r, density)[0])
+
+    def push(part: Part, at: float) -> float:
+        return float(part.wrench(float(at), nu_r, density, DEEP)[0])
+
+    pushes = [push(*one) for one in zip(vehicle.parts, position, strict=True)]
+    turning = [(k, part) for k, part in enumerate(vehicle.parts) if part.name in moved]
+
+    def left(rate: float) -> float:
+        position[place] = rate
+        at = vehicle.allocated(position, (driving,))
+        for k, part in turning:
+            pushes[k] = push(part, at[k])
+        return functools.reduce(operator.add, pushes, hull)  # sum() rounds otherwise from 3.12 on
+
+    return left

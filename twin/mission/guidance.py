@@ -22,9 +22,8 @@ import numpy as np
 
 from twin.compiled import borrowing, jit
 from twin.mission import mission_file as g
-from twin.mission.instruments import altitude_read, heading_read
 from twin.mission.phases import advance
-from twin.mission.reckoning import compass, pid, reckon, wrapped
+from twin.mission.reckoning import altitude_read, compass, heading_read, pid, reckon, wrapped
 from twin.numbers import Array
 
 INTEGRAL_ZONE = math.radians(2.0)
@@ -43,7 +42,7 @@ MIN_COS_PITCH = 0.2
 
 
 @borrowing
-def _command(row: Array, which: int, command: Array) -> None:
+def _command(row, which, command):
     """Copy one of the row's three commands."""
     first = g.SEGMENT_COLUMNS + which * command.size
     for i in range(command.size):
@@ -51,19 +50,7 @@ def _command(row: Array, which: int, command: Array) -> None:
 
 
 @borrowing
-def _pitch_with(
-    part: float,
-    sense: float,
-    low: float,
-    high: float,
-    gains: Array,
-    first: int,
-    state: Array,
-    slot: int,
-    error: float,
-    pitch_rate: float,
-    command: Array,
-) -> None:
+def _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command):
     """One part that pitches the vehicle, about its position in the phase's command.
 
     Its three gains begin at gains[first].
@@ -73,31 +60,13 @@ def _pitch_with(
         return
     low, high = sense * low, sense * high
     command[place] = sense * pid(
-        gains[first],
-        gains[first + 1],
-        gains[first + 2],
-        error,
-        pitch_rate,
-        sense * command[place],
-        min(low, high),
-        max(low, high),
-        gains[g.PERIOD],
-        INTEGRAL_ZONE,
-        state,
-        slot,
-    )
+        gains, first, error, pitch_rate, sense * command[place],
+        min(low, high), max(low, high), INTEGRAL_ZONE, state, slot,
+    )  # fmt: skip
 
 
 @borrowing
-def _pitch_loop(
-    row: Array,
-    gains: Array,
-    state: Array,
-    slot: int,
-    error: float,
-    pitch_rate: float,
-    command: Array,
-) -> None:
+def _pitch_loop(row, gains, state, slot, error, pitch_rate, command):
     """What pitches the vehicle."""
     part, sense = gains[g.PITCH_PART], gains[g.PITCH_SENSE]
     low, high = row[g.PITCH_LOW], row[g.PITCH_HIGH]
@@ -106,7 +75,7 @@ def _pitch_loop(
 
 
 @borrowing
-def _trim_loop(gains: Array, state: Array, error: float, pitch_rate: float, command: Array) -> None:
+def _trim_loop(gains, state, error, pitch_rate, command):
     """The battery beside an elevator, in a hover."""
     part, sense = gains[g.TRIM_PART], gains[g.TRIM_SENSE]
     low, high = gains[g.TRIM_LOW], gains[g.TRIM_HIGH]
@@ -115,7 +84,7 @@ def _trim_loop(gains: Array, state: Array, error: float, pitch_rate: float, comm
 
 
 @borrowing
-def _wanted_depth(row: Array, depth: float, altitude: float) -> float:
+def _wanted_depth(row, depth, altitude):
     """Depth [m] of a level way or a hover: as given, or so far above the sea floor."""
     wanted = row[g.DEPTH]
     if not math.isnan(row[g.ALTITUDE]):
@@ -126,45 +95,20 @@ def _wanted_depth(row: Array, depth: float, altitude: float) -> float:
 
 
 @borrowing
-def _depth_pid(
-    gains: Array,
-    first: int,
-    state: Array,
-    slot: int,
-    error: float,
-    depth_rate: float,
-    feedforward: float,
-    low: float,
-    high: float,
-) -> float:
+def _depth_pid(gains, first, state, slot, error, depth_rate, feedforward, low, high):
     """One tick of a loop that wants to go deeper by `error` [m]; its gains begin at gains[first].
 
     On the way to a depth the integral stands still.
     """
     integral = state[slot]
-    output = pid(
-        gains[first],
-        gains[first + 1],
-        gains[first + 2],
-        error,
-        depth_rate,
-        feedforward,
-        low,
-        high,
-        gains[g.PERIOD],
-        DEPTH_ZONE,
-        state,
-        slot,
-    )
+    output = pid(gains, first, error, depth_rate, feedforward, low, high, DEPTH_ZONE, state, slot)
     if abs(error) > DEPTH_ZONE and abs(depth_rate) > UNDER_WAY:
         state[slot] = integral
     return output
 
 
 @borrowing
-def _level_pitch(
-    row: Array, gains: Array, state: Array, depth: float, altitude: float, depth_rate: float
-) -> float:
+def _level_pitch(row, gains, state, depth, altitude, depth_rate):
     """Pitch [rad] that takes the vehicle to the depth of a level way and keeps it there."""
     error = _wanted_depth(row, depth, altitude) - depth
     level, low, high = -row[g.LEVEL_PITCH], -row[g.CLIMB_PITCH], -row[g.DIVE_PITCH]
@@ -173,9 +117,7 @@ def _level_pitch(
 
 
 @borrowing
-def _buoyancy_loop(
-    gains: Array, state: Array, wanted: float, depth: float, depth_rate: float, command: Array
-) -> None:
+def _buoyancy_loop(gains, state, wanted, depth, depth_rate, command):
     """The pump that holds a depth without speed: less volume sinks."""
     part = int(gains[g.BUOYANCY_PART])
     if not 0 <= part < command.size:
@@ -187,7 +129,7 @@ def _buoyancy_loop(
 
 
 @borrowing
-def _leave_surface(gains: Array, command: Array) -> None:
+def _leave_surface(gains, command):
     """Go down from the surface by weight: pump and battery of a vehicle that an elevator pitches.
 
     An elevator lifts the tail out of the water before it pitches the nose down, and awash a hull
@@ -203,7 +145,7 @@ def _leave_surface(gains: Array, command: Array) -> None:
 
 
 @borrowing
-def _turns_otherwise(row: Array, gains: Array, phase: float, depth_rate: float) -> bool:
+def _turns_otherwise(row, gains, phase, depth_rate):
     """Whether a vehicle that rolls to turn does not yet go the way that its phase turns it in.
 
     In an inflection, and where it slides off the surface, its lift is that of the other way, or of
@@ -234,7 +176,7 @@ def _go_along(gains: Array, command: Array) -> None:
 
 
 @borrowing
-def _has_a_fix(row: Array, gains: Array, state: Array, depth: float) -> bool:
+def _has_a_fix(row, gains, state, depth):
     """Whether a fix tells the surface to a vehicle whose depth gauge does not.
 
     `depth`: true one [m].
@@ -247,25 +189,9 @@ def _has_a_fix(row: Array, gains: Array, state: Array, depth: float) -> bool:
 
 @borrowing
 def _steer(
-    table: Array,
-    gains: Array,
-    state: Array,
-    t: float,
-    depth: float,
-    roll: float,
-    pitch: float,
-    heading: float,
-    p: float,
-    q: float,
-    r: float,
-    command: Array,
-    altitude: float,
-    north: float,
-    east: float,
-    current_north: float,
-    current_east: float,
-    fixed: float,
-) -> None:
+    table, gains, state, t, depth, roll, pitch, heading, p, q, r, command, altitude,
+    north, east, current_north, current_east, fixed,
+):  # fmt: skip
     """A tick as `guidance_step` says it, for the parts that steer alone."""
     heading = compass(heading_read(gains, heading))
     altitude = altitude_read(gains, state, t, altitude)
@@ -291,9 +217,8 @@ def _steer(
         if gains[g.PITCHES_AT_REST] != 0.0:
             _pitch_loop(row, gains, state, g.LEVEL_INTEGRAL, setpoint - pitch, pitch_rate, command)
         _trim_loop(gains, state, setpoint - pitch, pitch_rate, command)
-        _buoyancy_loop(
-            gains, state, _wanted_depth(row, depth, altitude), depth, depth_rate, command
-        )
+        wanted = _wanted_depth(row, depth, altitude)
+        _buoyancy_loop(gains, state, wanted, depth, depth_rate, command)
         return
 
     # each way keeps its own integrals: the trim error of a dive is not that of a climb
@@ -337,19 +262,9 @@ def _steer(
         error, heading_rate = 0.0, 0.0
     limit = row[g.TURN_LIMIT] / abs(turn)
     command[part] = turn * pid(
-        gains[g.HEADING_KP],
-        gains[g.HEADING_KI],
-        gains[g.HEADING_KD],
-        error,
-        heading_rate,
-        command[part] / turn,
-        -limit,
-        limit,
-        gains[g.PERIOD],
-        INTEGRAL_ZONE,
-        state,
-        turn_slot,
-    )
+        gains, g.HEADING_KP, error, heading_rate, command[part] / turn,
+        -limit, limit, INTEGRAL_ZONE, state, turn_slot,
+    )  # fmt: skip
 
 
 @borrowing

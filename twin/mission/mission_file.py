@@ -3,24 +3,20 @@
 `Mission.compile` writes the table and the gains, `twin.mission.guidance` flies them; everything is
 float64, so that compiled code can read it. Angles are rad, depths m positive down.
 
-Checks of single mission fields; each raises a one-line MissionError that says what to give.
-The shipped vehicles, a line each: what they are, their speed, where their numbers are from.
+Checks of mission fields; each raises a one-line MissionError that says what to give.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from twin.errors import MissionError, shown, unknown_name
-from twin.mission.glide_balance import steady_glide
 from twin.numbers import number as as_number
 from twin.vehicle.allocation import MOST_FOLLOWERS
-from twin.vehicle.presets import vehicle_names
-from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 # --- table: one row per segment; the last row is the end of the mission -----------------------
 KIND = 0  # one of the kinds below
@@ -208,6 +204,40 @@ def optional(
         check(label, field, value, *more)
 
 
+RULES: Mapping[str, Callable[[str, str, object], object]] = {
+    **dict.fromkeys(("pitch_deg", "climb_pitch_deg", "max_pitch_deg"), pitch),
+    **dict.fromkeys(("net_mass_kg", "climb_net_mass_kg"), net_mass),
+    **dict.fromkeys(("rotation_deg", "climb_rotation_deg"), rotation),
+    **dict.fromkeys(
+        ("duration_s", "stay_s", "surface_after_s"), functools.partial(limit, unit="s")
+    ),
+    **dict.fromkeys(
+        ("length_m", "leg_length_m", "max_depth_m", "min_altitude_m", "arrival_radius_m"),
+        functools.partial(limit, unit="m"),
+    ),
+    **dict.fromkeys(("yos", "surface_after_yos", "turns"), functools.partial(limit, unit="")),
+    **dict.fromkeys(
+        ("current_north_m_s", "current_east_m_s"),
+        functools.partial(within, unit="m/s", low=-5.0, high=5.0),
+    ),
+    "heading_deg": heading,
+    "max_rotation_deg": functools.partial(within, unit="deg", low=0.0, high=90.0, open_low=True),
+    "speed_m_s": functools.partial(limit, unit="m/s"),
+    "shift_m": number,
+    "trim_share": functools.partial(within, unit="", low=0.0, high=1.0),
+}
+"""Checks of the fields that several kinds of segment have, by name"""
+
+
+def fields(segment: Any, *apart: str) -> None:
+    """Check the fields of a segment by RULES, but for those `apart`; None may be a default."""
+    for field in dataclasses.fields(segment):
+        value = getattr(segment, field.name)
+        absent = value is None and field.default is None
+        if field.name in RULES and field.name not in apart and not absent:
+            RULES[field.name](segment.kind, field.name, value)
+
+
 def known_keys(label: str, cls: type, data: Mapping[str, Any], also: tuple[str, ...] = ()) -> None:
     """Every key of `data` is a field of the dataclass `cls` or one of `also`."""
     allowed = [field.name for field in dataclasses.fields(cls)] + list(also)
@@ -224,88 +254,3 @@ def required_keys(label: str, cls: type, data: Mapping[str, Any]) -> None:
         )
         if required and field.name not in data:
             raise MissionError(f"{label}: {field.name} is missing; it has no default")
-
-
-MISSING = "-"
-"""In a cell without a value"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class VehicleLine:
-    """One shipped vehicle; None where it lacks the part, or does not glide."""
-
-    name: str
-    summary: str
-    mass_kg: float
-    propeller_high_rad_s: float | None
-    """largest rate of its propeller"""
-    pump_low_cm3: float | None
-    """end of the pump's travel at which it is heaviest"""
-    pump_high_cm3: float | None
-    pump_rate_cm3_s: float | None
-    turns_by: str
-    """name of the part that turns it"""
-    pitch_deg: float | None
-    """magnitude in its usual glide"""
-    net_mass_kg: float | None
-    """magnitude in its usual glide"""
-    speed_m_s: float
-    """through the water, in still water of the reference density: in its usual glide down, or of a
-    propelled vehicle its cruise"""
-    climb_speed_m_s: float | None
-    """likewise up"""
-    vertical_speed_m_s: float | None
-    """down, in its usual glide"""
-    source: str
-
-    @classmethod
-    def of(cls, vehicle: Vehicle) -> VehicleLine:
-        """The line of a vehicle; MissionError when it cannot glide as its file says it does."""
-        pump, propeller = vehicle.steered("buoyancy"), vehicle.steered("speed")
-        pitch, net_mass = vehicle.usual_glide
-        dive = climb = None
-        if propeller is None:
-            dive, climb = (steady_glide(vehicle, -s * pitch, s * net_mass) for s in (1.0, -1.0))
-        return cls(
-            name=vehicle.name,
-            summary=vehicle.summary,
-            mass_kg=vehicle.mass,
-            propeller_high_rad_s=None if propeller is None else propeller.high,
-            pump_low_cm3=None if pump is None else pump.low,
-            pump_high_cm3=None if pump is None else pump.high,
-            pump_rate_cm3_s=None if pump is None else pump.rate,
-            turns_by=vehicle.steering.get("heading", ""),
-            pitch_deg=None if dive is None else math.degrees(pitch),
-            net_mass_kg=None if dive is None else net_mass,
-            speed_m_s=vehicle.cruise_speed if dive is None else dive.speed,
-            climb_speed_m_s=None if climb is None else climb.speed,
-            vertical_speed_m_s=None if dive is None else dive.vertical_speed,
-            source=vehicle.source,
-        )
-
-    def cells(self) -> dict[str, str]:
-        """What a person reads of it, by the heading of its column."""
-        pump = MISSING
-        if self.pump_low_cm3 is not None:
-            pump = f"{self.pump_low_cm3:.0f} to {self.pump_high_cm3:.0f}"
-        return {
-            "vehicle": self.name,
-            "mass kg": f"{self.mass_kg:.1f}",
-            "propeller rad/s": _cell(self.propeller_high_rad_s, "g"),
-            "pump cm3": pump,
-            "cm3/s": _cell(self.pump_rate_cm3_s, "g"),
-            "turned by": self.turns_by or MISSING,
-            "pitch deg": _cell(self.pitch_deg, ".0f"),
-            "net mass kg": _cell(self.net_mass_kg, ".2f"),
-            "speed m/s": f"{self.speed_m_s:.2f}",
-            "down m/s": _cell(self.vertical_speed_m_s, ".2f"),
-        }
-
-
-def _cell(value: float | None, form: str) -> str:
-    return MISSING if value is None else format(value, form)
-
-
-def shipped_vehicles() -> list[VehicleLine]:
-    """Every shipped vehicle, by name."""
-    return [VehicleLine.of(load_vehicle(name)) for name in vehicle_names()]

@@ -9,28 +9,19 @@ import numpy as np
 from twin.compiled import borrowing
 from twin.mission import mission_file as g
 from twin.mission.reckoning import course, distance_left
-from twin.numbers import Array
 
 TIME_TOLERANCE = 1e-6
 """[s] a tick this close to a limit counts as on it: tick times are sums of rounded periods."""
 
 
 @borrowing
-def _at_bottom(row: Array, depth: float, altitude: float) -> bool:
+def _at_bottom(row, depth, altitude):
     """Whether a dive turns here: at its depth, or near the sea floor."""
     return bool(depth >= row[g.MAX_DEPTH] or altitude <= row[g.MIN_ALTITUDE])
 
 
 @borrowing
-def _enter(
-    table: Array,
-    state: Array,
-    index: int,
-    t: float,
-    depth: float,
-    altitude: float,
-    heading: float,
-) -> None:
+def _enter(table, state, index, t, depth, altitude, heading):
     """Make row `index` the current segment and choose its first phase."""
     previous = state[g.PHASE]
     index = min(max(index, 0), table.shape[0] - 1)
@@ -64,19 +55,16 @@ def _enter(
             state[g.HEADING_SETPOINT] = np.nan
         elif kind == g.WAYPOINT:
             state[g.ARRIVED] = 0.0
-            first_north, first_east = (
-                table[index, g.FIRST_CURRENT_NORTH],
-                table[index, g.FIRST_CURRENT_EAST],
-            )
-            if state[g.CURRENT_KNOWN] == 0.0 and not math.isnan(first_north + first_east):
-                state[g.CURRENT_NORTH], state[g.CURRENT_EAST] = first_north, first_east
+            north, east = table[index, g.FIRST_CURRENT_NORTH], table[index, g.FIRST_CURRENT_EAST]
+            if state[g.CURRENT_KNOWN] == 0.0 and not math.isnan(north + east):
+                state[g.CURRENT_NORTH], state[g.CURRENT_EAST] = north, east
             state[g.HEADING_SETPOINT] = course(table[index], state)
     else:
         state[g.PHASE] = g.SURFACING
 
 
 @borrowing
-def _surfaces(row: Array, state: Array, t: float, following: float) -> bool:
+def _surfaces(row, state, t, following):
     """Whether a flight to a waypoint goes up for a fix: time, yos, or it has arrived.
 
     `following`: the phase that the turns at depth ask for.
@@ -90,7 +78,7 @@ def _surfaces(row: Array, state: Array, t: float, following: float) -> bool:
 
 
 @borrowing
-def _to_waypoint(row: Array, state: Array, t: float, following: float) -> float:
+def _to_waypoint(row, state, t, following):
     """The phase of a flight to a waypoint: up for a fix, down again, steered to the target."""
     phase = state[g.PHASE]
     # a target that is held is flown to again and again
@@ -109,15 +97,7 @@ def _to_waypoint(row: Array, state: Array, t: float, following: float) -> float:
 
 
 @borrowing
-def advance(
-    table: Array,
-    state: Array,
-    t: float,
-    depth: float,
-    altitude: float,
-    heading: float,
-    afloat: bool,
-) -> None:
+def advance(table, state, t, depth, altitude, heading, afloat):
     """Phases and segments: turn at the limits of depth and altitude, count, go on, abort.
 
     `afloat`: it is known to be at the surface, where no climb goes on whatever the depth says.

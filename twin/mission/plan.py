@@ -85,12 +85,8 @@ class Mission:
                     "of a mission with a duration_s may do without)"
                 )
             field = "max_depth_m" if isinstance(segment, Profile) else "depth_m"
-            deepest = getattr(segment, field, None)
-            if (
-                deepest is not None
-                and self.max_depth_m is not None
-                and deepest > self.max_depth_m - OVERSHOOT_MARGIN_M
-            ):
+            deepest, most = getattr(segment, field, None), self.max_depth_m
+            if None not in (deepest, most) and deepest > most - OVERSHOOT_MARGIN_M:
                 rule = (
                     f"{OVERSHOOT_MARGIN_M:g} m less than the mission's max_depth_m = "
                     f"{self.max_depth_m:g} m, for the overshoot"
@@ -122,33 +118,27 @@ class Mission:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Mission:
         """The inverse of `to_dict`; raises MissionError for unknown keys and impossible values."""
-        label = "mission"
-        check.known_keys(label, cls, data)
+        check.known_keys("mission", cls, data)
         tables = data.get("segments")
         if not isinstance(tables, list | tuple) or not tables:
-            raise MissionError(f"{label}: give at least one [[segments]] table")
+            raise MissionError("mission: give at least one [[segments]] table")
         segments = tuple(_segment(index, table) for index, table in enumerate(tables))
         return cls(**{**data, "segments": segments})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for TOML, JSON or a store's attributes; what is None is left out."""
         data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        data["segments"] = [
-            {"kind": segment.kind, **_plain(dataclasses.asdict(segment))}
-            for segment in self.segments
-        ]
-        return _plain(data)
+        data["segments"] = [{"kind": s.kind, **dataclasses.asdict(s)} for s in self.segments]
+        plain: dict[str, Any] = _plain(data)
+        return plain
 
     @property
     def needs_floor(self) -> str:
         """The first field by which something is flown above the sea floor; empty: nothing is."""
-        used = (
-            name
-            for name in ("altitude_m", "min_altitude_m")
-            for segment in self.segments
-            if getattr(segment, name, None) is not None
-        )
-        return next(used, "")
+        for name in ("altitude_m", "min_altitude_m"):
+            if any(getattr(segment, name, None) is not None for segment in self.segments):
+                return name
+        return ""
 
     @property
     def needs_place(self) -> bool:
@@ -164,10 +154,7 @@ class Mission:
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise MissionError when `vehicle` cannot fly this: pump, rotation, pitch, trim."""
-        for index, segment in enumerate(self.segments):
-            for part in segment.flown_as():
-                part.row(vehicle, self._label(index))
-        self.compile_end(vehicle)
+        self._rows(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
@@ -184,12 +171,7 @@ class Mission:
                 "without a scenario, compile Mission.placed(latitude, longitude)"
             )
         self._name_idle(vehicle)
-        rows = [
-            part.row(vehicle, self._label(i))
-            for i, segment in enumerate(self.segments)
-            for part in segment.flown_as()
-        ]
-        table = np.array([*rows, self.compile_end(vehicle)])
+        table = np.array(self._rows(vehicle))
         if self.max_depth_m is not None:
             table[:, g.ABORT_DEPTH] = self.max_depth_m
         return table, _gains(vehicle)
@@ -210,12 +192,17 @@ class Mission:
                 stacklevel=3,
             )
 
-    def compile_end(self, vehicle: Vehicle) -> Array:
-        """The table's last row: what is flown after the segments; MissionError as `compile`."""
+    def _rows(self, vehicle: Vehicle) -> list[Array]:
+        """The table's rows; the last one is flown after the segments."""
+        rows = [
+            part.row(vehicle, self._label(index))
+            for index, segment in enumerate(self.segments)
+            for part in segment.flown_as()
+        ]
         last = self._ascent().row(vehicle, f"mission {self.name!r}: ascent_")
         last[g.KIND] = g.END_AT_SURFACE if self.at_end == "surface" else g.END_HOLDING
         last[g.DURATION] = np.nan
-        return last
+        return [*rows, last]
 
     def _ascent(self) -> Surface:
         return Surface(pitch_deg=self.ascent_pitch_deg)
@@ -256,23 +243,13 @@ def _segment(index: int, table: object) -> Segment:
         raise MissionError(f"{label} {error}") from None
 
 
-def _plain(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Without None and empty tables, numbers as Python floats."""
-    plain: dict[str, Any] = {}
-    for key, value in data.items():
-        if isinstance(value, Mapping):
-            if value:
-                plain[key] = _plain(value)
-        elif value is not None:
-            plain[key] = _plain_value(value)
-    return plain
-
-
-def _plain_value(value: Any) -> Any:
+def _plain(value: Any) -> Any:
+    """Plain values, without None and empty tables, numbers as Python floats."""
     if isinstance(value, Mapping):
-        return _plain(value)
+        plain = {key: _plain(item) for key, item in value.items() if item is not None}
+        return {key: item for key, item in plain.items() if item != {}}
     if isinstance(value, list | tuple):
-        return [_plain_value(item) for item in value]
+        return [_plain(item) for item in value]
     return value if isinstance(value, str | bool) else float(value)
 
 
@@ -288,20 +265,17 @@ def _gains(vehicle: Vehicle) -> Array:
     ):
         gains[first : first + 3] = pid or (0.0, 0.0, 0.0)
     gains[g.PERIOD] = vehicle.control_period
-    for control, place in (
-        ("pitch", g.PITCH_PART),
-        ("heading", g.TURN_PART),
-        ("trim", g.TRIM_PART),
-        ("buoyancy", g.BUOYANCY_PART),
+    for control, place, sense, low in (
+        ("pitch", g.PITCH_PART, g.PITCH_SENSE, None),
+        ("heading", g.TURN_PART, None, None),
+        ("trim", g.TRIM_PART, g.TRIM_SENSE, g.TRIM_LOW),
+        ("buoyancy", g.BUOYANCY_PART, None, g.BUOYANCY_LOW),
     ):
-        index = vehicle.steered_index(control)
+        part, index = vehicle.steered(control), vehicle.steered_index(control)
         gains[place] = -1.0 if index is None else index
-    for control, sense in (("pitch", g.PITCH_SENSE), ("trim", g.TRIM_SENSE)):
-        part = vehicle.steered(control)
-        gains[sense] = 1.0 if part is None else part.sense("pitch")
-    for control, low in (("trim", g.TRIM_LOW), ("buoyancy", g.BUOYANCY_LOW)):
-        part = vehicle.steered(control)
-        if part is not None:
+        if sense is not None:
+            gains[sense] = 1.0 if part is None else part.sense("pitch")
+        if low is not None and part is not None:
             gains[low], gains[low + 1] = part.low, part.high
     gains[g.FOLLOWERS] = len(vehicle.followers)
     names = vehicle.part_names

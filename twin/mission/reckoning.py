@@ -1,11 +1,13 @@
-"""Reckoning: where guidance believes the vehicle is, and the course from there to a waypoint.
+"""Reckoning: what guidance reads of its instruments, and where it believes that the vehicle is.
 
-As gliders do it: from fix to fix the way through the water is added up from depth rate, pitch and
+Guidance that is flown by the true state reads depth, heading and altitude through here. Each fault
+of an instrument is a number among the gains, all zeros in a sound vehicle, which then reads the
+truth to the last bit.
+
+From fix to fix the way through the water is added up, as gliders do it, from depth rate, pitch and
 heading, with the angle of attack of the steady way, or from the propeller's speed. At the first fix
 after a dive the misclosure over the time under water is the estimate of the current, which the
 next dive adds to its way and its course allows for.
-
-Loops: the arithmetic of guidance's control loops, compiled, without any memory of their own.
 """
 
 from __future__ import annotations
@@ -14,44 +16,71 @@ import math
 
 from twin.compiled import borrowing
 from twin.mission import mission_file as g
-from twin.numbers import Array
+
+ALTITUDE_S = 20.0
+"""[s] for which the last echo of the altimeter holds"""
+OUT_OF_REACH = 1e4
+"""[m] of water below a vehicle whose altimeter has no echo: deeper than it can dive"""
 
 
 @borrowing
-def pid(
-    kp: float,
-    ki: float,
-    kd: float,
-    error: float,
-    rate: float,
-    feedforward: float,
-    low: float,
-    high: float,
-    period: float,
-    zone: float,
-    state: Array,
-    slot: int,
-) -> float:
+def heading_read(gains, heading):
+    """Compass reading [rad] of a true heading [rad]: its offset, and the iron of the vehicle."""
+    seen = heading + gains[g.COMPASS_OFFSET]
+    if gains[g.IRON_SINE] != 0.0 or gains[g.IRON_COSINE] != 0.0:
+        seen += gains[g.IRON_SINE] * math.sin(heading) + gains[g.IRON_COSINE] * math.cos(heading)
+    return seen
+
+
+@borrowing
+def altitude_read(gains, state, t, altitude):
+    """Altitude [m] by the echoes that come back at time `t` [s].
+
+    A faulty altimeter loses its share of them, evenly over the ticks. The last one holds for
+    ALTITUDE_S, then the floor is out of reach.
+
+    Args:
+      state: of guidance; its three numbers of the altimeter are updated.
+      altitude: true one, inf without a sea floor.
+    """
+    if state[g.PHASE] == g.NOT_STARTED:
+        state[g.ECHO], state[g.ECHO_TIME] = OUT_OF_REACH, t
+    lost = gains[g.ECHOES_LOST]
+    if not lost > 0.0 or math.isinf(altitude):
+        state[g.ECHO], state[g.ECHO_TIME] = altitude, t
+        return altitude
+    state[g.ECHOES_DUE] += 1.0 - lost
+    if state[g.ECHOES_DUE] >= 1.0:
+        state[g.ECHOES_DUE] -= 1.0
+        state[g.ECHO], state[g.ECHO_TIME] = altitude, t
+    elif t - state[g.ECHO_TIME] > ALTITUDE_S:
+        state[g.ECHO] = OUT_OF_REACH
+    return float(state[g.ECHO])
+
+
+@borrowing
+def pid(gains, first, error, rate, feedforward, low, high, zone, state, slot):
     """One PID tick with the derivative on the measured rate; returns the clamped output.
 
-    The integral of the error, limited to `zone`, is kept in state[slot] and stands still while
-    the output is clamped and the error pushes further out.
+    Its three gains begin at gains[first]. The integral of the error, limited to `zone`, is kept in
+    state[slot] and stands still while the output is clamped and the error pushes further out.
     """
+    kp, ki, kd = gains[first], gains[first + 1], gains[first + 2]
     output = feedforward + kp * error + ki * state[slot] - kd * rate
     clamped = min(max(output, low), high)
     if (output - clamped) * error * ki <= 0.0:
-        state[slot] += period * min(max(error, -zone), zone)
+        state[slot] += gains[g.PERIOD] * min(max(error, -zone), zone)
     return clamped
 
 
 @borrowing
-def wrapped(angle: float) -> float:
+def wrapped(angle):
     """`angle` [rad] in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @borrowing
-def compass(angle: float) -> float:
+def compass(angle):
     """`angle` [rad] in [0, 2 pi), as headings are."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
 
@@ -69,7 +98,7 @@ MOST_CRAB = math.sin(math.radians(70.0))
 
 
 @borrowing
-def speed_through_water(row: Array, phase: float, depth_rate: float, pitch: float) -> float:
+def speed_through_water(row, phase, depth_rate, pitch):
     """Horizontal speed [m/s] by depth rate [m/s] and pitch [rad], or the propeller's."""
     if phase == g.AT_SURFACE or phase == g.HOVERING:
         return 0.0
@@ -90,16 +119,14 @@ def speed_through_water(row: Array, phase: float, depth_rate: float, pitch: floa
 
 
 @borrowing
-def _fix(state: Array, t: float, north: float, east: float) -> None:
+def _fix(state, t, north, east):
     """Take a fix; the first one after a dive says what the current was."""
     elapsed = t - state[g.LAST_FIX]
     if state[g.FIXED] == 0.0 and elapsed >= LEAST_DIVE:
         missed_north = north - state[g.RECKONED_NORTH] + state[g.DRIFT_NORTH]
         missed_east = east - state[g.RECKONED_EAST] + state[g.DRIFT_EAST]
-        state[g.CURRENT_NORTH], state[g.CURRENT_EAST] = (
-            missed_north / elapsed,
-            missed_east / elapsed,
-        )
+        state[g.CURRENT_NORTH] = missed_north / elapsed
+        state[g.CURRENT_EAST] = missed_east / elapsed
         state[g.CURRENT_KNOWN] = 1.0
     state[g.RECKONED_NORTH], state[g.RECKONED_EAST] = north, east
     state[g.DRIFT_NORTH] = state[g.DRIFT_EAST] = 0.0
@@ -107,18 +134,7 @@ def _fix(state: Array, t: float, north: float, east: float) -> None:
 
 
 @borrowing
-def reckon(
-    row: Array,
-    state: Array,
-    t: float,
-    depth: float,
-    pitch: float,
-    heading: float,
-    north: float,
-    east: float,
-    current_north: float,
-    current_east: float,
-) -> None:
+def reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east):
     """Bring the position that guidance believes in to `t`; see `guidance_step` for the arguments.
 
     `row` and the phase in `state` are those that were flown since the last tick.
@@ -160,7 +176,7 @@ def reckon(
 
 
 @borrowing
-def distance_left(row: Array, state: Array) -> float:
+def distance_left(row, state):
     """[m] from where the vehicle seems to be to the row's target."""
     return math.hypot(
         row[g.TARGET_NORTH] - state[g.SEEN_NORTH], row[g.TARGET_EAST] - state[g.SEEN_EAST]
@@ -168,7 +184,7 @@ def distance_left(row: Array, state: Array) -> float:
 
 
 @borrowing
-def course(row: Array, state: Array) -> float:
+def course(row, state):
     """Heading [rad] that makes good the way to the row's target in the estimated current.
 
     The part of the current across the way is stemmed; one that is too strong, as far as MOST_CRAB.

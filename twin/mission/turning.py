@@ -44,33 +44,28 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
     index = vehicle.steered_index("heading")
     if index is None:
         return 0.0
-    # segments of a mission are flown in few ways
-    numbers = (steady.pitch, steady.vertical_speed, steady.speed, steady.angle_of_attack)
-    return _turn_per_position(vehicle, index, numbers, tuple(steady.command.tolist()))
+    numbers = (steady.pitch, steady.speed, steady.angle_of_attack, *steady.command.tolist())
+    return _turn_per_position(vehicle, index, numbers)
 
 
 @functools.lru_cache(maxsize=4096)
-def _turn_per_position(
-    vehicle: Vehicle, index: int, numbers: tuple[float, ...], command: tuple[float, ...]
-) -> float:
-    pitch, vertical_speed, speed, angle_of_attack = numbers
-    steady = Way(
-        pitch=pitch,
-        vertical_speed=vertical_speed,
-        speed=speed,
-        angle_of_attack=angle_of_attack,
-        command=np.array(command),
-    )
+def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...]) -> float:
+    """The turn, worked out once: segments of a mission are flown in few ways."""
+    pitch, speed, alpha, *command = numbers
     part = vehicle.parts[index]
+
+    def left(x: Array, moved: float) -> Array:
+        """Side force [N], roll and yaw moment [N m] left over at sway, roll and turn rate."""
+        velocity = np.array([speed * math.cos(alpha), x[0], speed * math.sin(alpha)])
+        position = np.array(command)
+        position[index] = part.rest + moved
+        motion = {"pitch": pitch, "roll": x[1], "turn_rate": x[2]}
+        return imbalance(vehicle, position, velocity, **motion)[list(LATERAL)]
+
+    slopes = [(left(d, 0.0) - left(-d, 0.0)) / (2.0 * STEP) for d in STEP * np.eye(3)]
     step = PART_STEP * (part.high - part.low)
-    slopes = np.empty((3, 3))
-    for k in range(3):
-        x = np.zeros(3)
-        x[k] = STEP
-        ahead, behind = (_imbalance(vehicle, steady, s * x, index, 0.0) for s in (1.0, -1.0))
-        slopes[:, k] = (ahead - behind) / (2.0 * STEP)
-    ahead, behind = (_imbalance(vehicle, steady, np.zeros(3), index, s * step) for s in (1.0, -1.0))
-    found = solved_system(slopes, -(ahead - behind) / (2.0 * step))
+    driven = (left(np.zeros(3), step) - left(np.zeros(3), -step)) / (2.0 * step)
+    found = solved_system(np.column_stack(slopes), -driven)
     if found is None:
         raise MissionError(
             f"vehicle {vehicle.name!r}: its {part.name} determines no steady turn: side force, "
@@ -134,9 +129,8 @@ def circling(vehicle: Vehicle, steady: Way, turn_rate: float) -> Array:
         ahead = math.sqrt(max(steady.speed**2 - sway**2, 0.0))
         alpha = steady.angle_of_attack
         velocity = np.array([ahead * math.cos(alpha), sway, ahead * math.sin(alpha)])
-        wrench = imbalance(
-            vehicle, positions(x), velocity, pitch=steady.pitch, roll=roll, turn_rate=rate
-        )
+        motion = {"pitch": steady.pitch, "roll": roll, "turn_rate": rate}
+        wrench = imbalance(vehicle, positions(x), velocity, **motion)
         return wrench[[0, *LATERAL]] / (vehicle.mass * vehicle.gravity)
 
     x: Array | None = np.array([0.0, 0.0, *(steady.command[free] / scale)])
@@ -162,36 +156,17 @@ def circling(vehicle: Vehicle, steady: Way, turn_rate: float) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _usual_turn(vehicle: Vehicle) -> tuple[float, float]:
-    """`turn_per_position` and the speed [m/s] of the way that the gains of the file are for."""
-    usual = _usual_way(vehicle)
-    return turn_per_position(vehicle, usual), usual.speed
+    """`turn_per_position` and the speed [m/s] of the way that the gains of the file are for.
 
-
-def _usual_way(vehicle: Vehicle) -> Way:
-    """The way that the gains of the file are for: level at cruising speed, or the usual dive."""
-    if vehicle.steered("speed") is not None:
-        return level_way(vehicle, f"vehicle {vehicle.name!r}: its usual way", None)
-    pitch, net_mass = vehicle.usual_glide
-    pump = vehicle.steered("buoyancy")
-    if pump is not None:
-        net_mass = min(net_mass, vehicle.net_mass_for_pump(float(pump.low)))
-    label = f"vehicle {vehicle.name!r}: the usual dive"
-    return way(
-        vehicle, label, "pitch_deg", -math.degrees(pitch), net_mass, None, within_travel=True
-    )
-
-
-def _imbalance(vehicle: Vehicle, steady: Way, x: Array, index: int, moved: float) -> Array:
-    """Side force [N], roll and yaw moment [N m] left over, shape (3,), body FRD about the CB.
-
-    `x`: sway [m/s], roll [rad], turn rate [rad/s]; `moved`: of part `index` from its rest.
+    That is level at cruising speed, or the usual dive.
     """
-    sway, roll, turn_rate = x
-    alpha = steady.angle_of_attack
-    velocity = np.array([steady.speed * math.cos(alpha), sway, steady.speed * math.sin(alpha)])
-    position = steady.command.copy()
-    position[index] = vehicle.parts[index].rest + moved
-    wrench = imbalance(
-        vehicle, position, velocity, pitch=steady.pitch, roll=roll, turn_rate=turn_rate
-    )
-    return wrench[list(LATERAL)]
+    if vehicle.steered("speed") is not None:
+        usual = level_way(vehicle, f"vehicle {vehicle.name!r}: its usual way", None)
+    else:
+        pitch, net_mass = vehicle.usual_glide
+        pump = vehicle.steered("buoyancy")
+        if pump is not None:
+            net_mass = min(net_mass, vehicle.net_mass_for_pump(float(pump.low)))
+        label, dive = f"vehicle {vehicle.name!r}: the usual dive", -math.degrees(pitch)
+        usual = way(vehicle, label, "pitch_deg", dive, net_mass, None, within_travel=True)
+    return turn_per_position(vehicle, usual), usual.speed

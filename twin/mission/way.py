@@ -1,8 +1,7 @@
 """Steady way down or up: its pitch and speed, and the positions of the parts that hold it.
 
-Also the checks of a segment's values against the vehicle that is to fly it.
-
-Far targets: places that no mission goes to, refused with the place that was likely meant.
+A segment's values are checked here against the vehicle that is to fly it, and places that no
+mission goes to are refused with the place that was likely meant.
 """
 
 from __future__ import annotations
@@ -10,14 +9,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from twin.errors import MissionError, unknown_name
 from twin.geodesy import great_circle
-from twin.mission.cruise import steady_flight
-from twin.mission.glide_balance import imbalance, newton, steady_glide
+from twin.mission.glide_balance import imbalance, newton, steady_flight, steady_glide
 from twin.mission.mission_file import fail
 from twin.numbers import Array
 from twin.vehicle.parts import BatterySlide, Part
@@ -29,8 +27,7 @@ SLACK = 1e-9
 """Relative rounding by which a value may exceed a part's travel."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Way:
+class Way(NamedTuple):
     """A steady dive or climb."""
 
     pitch: float
@@ -96,13 +93,7 @@ def way(
             )
             fail(label, field, abs(pitch_deg), rule)
         command[vehicle.part_names.index(pitching.name)] = min(max(glide.shift, low), high)
-    found = Way(
-        pitch=pitch,
-        vertical_speed=glide.vertical_speed,
-        speed=glide.speed,
-        angle_of_attack=glide.angle_of_attack,
-        command=command,
-    )
+    found = Way(pitch, glide.vertical_speed, glide.speed, glide.angle_of_attack, command)
     return _straight(vehicle, label, found)
 
 
@@ -155,7 +146,7 @@ def _straight(vehicle: Vehicle, label: str, steady: Way) -> Way:
             f"and no position of its {part.name} keeps it straight at {steady.speed:.2f} m/s"
         )
     command[place] = min(max(scale * float(found[2]), part.low), part.high)
-    return dataclasses.replace(steady, command=command)
+    return steady._replace(command=command)
 
 
 def _driven(
@@ -194,13 +185,8 @@ def _driven(
             value = speed if pitch is None else abs(math.degrees(pitch))
             fail(label, field, round(value, 6), rule)
         command[place] = min(max(command[place], low), high)
-    return Way(
-        pitch=flight.pitch,
-        vertical_speed=speed * math.sin(flight.angle_of_attack - flight.pitch),
-        speed=speed,
-        angle_of_attack=flight.angle_of_attack,
-        command=command,
-    )
+    down = speed * math.sin(flight.angle_of_attack - flight.pitch)
+    return Way(flight.pitch, down, speed, flight.angle_of_attack, command)
 
 
 def standing_shift(vehicle: Vehicle, slide: Part, pitch: float) -> float:
@@ -340,21 +326,16 @@ def _slips(latitude: float, longitude: float) -> Iterator[tuple[tuple[float, flo
     for north, east in ((longitude, latitude), (longitude, -latitude), (-longitude, latitude)):
         if abs(north) <= 90.0:
             yield (north, east), "latitude comes first"
-    north, east = _as_minutes(latitude), _as_minutes(longitude)
+    north, east = (round(_minutes(degrees), 6) for degrees in (latitude, longitude))
     if abs(north) <= 90.0 and abs(east) <= 180.0:
         yield (
             (north, east),
             "a Slocum file has DDMM.mmm, degrees and minutes: "
-            f"longitude {_dm(east):.3f}, latitude {_dm(north):.3f}",
+            f"longitude {_minutes(east):.3f}, latitude {_minutes(north):.3f}",
         )
 
 
-def _as_minutes(degrees: float) -> float:
-    """The number that was read as DDMM.mmm and gave these degrees."""
-    return round(_dm(degrees), 6)
-
-
-def _dm(degrees: float) -> float:
-    """Degrees as DDMM.mmm."""
+def _minutes(degrees: float) -> float:
+    """Degrees as DDMM.mmm, which is also the number that was read as that and gave the degrees."""
     part, whole = math.modf(abs(degrees))
     return math.copysign(100.0 * whole + 60.0 * part, degrees)

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.estimators.series import no_glider
+from twin.navigation.dead_reckoning import no_glider
 from twin.navigation.flight_filter_kernels import (
     CARRIED,
     CHANNELS,

@@ -15,17 +15,25 @@ float32.
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 
 from twin.navigation import flight_filter_kernels as kernels
 from twin.navigation.c_math import braced, number
+from twin.navigation.dead_reckoning import SHALLOW_DEPTH, SURFACE_DEPTH, Array
 from twin.navigation.flight_filter import FlightFilter
 from twin.vehicle.laws import flow_frame
 
 NUMBERS = kernels.CARRIED
 """Floats of the filter's state, zero before the first sample. As of `flight_filter_kernels`, but
 for constants in prior deviations, the root of their covariance, and times in samples."""
+
+
+_LAW = (
+    "K_D0", "K_D", "K_L0", "K_ALPHA", "K_BETA", "K_BETA_LIFT", "ZERO_LIFT", "LINEAR",
+)  # fmt: skip
+"""Numbers of the hull that the text has by their names in `flow_frame`"""
 
 
 def c_flight(*flights: FlightFilter) -> str:
@@ -39,84 +47,60 @@ def c_flight(*flights: FlightFilter) -> str:
         constants, covariance = flight.begins
         values, vectors = np.linalg.eigh(covariance / np.outer(prior, prior))
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        begins.append(
-            f"{{{braced(constants / prior)},\n{braced(root.ravel())},\n"
-            f"{number(flight.model.rate_variance)}}}"
-        )
-    numbers = {
-        "INERTIA": braced(inertia.ravel()),
-        "INVERSE": braced(inverse.ravel()),
-        "STEPS": str(math.ceil(period / kernels.STEP_S)),
-        "STEP": number(period / math.ceil(period / kernels.STEP_S)),
-        "CROSS": "induced"
-        if law[flow_frame.CROSS_FLOW] == law[flow_frame.K_D]
-        else number(law[flow_frame.CROSS_FLOW]),
-        "BLENDS": number(1.0 / (law[flow_frame.BLEND] - law[flow_frame.LINEAR])),
-        **{name: number(law[place]) for name, place in _LAW.items()},
-        "PRIOR": braced(prior),
-        "GROWTH": braced(np.expm1(kernels.NUDGE * prior)),
+        rate = number(flight.model.rate_variance)
+        begins.append(f"{{{braced(constants / prior)},\n{braced(root.ravel())},\n{rate}}}")
+    steps = math.ceil(period / kernels.STEP_S)
+    cross = law[flow_frame.CROSS_FLOW]
+    own: dict[str, str | int | float | Array] = {
+        **{name: law[getattr(flow_frame, name)] for name in _LAW},
+        "INERTIA": inertia,
+        "INVERSE": inverse,
+        "PRIOR": prior,
+        "GROWTH": np.expm1(kernels.NUDGE * prior),
         "BEGINS": "{" + ",\n".join(begins) + "}",
-        "AFLOAT": number(samples_beyond(kernels.AFLOAT_S, period)),
-        "EVERY": number(samples_beyond(kernels.EVERY_S, period)),
-        "NEUTRAL": number(mass - reference * volume),
-        "FUSED": number(-math.expm1(-period / kernels.FUSED_S)),
-        "BRIEF": number(-math.expm1(-period / kernels.SMOOTHED_S)),
-        "PROMPT": number(-math.expm1(-period / kernels.PROMPT_S)),
-        "QUIET": number(-math.expm1(-period / kernels.QUIET_S)),
-        "MOST_SINE": number(math.sin(kernels.MOST_OFFSET)),
-        "DEGREE": number(math.radians(1.0)),
-        "VOLUME": number(volume),
-        "GRAVITY": number(gravity),
-        "REFERENCE": number(reference),
-        "HEAVIER": number(reference * gravity),
-        "SQUEEZE": number(squeeze),
-        "PERIOD": number(period),
-        "OCEAN": number(kernels.STANDARD_OCEAN[0]),
-        "DEEPER": number(kernels.STANDARD_OCEAN[1]),
-        **{name: number(value) for name, value in _SETTINGS.items()},
-        **{name: str(value) for name, value in _PLACES.items()},
+        "STEPS": steps,
+        "STEP": period / steps,
+        "CROSS": "induced" if cross == law[flow_frame.K_D] else cross,
+        "BLENDS": 1.0 / (law[flow_frame.BLEND] - law[flow_frame.LINEAR]),
+        "AFLOAT": float(samples_beyond(kernels.AFLOAT_S, period)),
+        "EVERY": float(samples_beyond(kernels.EVERY_S, period)),
+        "FUSED": -math.expm1(-period / kernels.FUSED_S),
+        "BRIEF": -math.expm1(-period / kernels.SMOOTHED_S),
+        "PROMPT": -math.expm1(-period / kernels.PROMPT_S),
+        "QUIET": -math.expm1(-period / kernels.QUIET_S),
+        "MOST_SINE": math.sin(kernels.MOST_OFFSET),
+        "DEGREE": math.radians(1.0),
+        "NEUTRAL": mass - reference * volume,
+        "VOLUME": volume,
+        "GRAVITY": gravity,
+        "REFERENCE": reference,
+        "HEAVIER": reference * gravity,
+        "SQUEEZE": squeeze,
+        "PERIOD": period,
+        "OCEAN": kernels.STANDARD_OCEAN[0],
+        "DEEPER": kernels.STANDARD_OCEAN[1],
+        "FLAT2": kernels.FLAT_SINE**2,
+        "HALF_WIDEST": 0.5 * kernels.WIDEST,
+        "SHALLOW": SHALLOW_DEPTH,
+        "SURFACE": SURFACE_DEPTH,
     }
-    text = _TEXT
-    for name, value in numbers.items():
-        text = text.replace(f"@{name}@", value)
-    assert "@" not in text
-    return text
+
+    def written(name: re.Match[str]) -> str:
+        value = own[name[1]] if name[1] in own else getattr(kernels, name[1])
+        if isinstance(value, np.ndarray):
+            return braced(value.ravel())
+        return number(value) if isinstance(value, float) else str(value)
+
+    return re.sub("@(.*?)@", written, _TEXT)
 
 
 def samples_beyond(seconds: float, period: float) -> int:
-    """How many periods, added up as the kernels do, are more than so many seconds."""
+    """Number of periods that, added up as the kernels do, are more than so many seconds."""
     count, total = 0, 0.0
     while total <= seconds:
         count, total = count + 1, total + period
     return count
 
-
-_SETTINGS = {
-    name: getattr(kernels, name)
-    for name in (
-        "CUBIC_CM", "FASTEST", "LEAST_NET", "LEAST_SINE", "LEAST_SURGE", "MOST_OFFSET", "NUDGE",
-        "PROMPT_RATE", "QUIET_PITCH", "QUIET_RATE", "RESTING_RATE", "WIDEST",
-    )
-} | {
-    "FLAT2": kernels.FLAT_SINE**2, "HALF_WIDEST": 0.5 * kernels.WIDEST,
-    "SHALLOW": kernels.SHALLOW_DEPTH, "SURFACE": kernels.SURFACE_DEPTH,
-}  # fmt: skip
-_PLACES = {
-    name: getattr(kernels, name)
-    for name in (
-        "BEFORE", "COVARIANCE", "GUESS", "ITERATIONS", "MEANS", "OFFSET", "PROMPT_PITCH",
-        "PROMPT_SINKS", "RELINEARISED", "RESTLESS", "SINCE_AFLOAT", "SINCE_UPDATE", "SLOW_RATE",
-        "SPREAD", "STARTED", "SUNK", "VELOCITY",
-    )
-}  # fmt: skip
-"""Of numbers in the state, and counts"""
-_LAW = {
-    name: getattr(flow_frame, name)
-    for name in (
-        "K_D0", "K_D", "K_L0", "K_ALPHA", "K_BETA", "K_BETA_LIFT", "ZERO_LIFT", "LINEAR",
-    )
-}  # fmt: skip
-"""Of the hull's numbers, by their places"""
 
 _TEXT = """\
 /* What a filter begins with: constants in prior deviations, a root of their covariance, and the

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from twin.compiled import jit
-from twin.navigation.estimators.series import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
+from twin.navigation.dead_reckoning import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.vehicle.laws.flow_frame import CROSS_FLOW, K_ALPHA, K_D, K_D0, LINEAR, native_wrench
 from twin.vehicle.parts.pump import CUBIC_CM
 

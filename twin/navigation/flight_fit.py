@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.dvl_cleaning import WATER, outliers, smoothed
+from twin.navigation.estimators.dvl import WATER, outliers, smoothed
 from twin.navigation.flight_filter import FlightFilter, FlightSpread, FlightStart
 from twin.navigation.flight_filter_kernels import (
     CONSTANTS,

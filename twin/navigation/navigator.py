@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.navigation.compass_deviation import IRON, CompassDeviation
 from twin.navigation.current import CurrentFilter, CurrentParameters, Innovation, Leg
-from twin.navigation.dead_reckoning import LEAST_COSINE
-from twin.navigation.dvl_cleaning import BOTTOM
+from twin.navigation.dead_reckoning import LEAST_COSINE, SHALLOW_DEPTH
 from twin.navigation.estimators.base import State, VelocityEstimator
-from twin.navigation.estimators.series import SHALLOW_DEPTH
+from twin.navigation.estimators.dvl import BOTTOM
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from twin.errors import InputError
 from twin.mission.controller import MissionController, Observation
-from twin.mission.instruments import ALTITUDE_S, OUT_OF_REACH
 from twin.mission.plan import Mission
+from twin.mission.reckoning import ALTITUDE_S, OUT_OF_REACH
 from twin.navigation.navigator import (
     ATTITUDE,
     DEPTH,

@@ -16,7 +16,7 @@ from twin.physics.scenario import Scenario
 from twin.physics.stiffness import file_timestep, stiffness
 from twin.records.mission_dataset import summarise
 from twin.records.trajectory import Trajectory
-from twin.water.current.grid_kernels import beyond_grid
+from twin.water.current.grid import beyond_grid
 from twin.water.floor.lookup import beyond_floor
 
 Beyond = Callable[[Array, Array, Array], NDArray[np.bool_]]

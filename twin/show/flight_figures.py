@@ -22,7 +22,7 @@ from twin.logs.flight_dataset import (
     flight_dataset,
 )
 from twin.logs.flight_estimate import Flight
-from twin.logs.flown_dive import CLIMB, DESCENT
+from twin.logs.flight_estimator import CLIMB, DESCENT
 from twin.records.attributes import DEPLOYMENT, N_SAMPLES, SAMPLE_PERIOD, START_TIME
 from twin.records.logged import AVERAGED
 from twin.records.presence import is_flight, open_flight

@@ -15,11 +15,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from twin.identify.answer import Identification
-from twin.identify.heading_leg import PHASES, RUDDER, USUAL_NAMES, log_signal
 from twin.identify.log_check import LogCheck
 from twin.identify.log_flight import legs_flown
 from twin.identify.logged_missions import Log
-from twin.identify.replayed_dive import ReplayedDive
+from twin.identify.replayed_dive import (
+    PHASES,
+    RUDDER,
+    USUAL_NAMES,
+    ReplayedDive,
+    log_signal,
+)
 from twin.identify.speed import FlightModel, SpeedEstimate, estimate
 from twin.records.reader import MissionStore
 from twin.records.store import read_trajectory

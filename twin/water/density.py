@@ -10,14 +10,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from twin.compiled import borrowing, jit
 from twin.compiled.elementary import exp
-from twin.errors import InputError
+from twin.errors import InputError, unknown_name
 from twin.numbers import Array, number, numbers
+from twin.water.table_file import column_numbers, read_table_file
 
 REFERENCE_DENSITY = 1025.0
 """[kg/m3], the density inside the Sea-Wing's coefficients (Zhang et al., 2013)"""
@@ -276,10 +278,8 @@ class DensityProfile:
         if self.temperature is None or self.salinity is None:
             return None
         z = np.asarray(depth, float)
-        temperature, salinity = (
-            np.asarray(np.interp(z, self.depth, column))
-            for column in (self.temperature, self.salinity)
-        )
+        columns = (self.temperature, self.salinity)
+        temperature, salinity = (np.asarray(np.interp(z, self.depth, one)) for one in columns)
         return temperature, salinity
 
     def pressure(self, depth: ArrayLike, *, latitude: float) -> Array:
@@ -343,3 +343,71 @@ class DensityProfile:
                 "compile with a larger spacing"
             )
         return np.concatenate([[n, spacing], np.interp(np.arange(n) * spacing, self.depth, values)])
+
+
+NAMES = ("usual", "constant", "thermocline")
+GRID = "grid"
+"""The column of a gridded current's file; who knows the current makes it (`twin.facade`)"""
+ALLOWED = (*NAMES, GRID, "a CSV file with columns depth,density")
+
+
+def parse_density(
+    text: str, *, latitude: float = DEFAULT_LATITUDE, longitude: float = DEFAULT_LONGITUDE
+) -> DensityProfile | None:
+    """The profile of "usual", "constant", "thermocline", or a CSV file.
+
+    "usual" is None, what a scenario without a density flies in; "constant" is the reference density
+    at every depth, which no sea is: a hull that shrinks sinks ever faster there.
+
+    The file has a header with `depth` [m] and either `density` [kg/m3] or `temperature` [degC]
+    and `salinity` (practical). Lines that start with # are comments.
+
+    Args:
+      text: one of these names, or a path.
+      latitude: [degree] north of where the water is, for densities that TEOS-10 gives.
+      longitude: [degree] east, likewise.
+
+    Raises:
+      InputError: unknown name, unreadable file, missing column or bad row (named).
+    """
+    if text == "usual":
+        return None
+    if text == "constant":
+        return DensityProfile.constant()
+    if text == "thermocline":
+        return DensityProfile.thermocline(latitude=latitude, longitude=longitude)
+    if text == GRID:
+        raise InputError(
+            "density 'grid' is made of a current's file: `twin simulate --density grid`, or "
+            'twin.simulate(density="grid", current=...)'
+        )
+    path = Path(text)
+    if path.suffix.lower() != ".csv":
+        raise InputError(unknown_name("density", text, ALLOWED))
+    return read_density_csv(path, latitude=latitude, longitude=longitude)
+
+
+def read_density_csv(
+    path: Path, *, latitude: float = DEFAULT_LATITUDE, longitude: float = DEFAULT_LONGITUDE
+) -> DensityProfile:
+    """Read a profile from CSV; see `parse_density`."""
+    frame = read_table_file(path, "density file")
+    names = [str(name) for name in frame.columns]
+    if not len(frame):
+        raise InputError(f"density file {path} has no rows; it needs a header and one row or more")
+    columns: dict[str, list[float]] = {}
+    for name in (
+        ("depth", "density") if "density" in names else ("depth", "temperature", "salinity")
+    ):
+        if names.count(name) != 1:
+            lacks = "lacks the column" if name not in names else "has more than one column"
+            raise InputError(
+                f"density file {path} {lacks} {name!r} (found: {', '.join(names)}); it needs depth "
+                "and density, or depth, temperature and salinity"
+            )
+        columns[name] = column_numbers(frame, name, f"density file {path}")
+    if "density" in columns:
+        return DensityProfile(depth=columns["depth"], values=columns["density"])  # type: ignore[arg-type]
+    return DensityProfile.from_temperature_salinity(
+        **columns, latitude=latitude, longitude=longitude
+    )

@@ -22,10 +22,9 @@ from twin.logs import (
     estimate_flight,
     linear_track,
 )
-from twin.logs.corrected_track import track_velocity
-from twin.logs.depth_averaged_current import USUAL_CHANGE, USUAL_DURATION
-from twin.logs.fix import fixes_of, place_of
-from twin.logs.flown_dive import FlownDive
+from twin.logs.corrected_track import USUAL_CHANGE, USUAL_DURATION, track_velocity
+from twin.logs.flight_estimator import FlownDive
+from twin.logs.track import fixes_of, place_of
 from twin.records.reader import MissionStore
 from twin.vehicle.vehicle import Vehicle
 

@@ -49,7 +49,7 @@ from factory.exporting.og1.variables import (
 from factory.generation.generated_store import GeneratedStore, StoredFlight
 from twin.errors import StoreError
 from twin.geodesy import from_tangent_plane
-from twin.logs.fix import place_of
+from twin.logs.track import place_of
 from twin.records.schema import VARIABLES
 
 Array = NDArray[np.float64]

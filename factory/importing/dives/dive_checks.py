@@ -45,14 +45,12 @@ def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> Deploymen
     """
     if log.pieces is not None or log.gridded:
         return log
-    every = {**log.channels, **log.auxiliary}
     times, last = np.unique(log.fixes.time), log.fixes.time
-    for one in every.values():  # many have one clock
+    for one in {**log.channels, **log.auxiliary}.values():  # many have one clock
         if not np.array_equal(one.time, last):
             times, last = np.union1d(times, one.time), one.time
     begins = np.concatenate([[-np.inf], times[1:][np.diff(times) > _UNSET]])
-    depth, pressure = log.channel("measured_depth"), log.channel("measured_pressure")
-    deep = depth if len(depth) else pressure
+    deep = log.channel("measured_depth") or log.channel("measured_pressure")
     known = np.concatenate([log.fixes.time, deep.time[deep.values > rules.min_depth]])
     if len(begins) == 1 or not known.size:
         return log
@@ -63,15 +61,14 @@ def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> Deploymen
     day = datetime.datetime.fromtimestamp(float(lost[0]), datetime.UTC).date()
     tally.add("removed", log.deployment, lost.size, f"times from before the clock was set: {day}")
 
-    def later(one: Channel) -> Channel:
-        return one.within(start, np.inf)
+    def later(channels: Mapping[str, Channel]) -> dict[str, Channel]:
+        return {n: kept for n, one in channels.items() if len(kept := one.within(start, np.inf))}
 
+    variation = log.magnetic_variation
     return dataclasses.replace(
-        log,
-        channels={n: kept for n, one in log.channels.items() if len(kept := later(one))},
-        auxiliary={n: kept for n, one in log.auxiliary.items() if len(kept := later(one))},
-        magnetic_variation=later(log.magnetic_variation) or log.magnetic_variation,
-    )
+        log, channels=later(log.channels), auxiliary=later(log.auxiliary),
+        magnetic_variation=variation.within(start, np.inf) or variation,
+    )  # fmt: skip
 
 
 _UNSET = 30.0 * 86400.0
@@ -87,7 +84,7 @@ def tell_above_sea(log: DeploymentLog, tally: Tally) -> None:
         tally.doubt(
             "measured_depth", f"above the sea by up to {-depth.values.min():.1f} m: the sensor has "
             "an offset, and no GPS fix or state at the surface tells it",
-            int(high.sum()), deployment=log.deployment,
+            high, deployment=log.deployment,
         )  # fmt: skip
 
 
@@ -101,26 +98,17 @@ def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
     if not len(inside):
         return False
     whole = True
-    if (
-        segment.end_fix is not None
-        and inside.values[-1] > _DEEP
-        and segment.end - inside.time[-1] > _SILENT
+    for at, fix, silent, word in (
+        (-1, segment.end_fix, segment.end - inside.time[-1], "ends"),
+        (0, segment.start_fix, inside.time[0] - segment.start, "begins"),
     ):
-        tally.add(
-            "note", "incomplete dives", 1,
-            f"{log.deployment} dive of {_moment(segment)}: log ends at {inside.values[-1]:.0f} m",
-        )  # fmt: skip
-        whole = False
-    if (
-        segment.start_fix is not None
-        and inside.values[0] > _DEEP
-        and inside.time[0] - segment.start > _SILENT
-    ):
-        tally.add(
-            "note", "incomplete dives", 1,
-            f"{log.deployment} dive of {_moment(segment)}: log begins at {inside.values[0]:.0f} m",
-        )  # fmt: skip
-        whole = False
+        if fix is not None and inside.values[at] > _DEEP and silent > _SILENT:
+            tally.add(
+                "note", "incomplete dives", 1,
+                f"{log.deployment} dive of {utc_minute(round(segment.start))}: log {word} at "
+                f"{inside.values[at]:.0f} m",
+            )  # fmt: skip
+            whole = False
     return whole
 
 
@@ -137,20 +125,15 @@ def tell_silent(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
             continue
         before = shown.time[shown.time <= part[0]]
         if before.size:
-            said, minutes = f"ends at {utc_minute(before[-1])}", part[-1] - before[-1]
+            edge, minutes, words = before[-1], part[-1] - before[-1], ("ends", "goes on")
         else:
-            said, minutes = f"begins at {utc_minute(shown.time[0])}", shown.time[0] - part[0]
-        other = "goes on for" if before.size else "before it for"
+            edge, minutes, words = shown.time[0], shown.time[0] - part[0], ("begins", "before it")
         tally.add(
             "note", log.deployment, 1,
-            f"{TRUNCATED}the flight log {said} UTC under water, and the depth {other} "
-            f"{minutes / 60.0:.0f} min without attitude, actuators and commands: a flight file was "
-            "cut off, or is missing",
+            f"{TRUNCATED}the flight log {words[0]} at {utc_minute(edge)} UTC under water, and the "
+            f"depth {words[1]} for {minutes / 60.0:.0f} min without attitude, actuators and "
+            "commands: a flight file was cut off, or is missing",
         )  # fmt: skip
-
-
-def _moment(segment: LogSegment) -> str:
-    return utc_minute(round(segment.start))
 
 
 def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
@@ -159,26 +142,21 @@ def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
     below = depth.values > _BELOW
     if below.sum() < _FEWEST:
         return
-    first, last = depth.time[below][[0, -1]]
+    stuck = {}
     for name in _STEADY:
-        values = log.channel(name).within(first, last).values
+        values = log.channel(name).within(*depth.time[below][[0, -1]]).values
         if len(values) >= _FEWEST and np.ptp(values) == 0.0:
-            tally.add(
-                "suspect", name, 1,
-                f"{log.deployment}: the same value for a whole dive; stuck? (dives counted)",
-            )  # fmt: skip
+            stuck[name] = "the same value for a whole dive"
     pitch = log.channel("measured_pitch")
     if len(pitch):
         same = (np.diff(depth.values) == 0.0) & below[1:]
         same &= np.abs(pitch.known(depth.time[1:])) > _PITCHED
-        repeated = (float(depth.time[end] - depth.time[start]) for start, end in runs(same))
-        longest = max(repeated, default=0.0)
-        if longest > _STANDS:
-            tally.add(
-                "suspect", "measured_depth", 1,
-                f"{log.deployment}: one depth for more than {_STANDS:g} s while pitched; stuck?"
-                " (dives counted)",
-            )  # fmt: skip
+        if max((depth.time[end] - depth.time[start] for start, end in runs(same)), default=0.0) > (
+            _STANDS
+        ):
+            stuck["measured_depth"] = f"one depth for more than {_STANDS:g} s while pitched"
+    for name, why in stuck.items():
+        tally.add("suspect", name, 1, f"{log.deployment}: {why}; stuck? (dives counted)")
 
 
 Reason = tuple[str, str]
@@ -288,9 +266,7 @@ def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
 def running(log: DeploymentLog, segment: LogSegment, times: Array) -> NDArray[np.bool_]:
     """When the vehicle's computer runs; always, where nothing shows it."""
     shown = computer_of(log, segment)
-    if not len(shown):
-        return np.ones(len(times), bool)
-    return shown.covers(times) | floating(shown, log, segment, times)
+    return shown.covers(times) | floating(shown, log, segment, times) | (not len(shown))
 
 
 def floating(
@@ -301,11 +277,10 @@ def floating(
     floats = np.zeros(len(times), bool)
     depth = log.channel("measured_depth").within(segment.start, segment.end)
     inside = channel.within(segment.start, segment.end)
-    if not len(depth) or not len(inside):
-        return floats
-    first, last = inside.time[0], inside.time[-1]
-    if segment.start_fix is not None and depth.at(first) < DEEP:
-        floats |= times < first
-    if segment.end_fix is not None and depth.at(last) < DEEP:
-        floats |= times > last
+    if len(depth) and len(inside):
+        first, last = inside.time[0], inside.time[-1]
+        if segment.start_fix is not None and depth.at(first) < DEEP:
+            floats |= times < first
+        if segment.end_fix is not None and depth.at(last) < DEEP:
+            floats |= times > last
     return floats

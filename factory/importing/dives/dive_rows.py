@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from factory.importing.deployment_log import Array
 from factory.importing.dives.positions import CURRENT_METHOD, Positions
-from factory.importing.dives.segments import PHASES, LogSegment
+from factory.importing.dives.segments import NOWHERE, PHASES, LogSegment
 from twin.records.attributes import (
     COMMENT,
     CONVENTIONS,
@@ -130,15 +131,8 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
 
     lengths = np.array([len(row.signals["measured_gap"]) for row in rows], np.int32)
     longest = int(lengths.max())
-    names = [name for name in VARIABLES if any(name in row.signals for row in rows)]
-    variables: dict[str, Any] = {
-        N_SAMPLES: (
-            MISSION,
-            lengths,
-            dict(OF_ROWS[N_SAMPLES]),
-        )
-    }
-    for name in names:
+    variables: dict[str, Any] = {N_SAMPLES: _described(N_SAMPLES, lengths)}
+    for name in [name for name in VARIABLES if any(name in row.signals for row in rows)]:
         values = np.full((len(rows), longest), np.nan, np.float32)
         for i, row in enumerate(rows):
             if name in row.signals:
@@ -153,12 +147,8 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
     coordinates: dict[str, Any] = {
         **_start(rows),
         **_where_and_when(rows, longest, period),
-        MISSION: (MISSION, np.arange(len(rows)), dict(OF_ROWS[MISSION])),
-        TIME: (
-            TIME,
-            period * np.arange(longest),
-            dict(OF_ROWS[TIME]),
-        ),
+        MISSION: _described(MISSION, np.arange(len(rows))),
+        TIME: (TIME, period * np.arange(longest), dict(OF_ROWS[TIME])),
     }
     common = {
         **CONVENTIONS,
@@ -171,14 +161,18 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
     return xr.Dataset(variables, coordinates, {**common, **attributes})
 
 
+def _described(name: str, values: NDArray[Any]) -> tuple[str, NDArray[Any], dict[str, Any]]:
+    """A variable along the rows with its attributes of `OF_ROWS`."""
+    return MISSION, values, dict(OF_ROWS[name])
+
+
 def dive_numbers(rows: Sequence[DiveRow]) -> NDArray[np.int32]:
     """Number of each dive, (mission,): the vehicle's own, or its place in its deployment."""
-    counts: dict[str, int] = {}
+    counts = Counter[str]()
     found = []
     for row in rows:
-        place = counts.get(row.deployment, 0)
-        counts[row.deployment] = place + 1
-        found.append(int(row.numbers.get(DIVE, place)))
+        found.append(int(row.numbers.get(DIVE, counts[row.deployment])))
+        counts[row.deployment] += 1
     return np.array(found, np.int32)
 
 
@@ -196,10 +190,8 @@ def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
         names = [row.platform for row in rows]
     groups: dict[tuple[str, bool], list[int]] = {}
     for k, row in enumerate(rows):
-        known = any(
-            name.startswith("true_") and np.isfinite(values).any()
-            for name, values in row.signals.items()
-        )
+        truth = [values for name, values in row.signals.items() if name.startswith("true_")]
+        known = any(np.isfinite(values).any() for values in truth)
         groups.setdefault((names[k], known), []).append(k)
     for members in groups.values():
         flags[members] = blocks(len(members))
@@ -210,66 +202,50 @@ def blocks(count: int) -> NDArray[np.int8]:
     """Flags of `count` dives in order of time; of one it is test, of two train and test."""
     test = max(1, round(SHARES[2] * count))
     validation = min(max(1, round(SHARES[1] * count)), max(count - test - 1, 0))
-    return np.repeat(
-        np.arange(len(SPLITS), dtype=np.int8), (count - test - validation, validation, test)
-    )
+    parts = (count - test - validation, validation, test)
+    return np.repeat(np.arange(len(SPLITS), dtype=np.int8), parts)
 
 
 def _start(rows: Sequence[DiveRow]) -> dict[str, Any]:
     """Time and place of the starts, (mission,); a row without a fix before it has no place."""
-    nothing = (float("nan"), float("nan"))
-    fixes = [row.segment.start_fix or nothing for row in rows]
-    values = {
-        START_TIME: [row.segment.start for row in rows],
-        START_LATITUDE: [fix[0] for fix in fixes],
-        START_LONGITUDE: [fix[1] for fix in fixes],
-    }
-    comments = dict.fromkeys(values, "of the fix before the dive")
-    comments[START_TIME] = "of the row's first sample: the fix before the dive, if any"
+    fixes = [row.segment.start_fix or NOWHERE for row in rows]
+    fix = "of the fix before the dive"
     return {
-        name: (
-            MISSION,
-            np.array(values[name], np.float64),
-            {**ATTRIBUTES[name], "comment": comments[name]},
+        name: (MISSION, np.array(values, np.float64), {**ATTRIBUTES[name], "comment": comment})
+        for name, values, comment in (
+            (
+                START_TIME, [row.segment.start for row in rows],
+                "of the row's first sample: the fix before the dive, if any",
+            ),
+            (START_LATITUDE, [latitude for latitude, _ in fixes], fix),
+            (START_LONGITUDE, [longitude for _, longitude in fixes], fix),
         )
-        for name in values
-    }
+    }  # fmt: skip
 
 
 def _where_and_when(rows: Sequence[DiveRow], longest: int, period: float) -> dict[str, Any]:
     """Time and place of the samples, (mission, time)."""
-    counts = [len(row.positions.latitude) for row in rows]
-    arrays: dict[str, list[NDArray[Any]]] = {
-        DATETIME: [
-            unix_milliseconds(row.segment.start, sample_times(count, period))
-            for row, count in zip(rows, counts, strict=True)
-        ],
-        LATITUDE: [row.positions.latitude for row in rows],
-        LONGITUDE: [row.positions.longitude for row in rows],
-    }
+    latitudes = [row.positions.latitude for row in rows]
+    times = [
+        unix_milliseconds(row.segment.start, sample_times(len(latitude), period))
+        for row, latitude in zip(rows, latitudes, strict=True)
+    ]
+    longitudes = [row.positions.longitude for row in rows]
+    arrays = {DATETIME: times, LATITUDE: latitudes, LONGITUDE: longitudes}
     whole = {name: padded(name, values, longest) for name, values in arrays.items()}
     return sample_variables(whole, LOGGED, (MISSION, TIME))
 
 
 def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
-    nothing = (float("nan"), float("nan"))
     numbers = []
     for row in rows:
         segment = row.segment
-        end = segment.end_fix or nothing
-        numbers.append(
-            {
-                "end_latitude": end[0],
-                "end_longitude": end[1],
-                "displacement_north": segment.displacement[0],
-                "displacement_east": segment.displacement[1],
-                DIVE_DURATION: segment.duration,
-                "surface_duration": segment.surface_duration,
-                "surface_drift_north": segment.surface_drift[0],
-                "surface_drift_east": segment.surface_drift[1],
-                **row.numbers,
-            }
-        )
+        own = zip(
+            list(NUMBERS)[:8],
+            (*(segment.end_fix or NOWHERE), *segment.displacement, segment.duration,
+             segment.surface_duration, *segment.surface_drift), strict=True,
+        )  # fmt: skip
+        numbers.append({**dict(own), **row.numbers})
     variables: dict[str, Any] = {}
     for name, (units, long_name) in NUMBERS.items():
         if any(name in entry for entry in numbers):
@@ -281,24 +257,10 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
             if name.startswith("dac_"):
                 described["comment"] = CURRENT_METHOD
             variables[name] = (MISSION, values, described)
-    variables[DIVE] = (
-        MISSION,
-        dive_numbers(rows),
-        dict(OF_ROWS[DIVE]),
-    )
-    variables[DEPLOYMENT] = (
-        MISSION,
-        np.array([row.deployment for row in rows], dtype=object),  # a fixed width warns
-        dict(OF_ROWS[DEPLOYMENT]),
-    )
-    variables[SUSPECT] = (
-        MISSION,
-        np.array([row.suspect for row in rows], dtype=object),
-        dict(OF_ROWS[SUSPECT]),
-    )
-    variables[SPLIT] = (
-        MISSION,
-        split_rows(rows),
-        dict(OF_ROWS[SPLIT]),
-    )
-    return variables
+    owners, doubts = ([getattr(row, name) for row in rows] for name in ("deployment", "suspect"))
+    return variables | {
+        DIVE: _described(DIVE, dive_numbers(rows)),
+        DEPLOYMENT: _described(DEPLOYMENT, np.array(owners, object)),  # a fixed width warns
+        SUSPECT: _described(SUSPECT, np.array(doubts, object)),
+        SPLIT: _described(SPLIT, split_rows(rows)),
+    }

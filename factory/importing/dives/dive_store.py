@@ -7,18 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import (
-    UNREADABLE,
-    Channel,
-    DeploymentLog,
-    naming,
-)
+from factory.importing.deployment_log import UNREADABLE, Channel, DeploymentLog, naming
 from factory.importing.dives.dive_checks import (
     complete,
     doubts_of,
@@ -30,14 +25,12 @@ from factory.importing.dives.dive_checks import (
 )
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, frame_origin, row_positions
-from factory.importing.dives.regular_times import grid, not_empty, on_grid
+from factory.importing.dives.regular_times import not_empty, on_grid
 from factory.importing.dives.segments import LogSegment, cut, pieces
 from factory.importing.gps_fixes import tell_read
 from factory.importing.plausibility import DiveRules, check_signs
-from factory.importing.pressures import zeroed
-from factory.importing.seawater import with_depth
+from factory.importing.pressures import with_depth, zeroed
 from factory.importing.tally import (
-    Entry,
     ImportReport,
     Tally,
     likely_replacements,
@@ -98,8 +91,9 @@ def build(
         if not log.channels:
             tally.add("left out", log.deployment, 1, "no signal has a value")
     logs = [log for log in logs if log.channels]
+    names = summarise(files)
     if not logs:
-        raise InputError(f"{summarise(files)}: no signal has a value")
+        raise InputError(f"{names}: no signal has a value")
     tell_read(logs, tally)
     rows: list[DiveRow] = []
     lacking: dict[str, list[str]] = {}
@@ -114,39 +108,43 @@ def build(
             continue
         rows += found
         deepest = max(deepest, samples)
-        if not len(log.fixes):
-            lacking.setdefault("GPS fixes", []).append(log.deployment)
-        for name in WANTED:
-            if not len(log.channel(name)) and name not in lacks:
-                lacking.setdefault(name, []).append(log.deployment)
+        absent = [n for n in WANTED if not len(log.channel(n)) and n not in lacks]
+        for name in absent if len(log.fixes) else ["GPS fixes", *absent]:
+            lacking.setdefault(name, []).append(log.deployment)
     by_depth = any(log.pieces is None for log in logs)
-    tell_lacking(lacking, tally, by_depth=by_depth)
+    _tell_lacking(lacking, tally, by_depth)
     if not rows and failed:
         raise failed[0]
     if not rows and not by_depth:
         raise InputError(
-            f"no row of {rules.min_duration:g} s or longer in {summarise(files)}; rows end at holes"
+            f"no row of {rules.min_duration:g} s or longer in {names}; rows end at holes"
             " in the times that are longer than the mapping's gap_s"
         )
     if not rows and deepest < 2:
-        raise InputError(f"{summarise(files)}: the log holds 1 sample; a dive needs many")
+        raise InputError(f"{names}: the log holds 1 sample; a dive needs many")
     if not rows:
         raise InputError(
             f"no dive deeper than {rules.min_depth:g} m and longer than {rules.min_duration:g} s "
-            f"in {summarise(files)}; lower --min-depth for a shallower log"
+            f"in {names}; lower --min-depth for a shallower log"
         )
     with_rows = {row.deployment for row in rows}
     used = [log for log in logs if log.deployment in with_rows]
-    return dataset_of_rows(
-        rows, kind=kind, period=period, files=files, entries=tally.entries(), names=tally.named(),
-        models={log.model for log in used if log.model is not None},
-        simulated=any(log.simulated for log in used),
-    )  # fmt: skip
+    models = {log.model for log in used if log.model is not None}
+    report = _report(rows, kind, period, files, tally)
+    attributes = {
+        SOURCE_FORMAT: kind,
+        PLATFORM: ", ".join(dict.fromkeys(row.platform for row in rows)),
+        FILES: " ".join(files),
+        IMPORT_REPORT: json.dumps(report.to_dict()),
+    }
+    if len(models) == 1:  # one vehicle stands for the whole store
+        attributes[VEHICLE_MJCF] = load_vehicle(next(iter(models))).xml
+    if any(log.simulated for log in used):
+        attributes[COMMENT] = f"The files say that they are simulated. {FRAMES}"
+    return rows_dataset(rows, period, attributes), report
 
 
-def tell_lacking(
-    lacking: Mapping[str, Sequence[str]], tally: Tally, *, by_depth: bool = True
-) -> None:
+def _tell_lacking(lacking: Mapping[str, Sequence[str]], tally: Tally, by_depth: bool) -> None:
     """Say which names of the files are not read, and what is lacking.
 
     Args:
@@ -159,9 +157,8 @@ def tell_lacking(
         deployments = list(dict.fromkeys(several))
         split = " (rows are split by depth)" if name == "GPS fixes" and by_depth else ""
         other = f"; is it {instead[name]!r}, which is not read?" if name in instead else ""
-        tally.add(
-            "missing", name, len(deployments), f"in {summarise(deployments, 3)}{split}{other}"
-        )
+        why = f"in {summarise(deployments, 3)}{split}{other}"
+        tally.add("missing", name, len(deployments), why)
 
 
 def rows_of(
@@ -178,16 +175,18 @@ def rows_of(
       InputError: it has neither pressure nor depth.
     """
     with naming(log):
-        log, segments = segmented(log, rules, tally)
+        log, segments = _segmented(log, rules, tally)
+        log = dataclasses.replace(log, held=held | log.held)
         segments = not_empty(log, segments, period, tally)
+        nexts = [*(segment.start for segment in segments[1:]), float("inf")]
         rows = [
-            row_of(log, segments, number, period=period, rules=rules, tally=tally, held=held)
-            for number in range(len(segments))
+            _row_of(log, segment, after, period, rules, tally)
+            for segment, after in zip(segments, nexts, strict=False)
         ]
     return rows, len(log.channel("measured_depth"))
 
 
-def segmented(
+def _segmented(
     log: DeploymentLog, rules: DiveRules, tally: Tally
 ) -> tuple[DeploymentLog, list[LogSegment]]:
     """A log with depths below the surface, and its dives or rows in time order.
@@ -201,10 +200,8 @@ def segmented(
     tell_above_sea(log, tally)
     check_signs(log, tally)
     if not len(log.channel("measured_pitch")):
-        tally.add(
-            "note", "measured_pitch", 1,
-            f"{log.deployment} has none: identification and dead reckoning need it",
-        )  # fmt: skip
+        why = f"{log.deployment} has none: identification and dead reckoning need it"
+        tally.add("note", "measured_pitch", 1, why)
     if log.pieces is None:
         segments = cut(log, depth, rules, tally)
         why = f"no dive: deepest {depth.values.max():.3g} m"
@@ -212,48 +209,42 @@ def segmented(
         segments, why = pieces(log, rules, tally), "no row is long enough"
     if not segments:
         tally.add("left out", log.deployment, 1, why)
-    _tell_outside(depth, segments, rules, tally)
+    outside, shallow = _outside(depth, segments), depth.values <= rules.surface_depth
+    where = f"at the surface between dives (above {rules.surface_depth:g} m)"
+    tally.add("left out", "depth samples", outside & shallow, where)
+    where = "under water, but no dive: too shallow or too short"
+    tally.add("left out", "depth samples", outside & ~shallow, where)
     for name in ("true_speed", "velocity_north"):
-        truth = log.channel(name)
-        outside = int(_outside(truth, segments).sum())
+        outside = _outside(log.channel(name), segments)
         tally.add("left out", name, outside, "truth samples outside rows")
-    doubts = (*log.doubts, *tally.doubts[before:])
-    return dataclasses.replace(log, doubts=doubts), segments
+    return dataclasses.replace(log, doubts=(*log.doubts, *tally.doubts[before:])), segments
 
 
-def row_of(
+def _row_of(
     log: DeploymentLog,
-    segments: Sequence[LogSegment],
-    number: int,
-    *,
+    segment: LogSegment,
+    after: float,
     period: float,
     rules: DiveRules,
     tally: Tally,
-    held: frozenset[str] = frozenset(),
 ) -> DiveRow:
-    """One dive of a log.
+    """One dive of a log, as `_segmented` gives them.
 
     Args:
-      log, segments: as `segmented` gives them. number: of the dive among these.
+      after: [s] when the next one begins.
     """
-    segment = segments[number]
-    signals = on_grid(
-        log, segment, grid(segment, period), period=period, rules=rules, tally=tally,
-        held=held | log.held,
-    )  # fmt: skip
-    numbers = _numbers(log, segment, segments, number)
+    signals = on_grid(log, segment, period, rules, tally)
+    numbers = _numbers(log, segment, after)
     whole = complete(log, segment, tally)
     tell_silent(log, segment, tally)
     driven = numbers.get("thruster_fraction", 0.0)
     numbers["dac_north"], numbers["dac_east"] = averaged_current(
         signals, segment, period,
         # rows that are not dives are of driven vehicles, whose depth rate says nothing
-        complete=whole and log.pieces is None,
-        driven=driven,
+        complete=whole and log.pieces is None, driven=driven,
     )  # fmt: skip
     standing(log, segment, tally)
-    found = keep_possible(signals)
-    found += doubts_of(log, segment, signals, numbers, period)
+    found = keep_possible(signals) + doubts_of(log, segment, signals, numbers, period)
     for subject, why in found:
         tally.add("suspect", subject, 1, f"{log.deployment}: {why} (dives counted)")
     found += [
@@ -272,83 +263,42 @@ def row_of(
     )
 
 
-def dataset_of_rows(
-    rows: Sequence[DiveRow],
-    *,
-    kind: str,
-    period: float,
-    files: Sequence[str],
-    entries: Sequence[Entry],
-    names: Mapping[str, Mapping[str, tuple[str, ...]]],
-    models: Collection[str] = (),
-    simulated: bool = False,
-) -> tuple[xr.Dataset, ImportReport]:
-    """The dataset of some dives, and the report of how they were made.
-
-    Args:
-      rows: one at least, in the order of the store.
-      kind, period, files: as `build`. entries, names: of the tally.
-      models: vehicle files that stand for the vehicles. simulated: whether a file says that it is.
-    """
+def _report(
+    rows: Sequence[DiveRow], kind: str, period: float, files: Sequence[str], tally: Tally
+) -> ImportReport:
+    """How the dives were made: one at least, in the order of the store; currents that none of them
+    has are no variable of it."""
     for axis in ("north", "east"):  # a store has no variable of NaN alone
         if not any(np.isfinite(row.numbers.get(f"dac_{axis}", np.nan)) for row in rows):
             for row in rows:
                 row.numbers.pop(f"dac_{axis}", None)
-    channels = tuple(n for n in VARIABLES if any(n in row.signals for row in rows))
     samples = sum(len(row.signals["measured_gap"]) for row in rows)
-    report = ImportReport(
+    ends = [(row.segment.start_fix, row.segment.end_fix) for row in rows]
+    return ImportReport(
         kind=kind,
         files=tuple(files),
         deployments=tuple(dict.fromkeys(row.deployment for row in rows)),
         rows=len(rows),
-        rows_with_fixes=sum(
-            1 for r in rows if r.segment.start_fix is not None and r.segment.end_fix is not None
-        ),
+        rows_with_fixes=sum(None not in both for both in ends),
         suspect=sum(1 for row in rows if row.suspect),
         samples=samples,
         hours=samples * period / 3600.0,
         period=period,
-        channels=channels,
-        entries=tuple(entries),
-        names=names,
+        channels=tuple(n for n in VARIABLES if any(n in row.signals for row in rows)),
+        entries=tally.entries(),
+        names=tally.named(),
     )
-    attributes = {
-        SOURCE_FORMAT: kind,
-        PLATFORM: ", ".join(dict.fromkeys(row.platform for row in rows)),
-        FILES: " ".join(files),
-        IMPORT_REPORT: json.dumps(report.to_dict()),
-    }
-    if len(models) == 1:  # one vehicle stands for the whole store
-        attributes[VEHICLE_MJCF] = load_vehicle(next(iter(models))).xml
-    if simulated:
-        attributes[COMMENT] = f"The files say that they are simulated. {FRAMES}"
-    return rows_dataset(rows, period, attributes), report
 
 
-def _tell_outside(
-    depth: Channel, segments: Sequence[LogSegment], rules: DiveRules, tally: Tally
-) -> None:
-    """Count the depths that no row holds, by where the vehicle was."""
-    outside = _outside(depth, segments)
-    shallow = depth.values <= rules.surface_depth
-    for where, count in (
-        (f"at the surface between dives (above {rules.surface_depth:g} m)", outside & shallow),
-        ("under water, but no dive: too shallow or too short", outside & ~shallow),
-    ):
-        tally.add("left out", "depth samples", int(count.sum()), where)
-
-
-def _outside(depth: Channel, segments: Sequence[LogSegment]) -> NDArray[np.bool_]:
+def _outside(channel: Channel, segments: Sequence[LogSegment]) -> NDArray[np.bool_]:
     """True for samples in no segment."""
-    inside = np.zeros(len(depth), bool)
+    inside = np.zeros(len(channel), bool)
     for segment in segments:
-        inside |= (depth.time >= segment.start) & (depth.time <= segment.end)
+        inside |= (channel.time >= segment.start) & (channel.time <= segment.end)
     return ~inside
 
 
-def _numbers(
-    log: DeploymentLog, segment: LogSegment, segments: Sequence[LogSegment], number: int
-) -> dict[str, float]:
+def _numbers(log: DeploymentLog, segment: LogSegment, after: float) -> dict[str, float]:
     """Per-row numbers that come from the log."""
     numbers: dict[str, float] = {}
     dive = log.channel("dive").within(segment.start, segment.end)
@@ -358,16 +308,13 @@ def _numbers(
     if len(log.magnetic_variation):
         numbers["magnetic_variation"] = float(log.magnetic_variation.at(middle)[0])
     # the vehicle computes the dive's current after it: the last value before the next dive
-    after = segments[number + 1].start if number + 1 < len(segments) else float("inf")
     for axis in ("north", "east"):
         reported = log.channel(f"dac_{axis}").within(segment.end - _BEFORE_FIX, after)
         if len(reported):
             numbers[f"vehicle_dac_{axis}"] = float(reported.values[-1])
-    thruster = log.channel("thruster").within(segment.start, segment.end)
     if len(log.channel("thruster")):
-        numbers["thruster_fraction"] = (
-            float(np.mean(thruster.values > 0.0)) if len(thruster) else 0.0
-        )
+        on = log.channel("thruster").within(segment.start, segment.end).values > 0.0
+        numbers["thruster_fraction"] = float(np.mean(on)) if len(on) else 0.0
     return numbers
 
 

@@ -13,15 +13,15 @@ tracks of the log in metres from the row's start.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import NEAR, Channel, DeploymentLog, LoggedFixes
+from factory.importing.deployment_log import NEAR, Channel, DeploymentLog
 from factory.importing.dives.dive_checks import floating
-from factory.importing.dives.segments import SURFACE, LogSegment
+from factory.importing.dives.segments import NOWHERE, SURFACE, LogSegment
 from twin.geodesy import offset, position, wrap_longitude
 from twin.records.coordinates import rounded_degrees
 from twin.records.logged import DRIVEN
@@ -66,14 +66,14 @@ def averaged_current(
     """
     velocity = through_water(signals, period, driven=driven)
     if velocity is None or not complete or not np.isfinite(segment.displacement).all():
-        return float("nan"), float("nan")
+        return NOWHERE
     # the trapezoid between samples: the first and last are the fixes
     weight = np.full(len(velocity), period)
     weight[[0, -1]] *= 0.5
-    through = [float(np.sum(weight * axis)) for axis in velocity.T]
+    north, east = (float(np.sum(weight * axis)) for axis in velocity.T)
     return (
-        (segment.displacement[0] - through[0]) / segment.duration,
-        (segment.displacement[1] - through[1]) / segment.duration,
+        (segment.displacement[0] - north) / segment.duration,
+        (segment.displacement[1] - east) / segment.duration,
     )
 
 
@@ -96,11 +96,10 @@ def through_water(
     under = (depth > _AFLOAT) & (phase != SURFACE)
     if not under.any() or known[under].mean() < _KNOWN:
         return None
-    speed = level_speed(depth, pitch, period)
+    speed, course = level_speed(depth, pitch, period), np.radians(heading)
     if speed is None:
         return None
     speed = np.where(under, speed, 0.0)
-    course = np.radians(heading)
     velocity = np.stack([speed * np.cos(course), speed * np.sin(course)], axis=1)
     return velocity if np.isfinite(velocity).all() else None
 
@@ -143,8 +142,7 @@ def _mean(values: Array, period: float) -> Array:
 Array = NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Positions:
+class Positions(NamedTuple):
     """Where a row was."""
 
     latitude: Array
@@ -171,37 +169,33 @@ def row_positions(
       driven: part of the time with the thruster on: then the depth rate says nothing of the speed.
     """
     from twin.logs.corrected_track import Drift, linear_track, track_velocity
-    from twin.logs.fix import Fixes
+    from twin.logs.track import Fixes
 
-    count = len(signals["measured_gap"])
-    nowhere = Positions(
-        latitude=np.full(count, np.nan), longitude=np.full(count, np.nan), method="unknown"
-    )
-    gps = [signals.get(f"measured_gps_{name}") for name in ("north", "east")]
-    if origin is None or abs(origin[0]) > HIGHEST_LATITUDE or any(one is None for one in gps):
+    def pair(name: str) -> Array | None:
+        both = [signals.get(f"{name}_{axis}") for axis in ("north", "east")]
+        return None if any(one is None for one in both) else np.stack(both, axis=1)
+
+    nothing = np.full(len(signals["measured_gap"]), np.nan)
+    nowhere = Positions(nothing, nothing, "unknown")
+    found = pair("measured_gps")
+    if origin is None or abs(origin[0]) > HIGHEST_LATITUDE or found is None:
         return nowhere
-    found = np.stack([np.asarray(one) for one in gps], axis=1)
     sample = np.flatnonzero(np.isfinite(found).all(axis=1))
     if not len(sample):
         return nowhere
     fixes = Fixes(sample=sample, position=found[sample])
     velocity, method = through_water(signals, period, driven=driven), "depth_rate_and_pitch"
+    own = pair("measured_onboard")
+    if velocity is None and own is not None:
+        velocity, method = track_velocity(own, period, fixes), "onboard_track"
     if velocity is None:
-        own = [signals.get(f"measured_onboard_{name}") for name in ("north", "east")]
-        if all(one is not None for one in own):
-            track = np.stack([np.asarray(one) for one in own], axis=1)
-            velocity, method = track_velocity(track, period, fixes), "onboard_track"
-    if velocity is None:
-        velocity, method = np.zeros((count, 2)), "straight_line"
+        velocity, method = np.zeros((len(nothing), 2)), "straight_line"
     track, _ = linear_track(velocity, period, fixes, Drift(diffusivity=0.0, change=0.0))
     if method == "straight_line":
         track[: sample[0]], track[sample[-1] + 1 :] = np.nan, np.nan
     latitude, longitude = position(track[:, 0], track[:, 1], *origin)
-    return Positions(
-        latitude=rounded_degrees(latitude),
-        longitude=rounded_degrees(wrap_longitude(longitude)),
-        method=method,
-    )
+    places = (rounded_degrees(one) for one in (latitude, wrap_longitude(longitude)))
+    return Positions(*places, method=method)
 
 
 def put_fixes(
@@ -224,13 +218,11 @@ def put_fixes(
 
 def frame_origin(log: DeploymentLog, segment: LogSegment) -> tuple[float, float] | None:
     """Latitude and longitude [degree] from which a row counts its metres; None without a fix."""
-    if len(segment.inside):
-        return segment.start_fix or _onboard_at(log, segment.start) or _first(segment.inside)
+    inside = segment.inside
+    if len(inside):
+        first = float(inside.latitude[0]), float(inside.longitude[0])
+        return segment.start_fix or _onboard_at(log, segment.start) or first
     return segment.start_fix or segment.end_fix
-
-
-def _first(fixes: LoggedFixes) -> tuple[float, float]:
-    return float(fixes.latitude[0]), float(fixes.longitude[0])
 
 
 def _onboard_at(log: DeploymentLog, time: float) -> tuple[float, float] | None:
@@ -248,33 +240,29 @@ def put_true_track(
     """Add a simulated vehicle's true positions [m] from the row's start, which is a fix."""
     latitude, longitude = log.channel("true_latitude"), log.channel("true_longitude")
     origin = segment.start_fix or segment.end_fix
-    if origin is None or not len(latitude):
-        return
-    values = offset(latitude.at(times), longitude.at(times), *origin)
-    signals["true_north"], signals["true_east"] = values
+    if origin is not None and len(latitude):
+        values = offset(latitude.at(times), longitude.at(times), *origin)
+        signals["true_north"], signals["true_east"] = values
 
 
 def put_onboard(
     log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
 ) -> None:
     """The vehicle's own track [m] from the row's start, before the end fix corrects it."""
+    span = segment.start, segment.end - 1e-3
     north, east = log.channel("onboard_north"), log.channel("onboard_east")
-    if len(log.channel("latitude")) and len(log.channel("longitude")) and not len(north):
-        latitude, longitude = log.channel("latitude"), log.channel("longitude")
+    latitude, longitude = log.channel("latitude"), log.channel("longitude")
+    if len(latitude) and len(longitude) and not len(north):
         origin = segment.start_fix or _onboard_at(log, segment.start)
         assert origin is not None
-        common = latitude.within(segment.start, segment.end - 1e-3)
-        if len(common) < 2:
-            return
+        common = latitude.within(*span)
         values = offset(common.values, longitude.at(common.time), *origin)
-        north, east = Channel(common.time, values[0]), Channel(common.time, values[1])
+        north, east = (Channel(common.time, axis) for axis in values)
     else:
-        north = north.within(segment.start, segment.end - 1e-3)
-        east = east.within(segment.start, segment.end - 1e-3)
-        if len(north) < 2 or len(east) < 2:
-            return
-        north = Channel(north.time, north.values - north.values[0])
-        east = Channel(east.time, east.values - east.values[0])
+        north, east = north.within(*span), east.within(*span)
+        north, east = (Channel(one.time, one.values - one.values[:1]) for one in (north, east))
+    if len(north) < 2 or len(east) < 2:
+        return
     # a track goes on as far as its vehicle: between its positions on a line
     longest = max(NEAR, float(np.diff(north.time).max()))
     known = (times >= north.time[0] - longest) & (times <= north.time[-1] + longest)

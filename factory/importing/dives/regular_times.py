@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.deployment_log import NEAR, Channel, DeploymentLog
+from factory.importing.deployment_log import EMPTY, NEAR, Channel, DeploymentLog
 from factory.importing.dives.dive_checks import DEEP, floating, running
 from factory.importing.dives.positions import put_fixes, put_onboard, put_true_track
 from factory.importing.dives.segments import LogSegment, float_at_fixes, phases
@@ -19,6 +19,7 @@ from twin.geodesy import offset
 from twin.records.schema import VARIABLES
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 ANGLES = frozenset({"measured_heading", "commanded_heading", "true_heading"})
 """[degree] On a circle: interpolated the short way round."""
@@ -52,12 +53,6 @@ _GAP_FACTOR = 3.0
 _TRUTH = ("true_surge", "true_sway", "true_heave")
 
 
-def grid(segment: LogSegment, period: float) -> Array:
-    """[s] unix times of a row's samples: from its start, the last nearest to its end."""
-    count = max(2, round(segment.duration / period) + 1)
-    return np.asarray(segment.start + period * np.arange(count), np.float64)
-
-
 def not_empty(
     log: DeploymentLog, segments: Sequence[LogSegment], period: float, tally: Tally
 ) -> list[LogSegment]:
@@ -68,11 +63,10 @@ def not_empty(
     """
     kept = []
     for segment in segments:
-        count = segment.duration / period
-        samples = max(
-            (len(channel.within(segment.start, segment.end)) for channel in log.channels.values()),
-            default=0,
-        ) if count > MOST_HOLES else 0  # fmt: skip
+        count, samples = segment.duration / period, 0
+        if count > MOST_HOLES:
+            inside = [one.within(segment.start, segment.end) for one in log.channels.values()]
+            samples = max(map(len, inside), default=0)
         if count <= max(MOST_HOLES, _MOST_HOLE * samples):
             kept.append(segment)
             continue
@@ -86,69 +80,23 @@ def not_empty(
 
 
 def on_grid(
-    log: DeploymentLog,
-    segment: LogSegment,
-    times: Array,
-    *,
-    period: float,
-    rules: DiveRules,
-    tally: Tally,
-    held: frozenset[str] = frozenset(),
+    log: DeploymentLog, segment: LogSegment, period: float, rules: DiveRules, tally: Tally
 ) -> dict[str, Array]:
-    """Signals of one row, each with the shape of `times`.
+    """Signals of one row on a uniform grid from its start, the last sample nearest to its end.
 
     A channel ends where its sensor, or the vehicle's computer, ends: what is not known is NaN, but
-    depth and pressure, which are bridged; `measured_gap` marks them. `held` names further channels
-    that keep their last value.
+    depth and pressure, which are bridged; `measured_gap` marks them.
+
+    Args:
+      period: [s] between the samples.
     """
+    count = max(2, round(segment.duration / period) + 1)
+    times = np.asarray(segment.start + period * np.arange(count), np.float64)
     signals: dict[str, Array] = {}
-    runs = running(log, segment, times)
+    awake = running(log, segment, times)
     for name, channel in log.channels.items():
-        if log.gridded and (name in WATER or (name in VARIABLES and VARIABLES[name].gaps)):
-            values = _close(channel, times, _step(log, period))
-            if np.isfinite(values).any():
-                signals[name] = values
-            continue
-        if name in HELD | KNOWN_FROM:
-            if channel.time[0] <= times[-1]:
-                known = runs & ~_ended(name, channel, times)
-                known |= _distance(channel, times) <= period
-                if name in KNOWN_FROM:
-                    known &= times >= channel.time[0]
-                if known.any():
-                    signals[name] = np.where(known, _hold(channel, times), np.nan)
-            continue
-        # the samples just outside belong to the row's ends, those of other dives do not
-        margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
-        near = channel.within(times[0] - margin, times[-1] + margin)
-        if not len(near):
-            continue
-        if name in SPARSE:
-            values = _close(near, times, 0.5 * period)
-        elif name in DEPTHS:
-            values = _to_fixes(near, segment).at(times)
-        else:
-            if name in held:
-                values = _hold(near, times)
-            elif name in ANGLES:
-                turned = np.degrees(np.unwrap(np.radians(near.values)))
-                values = np.mod(np.interp(times, near.time, turned), 360.0)
-            else:
-                values = near.at(times)
-            if name in WATER:
-                known = _distance(near, times) <= NEAR
-            elif name in VARIABLES and VARIABLES[name].gaps:
-                known = _bridged(near, times)
-            else:
-                known = near.covers(times) | (_distance(near, times) <= period)
-                if near.on_change:  # nothing changes while nothing is written
-                    known &= runs
-                known |= floating(near, log, segment, times)
-                if _is_reported(name):
-                    inside = (times >= channel.time[0]) & ~_ended(name, channel, times)
-                    known |= inside & runs
-            values = np.where(known, values, np.nan)
-        if np.isfinite(values).any():
+        values = _on_times(name, channel, log, segment, times, period, awake)
+        if values is not None and np.isfinite(values).any():
             signals[name] = values
     for name in ("true_north", "true_east"):
         if name in signals:  # of a simulated log, from its own origin
@@ -156,18 +104,14 @@ def on_grid(
     _fill_density(signals, tally)
     put_true_track(log, segment, times, signals)
     gap = _gaps(log, times, period)
-    tally.add("interpolated", "attitude or depth", int(gap.sum()), "grid samples within gaps")
+    tally.add("interpolated", "attitude or depth", gap, "grid samples within gaps")
     signals["measured_gap"] = gap.astype(np.float64)
-    stored = log.channel("phase_stored")
+    stored, depth = log.channel("phase_stored"), signals.get("measured_depth")
     if len(stored):
         signals["measured_phase"] = _close(stored, times, _step(log, period))
-    elif "measured_depth" in signals:
-        signals["measured_phase"] = float_at_fixes(
-            phases(times - times[0], signals["measured_depth"], rules.surface_depth),
-            signals["measured_depth"],
-            segment,
-            period,
-        )
+    elif depth is not None:
+        found = phases(times - times[0], depth, rules.surface_depth)
+        signals["measured_phase"] = float_at_fixes(found, depth, segment, period)
     put_fixes(log, segment, times, period, signals)
     _put_waypoint(log, segment, times, signals)
     _put_times(log, times, period, signals)
@@ -176,18 +120,66 @@ def on_grid(
     return signals
 
 
+def _on_times(
+    name: str,
+    channel: Channel,
+    log: DeploymentLog,
+    segment: LogSegment,
+    times: Array,
+    period: float,
+    awake: Mask,
+) -> Array | None:
+    """A channel at the times of a row's grid; None where it has no sample near.
+
+    Args:
+      awake: when the vehicle's computer runs, (time,).
+    """
+    gaps = name in VARIABLES and VARIABLES[name].gaps
+    if log.gridded and (name in WATER or gaps):
+        return _close(channel, times, _step(log, period))
+    if name in HELD | KNOWN_FROM:
+        known = awake & ~_ended(name, channel, times)
+        known |= _distance(channel, times) <= period
+        if name in KNOWN_FROM:
+            known &= times >= channel.time[0]
+        return np.where(known & (channel.time[0] <= times[-1]), _hold(channel, times), np.nan)
+    # the samples just outside belong to the row's ends, those of other dives do not
+    margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
+    near = channel.within(times[0] - margin, times[-1] + margin)
+    if not len(near):
+        return None
+    if name in SPARSE:
+        return _close(near, times, 0.5 * period)
+    if name in DEPTHS:
+        return _to_fixes(near, segment).at(times)
+    if name in log.held:
+        values = _hold(near, times)
+    elif name in ANGLES:
+        turned = np.degrees(np.unwrap(np.radians(near.values)))
+        values = np.mod(np.interp(times, near.time, turned), 360.0)
+    else:
+        values = near.at(times)
+    if name in WATER:
+        known = _distance(near, times) <= NEAR
+    elif gaps:
+        known = _bridged(near, times)
+    else:
+        known = near.covers(times) | (_distance(near, times) <= period)
+        if near.on_change:  # nothing changes while nothing is written
+            known &= awake
+        known |= floating(near, log, segment, times)
+        reported = name.startswith(("measured_", "commanded_")) and not MEASURING.fullmatch(name)
+        if reported:  # maybe on change alone: it holds while the computer runs
+            known |= (times >= channel.time[0]) & ~_ended(name, channel, times) & awake
+    return np.where(known, values, np.nan)
+
+
 def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
     """When a sensor that reports on change says nothing any more: for longer than ever before."""
     if name in KNOWN_FROM or not name.startswith("measured_"):  # stands until the next one
         return np.zeros(len(times), bool)
     longest = float(np.diff(channel.time).max(initial=0.0))
     return times - channel.time[-1] > max(longest, NEAR)
-
-
-def _is_reported(name: str) -> bool:
-    """Whether a computer may report a signal on change alone: it holds while that runs."""
-    gaps = name in VARIABLES and VARIABLES[name].gaps
-    return name.startswith(("measured_", "commanded_")) and not (gaps or MEASURING.fullmatch(name))
 
 
 def _to_fixes(depth: Channel, segment: LogSegment) -> Channel:
@@ -223,7 +215,7 @@ def _hold(channel: Channel, times: Array) -> Array:
     return channel.values[np.maximum(index, 0)]
 
 
-def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
+def _gaps(log: DeploymentLog, times: Array, period: float) -> Mask:
     """True where attitude or depth has no original sample near.
 
     Near is half of what `_GAP_FACTOR` usual spacings are, and usual is what the vehicle does at
@@ -233,10 +225,10 @@ def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
     stored = log.channel("gap_stored")
     if len(stored):
         return _close(stored, times, _step(log, period)) > 0.5
+    margin = _LONGEST_REGULAR * _AROUND
     for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
-        channel = next((c for n in names if len(c := log.channel(n))), None)
-        if channel is not None:
-            margin = _LONGEST_REGULAR * _AROUND
+        channel = _first_of(log, names)
+        if len(channel):
             near = channel.within(times[0] - margin, times[-1] + margin)
             if not len(near):
                 gap[:] = True
@@ -247,22 +239,26 @@ def _gaps(log: DeploymentLog, times: Array, period: float) -> NDArray[np.bool_]:
     return gap
 
 
+def _first_of(log: DeploymentLog, names: Sequence[str]) -> Channel:
+    """The first of some channels that the log has; empty where it has none."""
+    return next((one for name in names if len(one := log.channel(name))), EMPTY)
+
+
 _LONGEST_REGULAR = 300.0
 """[s] A vehicle that samples more rarely is not followed through its turns."""
 _AROUND = 9
 """Of so many spacings the usual one is taken."""
 
 
-def _bridged(channel: Channel, times: Array) -> NDArray[np.bool_]:
+def _bridged(channel: Channel, times: Array) -> Mask:
     """Whether a time lies between samples that are near enough to be joined by a line."""
+    distance = _distance(channel, times)
+    if len(channel) < 2:
+        return distance <= NEAR
     at = np.searchsorted(channel.time, times, side="right")
     outside = (at == 0) | (at == len(channel))
-    if len(channel) < 2:
-        return _distance(channel, times) <= NEAR
-    left = np.clip(at - 1, 0, len(channel) - 2)
-    hole = channel.time[left + 1] - channel.time[left]
+    hole = np.diff(channel.time)[np.clip(at - 1, 0, len(channel) - 2)]
     longest = np.maximum(NEAR, _GAP_FACTOR * channel.usual_spacing(times))
-    distance = _distance(channel, times)
     return np.where(outside, distance <= NEAR, (hole <= longest) | (distance < _AT_SAMPLE))
 
 
@@ -279,16 +275,13 @@ def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
     missing = ~there & np.isfinite(depth)
     if not missing.any() or there.sum() < 10:
         return
-    shallowest, deepest = float(depth[there].min()), float(depth[there].max())
-    missing &= (depth > shallowest - _BEYOND) & (depth < deepest + _BEYOND)
-    order = np.argsort(depth[there])
-    signals["measured_density"] = np.where(
-        missing, np.interp(depth, depth[there][order], density[there][order]), density
-    )
-    tally.add(
-        "interpolated", "measured_density", int(missing.sum()),
-        "grid samples without CTD: from the row's own profile at that depth",
-    )  # fmt: skip
+    known = depth[there]
+    missing &= (depth > float(known.min()) - _BEYOND) & (depth < float(known.max()) + _BEYOND)
+    order = np.argsort(known)
+    profile = np.interp(depth, known[order], density[there][order])
+    signals["measured_density"] = np.where(missing, profile, density)
+    why = "grid samples without CTD: from the row's own profile at that depth"
+    tally.add("interpolated", "measured_density", missing, why)
 
 
 _BEYOND = 25.0
@@ -321,34 +314,33 @@ def _put_times(log: DeploymentLog, times: Array, period: float, signals: dict[st
     """Times [s] from the row's start of the original samples nearest to those of the grid."""
     for name, sources in _ORIGINALS.items():
         kept = log.channel(name.replace("_time", "_original"))
-        channel = next((c for n in sources if len(c := log.channel(n))), None)
+        channel = _first_of(log, sources)
         if len(kept):
             signals[name] = _close(kept, times, _step(log, period)) - times[0]
-        elif channel is not None:
+        elif len(channel):
             signals[name] = nearest(channel.time, times) - times[0]
 
 
 def _put_truth(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:
     """Velocity through the water [m/s] in body axes, and current, near original truth samples."""
+
+    def near(channel: Channel) -> Mask:
+        return _distance(channel, times) <= 0.5 * channel.spacing
+
     parts = [log.channel(f"velocity_{axis}") for axis in ("north", "east", "down")]
-    if all(len(part) for part in parts):
-        needed = ("measured_roll", "measured_pitch", "measured_heading")
-        if all(name in signals for name in needed):
-            reach = 0.5 * parts[0].spacing
-            near = _distance(parts[0], times) <= reach
-            near &= signals["measured_gap"] < 0.5
-            if near.any():
-                ned = np.stack([part.at(times) for part in parts])
-                body = to_body(ned, *(np.radians(signals[name]) for name in needed))
-                for name, values in zip(_TRUTH, body, strict=True):
-                    signals[name] = np.where(near, values, np.nan)
-                signals["true_speed"] = np.where(near, np.linalg.norm(ned, axis=0), np.nan)
+    angles = ("measured_roll", "measured_pitch", "measured_heading")
+    if all(map(len, parts)) and set(angles) <= set(signals):
+        known = near(parts[0]) & (signals["measured_gap"] < 0.5)
+        if known.any():
+            ned = np.stack([part.at(times) for part in parts])
+            body = to_body(ned, *(np.radians(signals[name]) for name in angles))
+            for name, values in zip(_TRUTH, body, strict=True):
+                signals[name] = np.where(known, values, np.nan)
+            signals["true_speed"] = np.where(known, np.linalg.norm(ned, axis=0), np.nan)
     for axis in ("north", "east"):
         current = log.channel(f"current_{axis}")
-        if len(current):
-            near = _distance(current, times) <= 0.5 * current.spacing
-            if near.any():
-                signals[f"true_current_{axis}"] = np.where(near, current.at(times), np.nan)
+        if len(current) and (known := near(current)).any():
+            signals[f"true_current_{axis}"] = np.where(known, current.at(times), np.nan)
 
 
 def to_body(ned: Array, roll: Array, pitch: Array, heading: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,10 @@ Array = NDArray[np.float64]
 DESCENT, CLIMB, LEVEL, SURFACE = 1, 2, 3, 0
 PHASES = {SURFACE: "surface", DESCENT: "descent", CLIMB: "climb", LEVEL: "inflection_or_level"}
 """Flags of `measured_phase`."""
+
+
+NOWHERE = (float("nan"), float("nan"))
+"""A place, a displacement or a drift that nobody knows"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,6 +59,10 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
     nobody knows whether it surfaced. Before the first and after the last fix, and in logs without
     fixes, rows are split at surfacings and at gaps.
     """
+
+    def is_dive(inside: Channel) -> bool:
+        return longest_stretch(inside, rules.min_depth) >= rules.min_stretch
+
     fixes = good_fixes(log.fixes, depth, rules, tally, station=log.station)
     first, last = log.span
     edges = [first - 1.0, *fixes.time.tolist(), last + 1.0]
@@ -62,63 +71,44 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
     for k in range(len(edges) - 1):
         start, end = edges[k], edges[k + 1]
         inside = depth.within(start, end)
-        if longest_stretch(inside, rules.min_depth) < rules.min_stretch:
+        if not is_dive(inside):
             noise += int((inside.values > rules.min_depth).sum())
             continue
         has_start, has_end = k > 0, k < len(edges) - 2
         if has_start and has_end:
             parts = [(start, end)] if log.station else _between_holes(log, start, end, rules)
             holes += len(parts) - 1
-            parts = [
-                p for p in parts
-                if longest_stretch(depth.within(*p), rules.min_depth) >= rules.min_stretch
-            ]  # fmt: skip
+            parts = [part for part in parts if is_dive(depth.within(*part))]
         else:
             parts = split_without_fixes(inside, rules)
             if has_start and parts and parts[0][0] - start < rules.longest_gap:
                 parts[0] = (start, parts[0][1])
             if has_end and parts and end - parts[-1][1] < rules.longest_gap:
                 parts[-1] = (parts[-1][0], end)
-        for begin, stop in parts:
-            if stop - begin < rules.min_duration:
+        for part in parts:
+            if part[1] - part[0] < rules.min_duration:
                 short += 1
                 continue
-            segments.append(
-                _segment(
-                    log,
-                    fixes,
-                    begin,
-                    stop,
-                    k - 1 if has_start and begin == start else None,
-                    k if has_end and stop == end else None,
-                    segments[-1].end if segments else None,
-                    rules,
-                )
-            )
-    tally.add(
-        "note", "rows", holes,
-        f"split where neither depth nor attitude is known for {rules.longest_gap:g} s",
-    )  # fmt: skip
-    tally.add(
-        "left out", "depth samples", noise,
-        f"deeper than {rules.min_depth:g} m for less than {rules.min_stretch:g} s: no dive",
-    )  # fmt: skip
+            before = k - 1 if has_start and part[0] == start else None
+            after = k if has_end and part[1] == end else None
+            previous_end = segments[-1].end if segments else None
+            segments.append(_segment(fixes, part, before, after, previous_end, rules))
+    why = f"split where neither depth nor attitude is known for {rules.longest_gap:g} s"
+    tally.add("note", "rows", holes, why)
+    why = f"deeper than {rules.min_depth:g} m for less than {rules.min_stretch:g} s: no dive"
+    tally.add("left out", "depth samples", noise, why)
     tally.add("left out", "dives", short, f"shorter than {rules.min_duration:g} s")
     carried = [s for s in segments if np.hypot(*s.surface_drift) > rules.drift_speed]
-    tally.add(
-        "left out", "surface drift", len(carried),
-        f"faster than {rules.drift_speed:g} m/s: carried, or a wrong fix",
-    )  # fmt: skip
-    nothing = (float("nan"), float("nan"))
+    why = f"faster than {rules.drift_speed:g} m/s: carried, or a wrong fix"
+    tally.add("left out", "surface drift", len(carried), why)
     segments = [
-        dataclasses.replace(s, surface_drift=nothing) if s in carried else s for s in segments
+        dataclasses.replace(s, surface_drift=NOWHERE) if s in carried else s for s in segments
     ]
     _tell_holes(log, depth, tally)
     ends = [s.start for s in segments if s.start_fix is not None]
     ends += [s.end for s in segments if s.end_fix is not None]
     tell_fixes(
-        fixes, np.isin(fixes.time, ends), tally,
-        kept="that dives begin and end with",
+        fixes, np.isin(fixes.time, ends), tally, kept="that dives begin and end with",
         left_out="at the surface beside those that dives begin and end with; the drift of the stay "
         "before each dive is kept",
     )  # fmt: skip
@@ -175,42 +165,45 @@ def _tell_holes(log: DeploymentLog, depth: Channel, tally: Tally) -> None:
 
 
 def _segment(
-    log: DeploymentLog,
     fixes: LoggedFixes,
-    begin: float,
-    stop: float,
+    span: tuple[float, float],
     first: int | None,
     last: int | None,
     previous_end: float | None,
     rules: DiveRules,
 ) -> LogSegment:
     """Make one row; `first` and `last` index the fixes at its ends."""
-    nothing = float("nan")
-    position = [
-        None if i is None else (float(fixes.latitude[i]), float(fixes.longitude[i]))
-        for i in (first, last)
-    ]
-    moved, drift, waited = (nothing, nothing), (nothing, nothing), nothing
-    if position[0] is not None and position[1] is not None:
-        north, east = offset(np.float64(position[1][0]), np.float64(position[1][1]), *position[0])
-        moved = (float(north), float(east))
+    drift, waited = NOWHERE, float("nan")
     if first is not None:
-        begins = fixes.time[0] if previous_end is None else previous_end
-        around = fixes.within(begins, begin)
+        around = fixes.within(fixes.time[0] if previous_end is None else previous_end, span[0])
         holes = np.flatnonzero(np.diff(around.time) > rules.longest_gap)
         if holes.size:  # a stay begins after the last hole: nobody knows what was in it
             around = around.keep(np.arange(len(around)) > holes[-1])
         if len(around) > 1:
             waited = float(around.time[-1] - around.time[0])
             drift = surface_drift(around)
+    return _between(
+        span, *(None if i is None else _place(fixes, i) for i in (first, last)),
+        surface_duration=waited, surface_drift=drift,
+    )  # fmt: skip
+
+
+Place = tuple[float, float]
+"""Latitude and longitude [degree]"""
+
+
+def _place(fixes: LoggedFixes, k: int) -> Place:
+    return float(fixes.latitude[k]), float(fixes.longitude[k])
+
+
+def _between(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
+    """A row from start to end [s] between two places, with its `stay` at the surface before it."""
+    moved = NOWHERE
+    if first is not None and last is not None:
+        north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
+        moved = (float(north), float(east))
     return LogSegment(
-        start=begin,
-        end=stop,
-        start_fix=position[0],
-        end_fix=position[1],
-        displacement=moved,
-        surface_duration=waited,
-        surface_drift=drift,
+        start=span[0], end=span[1], start_fix=first, end_fix=last, displacement=moved, **stay
     )
 
 
@@ -222,10 +215,8 @@ def surface_drift(fixes: LoggedFixes) -> tuple[float, float]:
     """North and east [m/s] by a straight line through the fixes; NaN for less than a minute."""
     time = fixes.time - fixes.time[0]
     if time[-1] < _DRIFT_TIME:
-        return float("nan"), float("nan")
-    north, east = offset(
-        fixes.latitude, fixes.longitude, float(fixes.latitude[0]), float(fixes.longitude[0])
-    )
+        return NOWHERE
+    north, east = offset(fixes.latitude, fixes.longitude, *_place(fixes, 0))
     spread = time - time.mean()
     weight = spread / (spread @ spread)
     return float(weight @ north), float(weight @ east)
@@ -234,20 +225,17 @@ def surface_drift(fixes: LoggedFixes) -> tuple[float, float]:
 def split_without_fixes(depth: Channel, rules: DiveRules) -> list[tuple[float, float]]:
     """Start and end of each dive by depth alone: from surfacing to surfacing or gap."""
     wet = depth.values > rules.surface_depth
-    gaps = np.diff(depth.time) > rules.longest_gap
-    pieces: list[tuple[float, float]] = []
-    breaks = np.flatnonzero(gaps) + 1
+    breaks = np.flatnonzero(np.diff(depth.time) > rules.longest_gap) + 1
+    found: list[tuple[float, float]] = []
     for part in np.split(np.arange(len(depth)), breaks):
         for down, up in runs(wet[part]):
             rows = part[down:up]
-            if longest_stretch(Channel(depth.time[rows], depth.values[rows]), rules.min_depth) < (
-                rules.min_stretch
-            ):
-                continue
-            # the surface sample on either side belongs to the dive
-            low, high = max(part[0], rows[0] - 1), min(part[-1], rows[-1] + 1)
-            pieces.append((float(depth.time[low]), float(depth.time[high])))
-    return pieces
+            under = Channel(depth.time[rows], depth.values[rows])
+            if longest_stretch(under, rules.min_depth) >= rules.min_stretch:
+                # the surface sample on either side belongs to the dive
+                low, high = max(part[0], rows[0] - 1), min(part[-1], rows[-1] + 1)
+                found.append((float(depth.time[low]), float(depth.time[high])))
+    return found
 
 
 _RATE_WINDOW = 20.0
@@ -308,40 +296,26 @@ def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegmen
     assert log.pieces is not None
     fixes = good_fixes(log.fixes, log.channel("measured_depth"), rules, tally)
     long = [span for span in log.pieces if span[1] - span[0] >= rules.min_duration]
-    tally.add(
-        "left out", "rows", len(log.pieces) - len(long), f"shorter than {rules.min_duration:g} s"
-    )
+    why = f"shorter than {rules.min_duration:g} s"
+    tally.add("left out", "rows", len(log.pieces) - len(long), why)
     used = np.zeros(len(fixes), bool)
-    for start, end in long:
-        used |= (fixes.time >= start) & (fixes.time <= end)
+    rows = []
+    for span in long:
+        used |= (fixes.time >= span[0]) & (fixes.time <= span[1])
+        inside = fixes.within(*span)
+        ends = [_near(inside, edge) for edge in span]
+        rows.append(
+            _between(
+                span, *ends, surface_duration=float("nan"), surface_drift=NOWHERE, inside=inside
+            )
+        )
     tell_fixes(fixes, used, tally, kept="within rows", left_out="outside rows")
-    return [_row_of(start, end, fixes.within(start, end)) for start, end in long]
+    return rows
 
 
-def _row_of(start: float, end: float, inside: LoggedFixes) -> LogSegment:
-    nothing = (float("nan"), float("nan"))
-    first, last = _near(inside, start), _near(inside, end)
-    moved = nothing
-    if first is not None and last is not None:
-        north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
-        moved = (float(north), float(east))
-    return LogSegment(
-        start=start,
-        end=end,
-        start_fix=first,
-        end_fix=last,
-        displacement=moved,
-        surface_duration=float("nan"),
-        surface_drift=nothing,
-        inside=inside,
-    )
-
-
-def _near(fixes: LoggedFixes, time: float) -> tuple[float, float] | None:
-    """Latitude and longitude of the fix nearest to a row's end, where one is near."""
+def _near(fixes: LoggedFixes, time: float) -> Place | None:
+    """Place of the fix nearest to a row's end, where one is near."""
     if not len(fixes):
         return None
     k = int(np.argmin(np.abs(fixes.time - time)))
-    if abs(fixes.time[k] - time) > NEAR_END:
-        return None
-    return float(fixes.latitude[k]), float(fixes.longitude[k])
+    return None if abs(fixes.time[k] - time) > NEAR_END else _place(fixes, k)

@@ -10,11 +10,12 @@ import dataclasses
 import gzip
 import re
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from factory import seams
+from factory.importing.formats.slocum.caches import BINARY, CACHES
 from factory.importing.tally import OtherKind, Tally
 from twin.bounded import check_regular
 from twin.errors import InputError, OddFile
@@ -99,25 +100,22 @@ class Importer:
             raise InputError(
                 f"importer name {self.name!r}: use small letters, digits, - and _, such as 'slocum'"
             )
-        for field in ("vehicle", "files", "channels", "suffixes", "marks"):
-            if not getattr(self, field) and not (field == "marks" and self.takes_mapping):
-                raise InputError(f"importer {self.name!r}: {field} is empty; state what it is")
+        empty = [n for n in ("vehicle", "files", "channels", "suffixes") if not getattr(self, n)]
+        empty += [] if self.marks or self.takes_mapping else ["marks"]
         wrong = sorted(s for s in self.suffixes if not s.startswith(".") or s != s.lower())
-        if wrong:
-            raise InputError(
-                f"importer {self.name!r}: suffix {wrong[0]!r} must begin with a dot and be in "
-                "small letters, such as '.csv'"
+        why = ""
+        if empty:
+            why = f"{empty[0]} is empty; state what it is"
+        elif wrong:
+            why = (
+                f"suffix {wrong[0]!r} must begin with a dot and be in small letters, such as '.csv'"
             )
-        if not SHORTEST <= self.period <= LONGEST:
-            raise InputError(
-                f"importer {self.name!r}: period must be within {SHORTEST:g} to {LONGEST:g} s, "
-                f"not {self.period:g}"
-            )
-        if not (callable(self.read) or (isinstance(self.read, str) and ":" in self.read)):
-            raise InputError(
-                f"importer {self.name!r}: read must be a function or its place `module:function`, "
-                f"not {self.read!r}"
-            )
+        elif not SHORTEST <= self.period <= LONGEST:
+            why = f"period must be within {SHORTEST:g} to {LONGEST:g} s, not {self.period:g}"
+        elif not (callable(self.read) or (isinstance(self.read, str) and ":" in self.read)):
+            why = f"read must be a function or its place `module:function`, not {self.read!r}"
+        if why:
+            raise InputError(f"importer {self.name!r}: {why}")
 
     def accepts(self, path: Path) -> bool:
         """Whether the file's name is that of such a log."""
@@ -131,18 +129,30 @@ class WrongFormat(OtherKind):
     def __init__(
         self, path: Path, names: Iterable[str], kind: str | None = None, *, why: str = ""
     ) -> None:
-        self.path = path
-        self.names = tuple(names)
+        self.path, self.names = path, tuple(names)
         self.kind = kind
         """What it is by its first bytes"""
         self.why = why
         """What it lacks to be of the kind, in words"""
+        self.some = ", ".join(self.names[:5]) or "nothing"
+        """The first names"""
         super().__init__(f"{path.name} is of another format; it holds {self.some}")
 
-    @property
-    def some(self) -> str:
-        """The first names."""
-        return ", ".join(self.names[:5]) or "nothing"
+
+@contextlib.contextmanager
+def other_format(path: Path, names: Sequence[str]) -> Iterator[None]:
+    """Make of a file without a clock of the samples one of another format, by the names in it.
+
+    Raises:
+      WrongFormat: no variable of time goes on from sample to sample.
+    """
+    from factory.importing.sample_clock import NoClock  # it needs numpy, help does not
+
+    try:
+        yield
+    except NoClock as error:
+        why = str(error).removeprefix(f"{path.name}: ")
+        raise WrongFormat(path, names, why=why) from error
 
 
 IMPORTERS: Registry[Importer] = seams.IMPORTERS
@@ -212,11 +222,7 @@ def _start(path: Path) -> bytes:
 def kinds_by_bytes(path: Path) -> list[str]:
     """The kinds whose own binary files begin as this one does, packed by gzip or not."""
     start = _start(path)
-    return [
-        importer.name
-        for importer in IMPORTERS.values()
-        if any(start.startswith(first) for first in importer.first_bytes)
-    ]
+    return [one.name for one in IMPORTERS.values() if start.startswith(one.first_bytes)]
 
 
 LOOKS: dict[str, tuple[bytes | str, ...]] = {
@@ -275,3 +281,137 @@ def sniff(path: str | Path) -> str | None:
     names = variable_names(path) if arrays else column_names(path)
     check_plugin(path, names)
     return kind_that_takes(path, names, arrays=arrays)
+
+
+DBA = frozenset({".dba", ".asc"})
+"""Endings of a Slocum's data as text"""
+
+DRIVEN = frozenset({"measured_pump", "measured_shift", "measured_rotation", "measured_density"})
+"""What gliders have and most other vehicles lack."""
+
+SLOCUM = Importer(
+    name="slocum",
+    vehicle="Slocum glider",
+    files=".dbd .ebd .sbd .tbd .mbd .nbd with their .cac (beside the files, or `--cache FOLDER`); "
+    "text of them (.dba .asc, as dbd2asc writes it); tables (csv, csv.gz, parquet) with the "
+    "vehicle's own sensor names",
+    channels="attitude, ballast or oil volume, battery, rudder, CTD, GPS, on-board track, reported "
+    "current, thruster, batteries; `U_dvl_ms` becomes `true_speed`",
+    suffixes=BINARY | CACHES | DBA | TABLES,
+    marks=frozenset(
+        {"m_depth", "m_pressure", "m_pitch", "U_dvl_ms", "og_north_m", "sci_water_pressure",
+         "m_gps_lat", "m_water_vx", "mag_var_rad"}
+    ),
+    first_bytes=(b"dbd_label",),
+    period=2.0,
+    read="factory.importing.formats.slocum:read_slocum",
+    extra="slocum",
+    takes_cache=True,
+    lacks=frozenset({"measured_rotation"}),
+)  # fmt: skip
+"""Teledyne's Slocum gliders."""
+
+SEAGLIDER = Importer(
+    name="seaglider",
+    vehicle="Seaglider",
+    files="basestation p*.nc; tables of samples, dives and ADCP",
+    channels="attitude, bladder, both battery axes, CTD, three fixes a dive, reported current, "
+    "batteries, pump power; the ADCP's inverse solution becomes `true_surge/sway/heave` "
+    "and `true_current_*`",
+    suffixes=TABLES | {".nc"},
+    marks=frozenset(
+        {"vbd_cc", "u_ttw", "gps2_lat", "gpsE_time", "eng_pitchAng", "log_gps_lat",
+         "sg_cal_id_str", "eng_vbdCC", "gc_st_secs"}
+    ),
+    period=5.0,
+    read="factory.importing.formats.seaglider_reader:read_seaglider",
+    held=frozenset({"measured_shift", "measured_rotation"}),
+)  # fmt: skip
+"""Seagliders and their basestation."""
+
+SEAEXPLORER = Importer(
+    name="seaexplorer",
+    vehicle="SeaExplorer glider",
+    files=".gli and .pld logs, plain or gzip, comma or semicolon",
+    channels="attitude, ballast, both masses, declination, fixes, voltage; CTD of the payload. "
+    "Beam velocities of an AD2CP are left out: without their transform and a reference layer they "
+    "are no velocity through the water",
+    suffixes=TABLES,
+    # the vehicle numbers its files: sea035.12.gli.sub.36
+    name_words=frozenset({"gli", "pld1"}),
+    marks=frozenset({"NavState", "BallastPos", "PLD_REALTIMECLOCK", "NAV_RESOURCE"}),
+    period=5.0,
+    read="factory.importing.formats.seaexplorer_reader:read_seaexplorer",
+)
+"""Alseamar's SeaExplorer gliders."""
+
+OG1 = Importer(
+    name="og1",
+    vehicle="any glider",
+    files="OceanGliders OG1.0 netCDF, also what `factory export --to og1` writes",
+    channels="whatever of attitude, pressure, actuators, CTD, payload and fixes the file has; "
+    "values that its flags call bad (3, 4) are removed",
+    suffixes=frozenset({".nc"}),
+    marks=frozenset(
+        {"LATITUDE_GPS", "PLATFORM_SERIAL_NUMBER", "TRAJECTORY", "PHASE", "LATITUDE", "LONGITUDE",
+         "PITCH", "TIME"}
+    ),
+    period=5.0,
+    read="factory.importing.formats.og1.og1_reader:read_og1",
+)  # fmt: skip
+"""The OceanGliders' common format."""
+
+NGDAC = Importer(
+    name="ngdac",
+    vehicle="any glider",
+    files="IOOS NGDAC netCDF, a profile a file, all of a deployment together; tables of the "
+    "National Glider DAC's ERDDAP; time series of pyglider",
+    channels="depth, CTD, the file's track, reported current; attitude, actuators and fixes where "
+    "the file keeps the vehicle's own sensors; the fixes that a time series' track goes through",
+    suffixes=frozenset({".nc"}),
+    marks=frozenset(
+        {"profile_id", "profile_lat", "profile_lon", "profile_time", "lat_uv", "profile_index",
+         "profile_direction", "distance_over_ground"}
+    ),
+    period=5.0,
+    read="factory.importing.formats.ngdac_reader:read_ngdac",
+    lacks=frozenset({"measured_pump", "measured_shift", "measured_rotation"}),
+)  # fmt: skip
+"""Profile files of the U.S. IOOS National Glider DAC, and time series of pyglider."""
+
+SPRAY = Importer(
+    name="spray",
+    vehicle="Spray glider",
+    files="binned netCDF of spraydata.ucsd.edu, a line or a project a file, and its OG1.0 files of "
+    "profiles without times of the samples (with such times: `og1`; profiles of the National "
+    "Glider DAC: `ngdac`)",
+    channels="fixes and depth over time, made again of the middles of dives and profiles; CTD of "
+    "the climb, reported current. Attitude and actuators are not in these files",
+    suffixes=frozenset({".nc"}),
+    marks=frozenset(
+        {"u_depth_mean", "v_depth_mean", "trajectory_index", "mission_profile", "time_profile",
+         "latitude_profile", "latitude_uv", "TIME_PROFILE", "LATITUDE_PROFILE", "LATITUDE_UV"}
+    ),
+    period=60.0,
+    read="factory.importing.formats.spray_reader:read_spray",
+    lacks=frozenset(
+        {"measured_pitch", "measured_roll", "measured_heading", "measured_pump", "measured_shift",
+         "measured_rotation"}
+    ),
+)  # fmt: skip
+"""Binned files of Scripps' Spray gliders."""
+
+CSV = Importer(
+    name="csv",
+    vehicle="any vehicle",
+    files="tables with a --mapping file that names what each column is",
+    channels="what the mapping names: attitude, body rates, accelerations, DVL, depth, CTD, fixes, "
+    "track, controls by the names of their parts",
+    suffixes=TABLES,
+    marks=frozenset(),
+    period=1.0,
+    read="factory.importing.formats.csv.table_reader:read_tables",
+    takes_mapping=True,
+    lacks=DRIVEN,
+)
+"""Tables of any vehicle, read by a mapping file that says what their columns are."""

@@ -12,12 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.cleaning import clean, positions
-from factory.importing.deployment_log import (
-    NO_FIXES,
-    Channel,
-    LoggedFixes,
-)
-from factory.importing.netcdf import as_array
+from factory.importing.deployment_log import NO_FIXES, Channel, LoggedFixes
+from factory.importing.formats.slocum.native_sensors import gps_fixes
+from factory.importing.netcdf import as_array, is_number
 from factory.importing.tally import Tally, leave_out
 from twin.geodesy import offset
 
@@ -101,14 +98,15 @@ def currents_of(
     """
     found = []
     unknown = np.full(len(time), np.nan)
-    east, north = (columns.get(name, unknown) for name in CURRENT)
-    both = np.isfinite(east) & np.isfinite(north)
+    current = np.stack([columns.get(name, unknown) for name in CURRENT], axis=1)
+    both = np.isfinite(current).all(axis=1)
     for one in np.unique(number):
         rows = np.flatnonzero((number == one) & np.isfinite(time))
         if rows.size:
-            said = rows[both[rows]]
-            values = (float(east[said[0]]), float(north[said[0]])) if said.size else (np.nan,) * 2
-            found.append((float(time[rows].max()), *values))
+            east, north = (
+                current[rows[both[rows]][:1]].ravel() if both[rows].any() else (np.nan,) * 2
+            )
+            found.append((float(time[rows].max()), float(east), float(north)))
     return found
 
 
@@ -126,13 +124,8 @@ def reported_currents(
     end, east, north = (np.array(part, np.float64) for part in zip(*sorted(profiles), strict=True))
     time = np.union1d(end, fixes.time[fixes.time > end[0]])
     at = np.searchsorted(end, time, side="right") - 1
-    known = np.isfinite(east[at])
-    if not known.any():
-        return {}
-    return {
-        "dac_east": Channel(time[known], east[at][known]),
-        "dac_north": Channel(time[known], north[at][known]),
-    }
+    found = {"dac_east": east, "dac_north": north}
+    return {n: c for n, v in found.items() if len(c := Channel.finite(time, v[at]))}
 
 
 SERIES = "profile_index"
@@ -179,16 +172,12 @@ def sensor_columns(variables: Mapping[str, Any]) -> dict[str, str]:
     found: dict[str, str] = {}
     for name, variable in variables.items():
         sensor = str(getattr(variable, "source", name))
-        numbers = variable.dtype != str and variable.dtype.kind in "fiu"
-        if sensor not in (*ACTUATORS, RECKONS) or not numbers:
+        if sensor not in (*ACTUATORS, RECKONS) or not is_number(variable):
             continue
-        if sensor not in found or not _has_values(variables[found[sensor]]):
+        taken = variables.get(found.get(sensor, ""))
+        if taken is None or not np.isfinite(as_array(taken[:])).any():
             found[sensor] = name
     return found
-
-
-def _has_values(variable: Any) -> bool:
-    return bool(np.isfinite(as_array(variable[:])).any())
 
 
 def actuators(
@@ -201,12 +190,12 @@ def actuators(
         if sensor == RECKONS or values is None or not np.isfinite(values).any():
             continue
         channel, _, _, factor = ACTUATORS[sensor]
-        travel = float(np.nanmax(values) - np.nanmin(values))
+        one = float(np.nanmax(values) - np.nanmin(values)), name, factor * values
         if channel in found:
-            fewer = min((travel, name), found[channel][:2])
+            fewer = min(one[:2], found[channel][:2])
             leave_out([fewer[1]], f"another variable gives {channel} and moves more", tally)
-        if channel not in found or travel > found[channel][0]:
-            found[channel] = (travel, name, factor * values)
+        if channel not in found or one[0] > found[channel][0]:
+            found[channel] = one
     return {
         channel: clean(channel, time, values, tally, subject=name)
         for channel, (_, name, values) in found.items()
@@ -214,13 +203,7 @@ def actuators(
 
 
 def fixes_of_track(
-    time: Array,
-    latitude: Array,
-    longitude: Array,
-    depth: Array,
-    tally: Tally,
-    *,
-    reckons: Array | None = None,
+    track: LoggedFixes, depth: Array, tally: Tally, *, reckons: Array | None = None
 ) -> tuple[LoggedFixes, bool]:
     """The fixes that a track goes through, and whether it is lines between them.
 
@@ -229,14 +212,13 @@ def fixes_of_track(
     some time at the surface: the last position before each dive is taken for one.
 
     Args:
-      time: [s] unix, increasing, (samples,).
-      latitude, longitude: [degree], (samples,).
-      depth: [m] at the same times, (samples,).
+      depth: [m] at the positions of the track, (samples,).
       reckons: above 0 where the vehicle says that it reckoned, 0 at a fix, (samples,): then that
         alone says what is a fix.
     """
-    if len(time) < 3:
+    if len(track) < 3:
         return NO_FIXES, False
+    time, latitude, longitude = track.time, track.latitude, track.longitude
     metres = offset(latitude, longitude, float(latitude[0]), float(longitude[0]))
     share = np.diff(time)[:-1] / (time[2:] - time[:-2])
     bent = np.zeros(len(time), bool)
@@ -253,8 +235,8 @@ def fixes_of_track(
     else:
         taken = (depth < SURFACE) & np.append(depth[1:] >= SURFACE, False)
         why = "the track is reckoned: its last position before each dive"
-    tally.add("note", "GPS fixes", int(taken.sum()), why)
-    return LoggedFixes(time[taken], latitude[taken], longitude[taken]), lines
+    tally.add("note", "GPS fixes", taken, why)
+    return track.keep(taken), lines
 
 
 TRACKS = (
@@ -271,25 +253,17 @@ def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedF
     if not all(n in columns and np.isfinite(columns[n]).any() for n in FIXES[:2]):
         return NO_FIXES
     status = columns.get(FIXES[2], np.full(len(time), np.nan))
-    bad = np.isfinite(status) & (status != 0.0)
-    tally.add("removed", "GPS fixes", int(bad.sum()), "status is not valid")
-    latitude, longitude = positions(columns[FIXES[0]], columns[FIXES[1]], "GPS fixes", tally)
-    good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
-    return LoggedFixes(time[good], latitude[good], longitude[good])
+    return gps_fixes(time, columns[FIXES[0]], columns[FIXES[1]], status, tally=tally)
 
 
-def track_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[str, Channel]:
+def track_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
     """The file's own track."""
     there = [pair for pair in TRACKS if all(n in columns for n in pair)]
     best = next((p for p in there if np.isfinite(columns[p[0]]).any()), None)
     if best is None:
-        return {}
+        return NO_FIXES
     for pair in there:
         if pair != best:
             leave_out(pair, f"the track is {best[0]}, {best[1]}", tally)
-    latitude, longitude = positions(columns[best[0]], columns[best[1]], ", ".join(best), tally)
-    good = np.isfinite(latitude) & np.isfinite(longitude)
-    return {
-        "latitude": Channel(time[good], latitude[good]),
-        "longitude": Channel(time[good], longitude[good]),
-    }
+    places = positions(columns[best[0]], columns[best[1]], ", ".join(best), tally)
+    return LoggedFixes.finite(time, *places)

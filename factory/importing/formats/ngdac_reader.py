@@ -12,27 +12,30 @@ The data assembly's ERDDAP serves many profiles in one table (`row`, `obs`, ragg
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import LoggedAngle, attitude_degrees, reference_declination
-from factory.importing.batteries import SLOCUM_SENSORS, SLOCUM_UNITS, slocum_batteries
+from factory.importing.angles import (
+    LoggedAngle,
+    attitude_degrees,
+    calls_itself_magnetic,
+    reference_declination,
+)
 from factory.importing.cleaning import clean, downward
 from factory.importing.columns import stacked, tidy, with_values
 from factory.importing.deployment_log import (
     EMPTY,
+    NO_FIXES,
     Channel,
     DeploymentLog,
     LoggedFixes,
     each_file,
-    places_for,
 )
-from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.base import ReadOptions, WrongFormat, other_format
 from factory.importing.formats.ngdac_profiles import (
     ACTUATORS,
     FIXES,
@@ -52,31 +55,24 @@ from factory.importing.formats.ngdac_profiles import (
     sensor_columns,
     track_in,
 )
-from factory.importing.netcdf import attributes_of, open_netcdf, unit_in
+from factory.importing.formats.slocum.choices import SLOCUM_SENSORS, SLOCUM_UNITS, slocum_batteries
+from factory.importing.netcdf import Geometry, attributes_of, open_netcdf, unit_in
 from factory.importing.payload import payload_channels, payload_names
-from factory.importing.pressures import pressure_by_flight, to_dbar
-from factory.importing.sample_clock import NoClock, sample_clock
-from factory.importing.sampling_geometry import Geometry
-from factory.importing.seawater import ctd_channels, siemens
+from factory.importing.pressures import ctd_channels, pressure_channels, siemens
+from factory.importing.sample_clock import sample_clock
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from factory.importing.units import PRACTICAL, converted
 from twin.errors import InputError
-
-if TYPE_CHECKING:
-    from factory.importing.deployment_log import DeploymentLog
-    from factory.importing.tally import Tally
-
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 CLOCK = "time"
 ANGLES = {
-    "measured_pitch": ("pitch", "platform_pitch", "m_pitch"),
-    "measured_roll": ("roll", "platform_roll", "m_roll"),
-    "measured_heading": ("heading", "platform_heading", "m_heading"),
+    "pitch": ("pitch", "platform_pitch", "m_pitch"),
+    "roll": ("roll", "platform_roll", "m_roll"),
+    "heading": ("heading", "platform_heading", "m_heading"),
 }
-"""Names of the attitude, where a file keeps it; a Slocum's own are radian, its heading magnetic."""
 PRECISE = "precise_time"
 CTD = ("temperature", "salinity", "conductivity")
 UNITS = {
@@ -101,11 +97,9 @@ _BAD = (3.0, 4.0, 9.0)
 """QARTOD flags: suspect, bad, missing."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class NgdacProfile:
-    """One file."""
+class NgdacProfile(NamedTuple):
+    """What one file holds of a deployment."""
 
-    deployment: str
     columns: Columns
     """At `time`, unix seconds."""
     currents: list[tuple[float, float, float]]
@@ -130,17 +124,12 @@ def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> lis
     extra = payload_names(options.payload)
     profiles: dict[str, list[NgdacProfile]] = {}
     files: dict[str, list[str]] = {}
+    filled: set[str] = set()
     for path, several in each_file(paths, lambda path: _profiles(path, extra, tally), tally):
-        for one in several:
-            profiles.setdefault(one.deployment, []).append(one)
-            files.setdefault(one.deployment, []).append(path.name)
-    filled = {
-        name
-        for several in profiles.values()
-        for one in several
-        for name, values in one.columns.items()
-        if np.isfinite(values).any()
-    }
+        for deployment, one in several.items():
+            profiles.setdefault(deployment, []).append(one)
+            files.setdefault(deployment, []).append(path.name)
+            filled |= {*with_values(one.columns)}
     note_empty(_KIND, [n for n in (*READ, *extra) if n not in (*filled, PRECISE, *SCALARS)], tally)
     return [
         _log(name, several, files[name], options, extra, tally)
@@ -148,48 +137,43 @@ def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> lis
     ]
 
 
-def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfile]:
-    """What one file holds of each deployment."""
+def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> dict[str, NgdacProfile]:
+    """What one file holds, by deployment."""
     with open_netcdf(path) as file:
         file.set_auto_mask(True)
         variables = file.variables
         names = [*variables, *file.groups]
-        try:
-            aliases = by_standard_name(variables, READ)
-            geometry = Geometry(file, [aliases.get(n, n) for n in MEASURED], path.name)
-            sensors = sensor_columns(variables)
-            wanted = dict.fromkeys((*READ, *sensors.values(), *extra))
-            source = {name: aliases.get(name, name) for name in wanted}
-            along = [n for n in wanted if geometry.reaches(source[n])]
-            if not {"depth", "pressure"} & set(along) or not {CLOCK, PRECISE} & set(along):
-                raise WrongFormat(path, names, why=NEEDS)
-            columns = {n: _unflagged(geometry, source[n], tally) for n in along}
-            attributes = {n: attributes_of(variables[source[n]]) for n in along}
-            flags = [f"{source[n]}_qc" for n in along if f"{source[n]}_qc" in variables]
-            single = {n for n in along if geometry.single(source[n])}
-            owners = geometry.texts("trajectory")
-            name = str(getattr(file, "id", path.stem))
-            platform = str(getattr(file, "glider_model", "glider"))
-            one = {*owners} if owners is not None else {name}
-            deployment = (one.pop() or name) if len(one) == 1 else ""
-            units = {n: unit_in(attributes[n]) for n in columns}
-            parts = {n: ACTUATORS[one] for one, n in sensors.items() if one in ACTUATORS}
-            columns = converted(
-                columns, units, UNITS | {n: part[1] for n, part in parts.items()}, tally,
-                native={n: part[2] for n, part in parts.items()}, deployment=deployment,
-            )  # fmt: skip
-            sampled = {n: columns[n] for n in MEASURED if n in columns and n not in single}
-            note_unread(_KIND, names, (*wanted, *aliases.values(), *flags), tally)
-            clocks = {
-                n: np.where(np.isnan(columns.get(n, seconds)), np.nan, seconds)  # flagged bad
-                for n, seconds in geometry.clocks(CLOCK, tally).items()
-            }
+        aliases = by_standard_name(variables, READ)
+        geometry = Geometry(file, [aliases.get(n, n) for n in MEASURED], path.name)
+        sensors = sensor_columns(variables)
+        wanted = dict.fromkeys((*READ, *sensors.values(), *extra))
+        source = {name: aliases.get(name, name) for name in wanted}
+        along = [n for n in wanted if geometry.reaches(source[n])]
+        if not {"depth", "pressure"} & set(along) or not {CLOCK, PRECISE} & set(along):
+            raise WrongFormat(path, names, why=NEEDS)
+        columns = {n: _unflagged(geometry, source[n], tally) for n in along}
+        attributes = {n: attributes_of(variables[source[n]]) for n in along}
+        flags = [f"{source[n]}_qc" for n in along if f"{source[n]}_qc" in variables]
+        single = {n for n in along if geometry.single(source[n])}
+        owners = geometry.texts("trajectory")
+        name = str(getattr(file, "id", path.stem))
+        platform = str(getattr(file, "glider_model", "glider"))
+        one = {*owners} if owners is not None else {name}
+        deployment = (one.pop() or name) if len(one) == 1 else ""
+        units = {n: unit_in(attributes[n]) for n in columns}
+        parts = {n: ACTUATORS[one] for one, n in sensors.items() if one in ACTUATORS}
+        columns = converted(
+            columns, units, UNITS | {n: part[1] for n, part in parts.items()}, tally,
+            native={n: part[2] for n, part in parts.items()}, deployment=deployment,
+        )  # fmt: skip
+        sampled = {n: columns[n] for n in MEASURED if n in columns and n not in single}
+        note_unread(_KIND, names, (*wanted, *aliases.values(), *flags), tally)
+        clocks = {
+            n: np.where(np.isnan(columns.get(n, seconds)), np.nan, seconds)  # flagged bad
+            for n, seconds in geometry.clocks(CLOCK, tally).items()
+        }
+        with other_format(path, names):
             clock = sample_clock(clocks, sampled, path.name, tally)
-        except NoClock as error:
-            why = str(error).removeprefix(f"{path.name}: ")
-            raise WrongFormat(path, names, why=why) from error
-        except (RuntimeError, OSError) as error:
-            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
     if clock != CLOCK and CLOCK in clocks:
         leave_out([CLOCK], f"a profile's; {clock} is the sample's", tally)
     time = clocks[clock]
@@ -206,20 +190,12 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> list[NgdacProfi
     what = "measurements" if series else "measurements of a profile"
     tally.add("read", path.name, len(time), what)
     every = np.full(len(time), name, object) if owners is None else np.where(owners, owners, name)
-    found = []
+    found = {}
     for owner in dict.fromkeys(every):
         mine = {n: values[every == owner] for n, values in {**columns, CLOCK: time}.items()}
-        found.append(
-            NgdacProfile(
-                deployment=owner,
-                columns={n: values for n, values in mine.items() if n not in _OF_PROFILE},
-                currents=currents_of(mine, number[every == owner], mine[CLOCK]),
-                attributes=attributes,
-                platform=platform,
-                sensors=sensors,
-                series=series,
-            )
-        )
+        currents = currents_of(mine, number[every == owner], mine[CLOCK])
+        kept = {n: values for n, values in mine.items() if n not in _OF_PROFILE}
+        found[owner] = NgdacProfile(kept, currents, attributes, platform, sensors, series)
     return found
 
 
@@ -233,8 +209,7 @@ def _unflagged(geometry: Geometry, name: str, tally: Tally) -> Array:
     if not geometry.reaches(f"{name}_qc"):
         return values
     bad = np.isin(geometry.column(f"{name}_qc"), _BAD) & np.isfinite(values)
-    tally.add("removed", name, int(bad.sum()), "flagged suspect or bad in the file")
-    return np.where(bad, np.nan, values)
+    return tally.removed(values, bad, name, "flagged suspect or bad in the file")
 
 
 def _log(
@@ -249,62 +224,42 @@ def _log(
     columns = stacked(pieces, sorted({n for piece in pieces for n in piece}))
     time, columns = tidy(columns.pop(CLOCK), columns, f"{name} profiles", tally)
     columns = with_values(columns)
-    attributes: dict[str, dict[str, Any]] = {}
-    for one in profiles:
-        attributes |= one.attributes
+    attributes = {n: words for one in profiles for n, words in one.attributes.items()}
+    sensors = profiles[0].sensors
+    depth, pressure = columns.get("depth"), columns.get("pressure")
     fixes = fixes_in(time, columns, tally)
     track = track_in(time, columns, tally)
-    places = places_for(fixes, track)
-    if track and not len(fixes) and "depth" in columns and all(one.series for one in profiles):
-        latitude, longitude = track["latitude"], track["longitude"]
-        known = np.isfinite(columns["depth"])
-        depths = Channel(time[known], columns["depth"][known]).at(latitude.time)
-        flag = columns.get(profiles[0].sensors.get(RECKONS, ""))
+    places = fixes if len(fixes) else track
+    if len(track) and not len(fixes) and depth is not None and all(one.series for one in profiles):
+        flag = columns.get(sensors.get(RECKONS, ""))
         fixes, lines = fixes_of_track(
-            latitude.time, latitude.values, longitude.values, depths, tally,
-            reckons=None if flag is None else flag[np.searchsorted(time, latitude.time)],
+            track, Channel.finite(time, depth).at(track.time), tally,
+            reckons=None if flag is None else flag[np.searchsorted(time, track.time)],
         )  # fmt: skip
-        track = {} if lines else track
+        track = NO_FIXES if lines else track
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
-    channels |= actuators(time, columns, profiles[0].sensors, tally)
-    depth = columns.get("depth")
+    channels |= actuators(time, columns, sensors, tally)
     if depth is not None:  # the pressure is compared with it
         depth = downward(depth, "depth", tally)
-    pressure = columns.get("pressure")
-    if pressure is not None:
-        dbar = to_dbar(
-            pressure, depth, "pressure", tally, native="dbar",
-            declared=unit_in(attributes["pressure"]), deployment=name,
-        )  # fmt: skip
-        below = clean("measured_pressure", time, dbar, tally, subject="pressure")
-        if depth is None:
-            pitch = channels.get("measured_pitch", EMPTY)
-            below = pressure_by_flight(below, pitch, "pressure", tally)
-        channels["measured_pressure"] = below
-    if depth is not None and not len(channels.get("measured_pressure", ())):
-        channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="depth")
+    channels |= pressure_channels(
+        time, pressure, depth, "pressure", tally, depth_subject="depth", deployment=name,
+        pitch=channels.get("measured_pitch", EMPTY),
+        declared="" if pressure is None else unit_in(attributes["pressure"]),
+    )  # fmt: skip
     channels |= _water(time, columns, channels, places, tally)
-    sensors = {
-        n: Channel(time[there], columns[n][there])
-        for n in SLOCUM_SENSORS
-        if n in columns and (there := np.isfinite(columns[n])).any()
-    }
-    channels |= slocum_batteries(sensors, tally)
-    found = {
-        n: Channel(time[there], columns[n][there])
-        for n in extra
-        if n in columns and (there := np.isfinite(columns[n])).any()
-    }
+    valued = {n: Channel.finite(time, columns[n]) for n in columns}
+    channels |= slocum_batteries({n: valued[n] for n in SLOCUM_SENSORS if n in valued}, tally)
+    found = {n: valued[n] for n in extra if n in valued}
     units = {n: unit_in(attributes[n]) for n in found}
     channels |= payload_channels(found, options.payload, tally, units=units)
-    track |= reported_currents([end for one in profiles for end in one.currents], fixes)
+    reported = reported_currents([end for one in profiles for end in one.currents], fixes)
     return DeploymentLog(
         deployment=name,
         platform=profiles[0].platform,
-        channels={key: channel for key, channel in channels.items() if len(channel)},
+        channels=channels,
         fixes=fixes,
         magnetic_variation=variation,
-        auxiliary=track,
+        auxiliary=(track.channels() if len(track) else {}) | reported,
         files=tuple(files),
     )
 
@@ -321,32 +276,27 @@ def _attitude(
     """Attitude in degree, true heading, and the variation that was added."""
     channels: dict[str, Channel] = {}
     variation = EMPTY
-    found = {
-        target: [n for n in names if n in columns and np.isfinite(columns[n]).any()]
-        for target, names in ANGLES.items()
-    }
+    sources = {kind: [n for n in names if n in columns] for kind, names in ANGLES.items()}
+    sensors = {n: str(attributes[n].get("source", n)) for names in sources.values() for n in names}
     angles = {
-        target.removeprefix("measured_"): LoggedAngle(
+        kind: LoggedAngle(
             values=columns[there[0]],
             unit=unit_in(attributes[there[0]]),
             subject=there[0],
-            native=_native_angle(there[0], attributes),
+            # pyglider writes a Slocum's as they are, without a unit
+            native="radian" if sensors[there[0]].startswith(SLOCUM) else "degree",
         )
-        for target, there in found.items() if there
+        for kind, there in sources.items() if there
     }  # fmt: skip
-    degrees = attitude_degrees(
-        angles, time, columns.get("depth", columns.get("pressure")), tally, deployment=name
-    )
-    for target, there in found.items():
-        kind = target.removeprefix("measured_")
-        if kind not in degrees:
-            continue
-        leave_out(there[1:], f"{there[0]} is taken", tally)
-        source = there[0]
-        values, words = degrees[kind], attributes[source]
-        sensor = str(words.get("source", source))
-        said = " ".join(str(words.get(k, "")) for k in ("long_name", "comment", "standard_name"))
-        if kind == "heading" and (sensor in MAGNETIC or "magnetic" in said.lower()):
+    depth = columns.get("depth", columns.get("pressure"))
+    degrees = attitude_degrees(angles, time, depth, tally, deployment=name)
+    for kind in [kind for kind in ANGLES if kind in degrees]:
+        source, *others = sources[kind]
+        leave_out(others, f"{source} is taken", tally)
+        values = degrees[kind]
+        if kind == "heading" and (
+            sensors[source] in MAGNETIC or calls_itself_magnetic(attributes[source])
+        ):
             if options.variation_deg is not None:
                 variation = Channel(time[:1], np.array([options.variation_deg]))
             else:
@@ -357,14 +307,9 @@ def _attitude(
                     "variation follows; give it with --variation-deg, east positive"
                 )
             values = np.mod(values + variation.at(time), 360.0)
+        target = f"measured_{kind}"
         channels[target] = clean(target, time, values, tally, subject=source)
     return channels, variation
-
-
-def _native_angle(name: str, attributes: Mapping[str, Mapping[str, Any]]) -> str:
-    """Unit of an angle that declares none: pyglider writes a Slocum's as they are."""
-    sensor = str(attributes[name].get("source", name))
-    return "radian" if sensor.startswith(SLOCUM) else "degree"
 
 
 def _water(
@@ -375,22 +320,16 @@ def _water(
     tally: Tally,
 ) -> dict[str, Channel]:
     at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
-    temperature = columns.get("temperature")
+    temperature, practical = columns.get("temperature"), columns.get("salinity")
     if temperature is None or not len(at):
         return {}
-    practical, conductivity = columns.get("salinity"), columns.get("conductivity")
+    conductivity = columns.get("conductivity")
     if conductivity is not None:
         if practical is not None:
             leave_out(["conductivity"], "salinity is there", tally)
         conductivity = siemens(conductivity, "conductivity", tally)
     latitude, longitude = places.at(time)
     return ctd_channels(
-        time,
-        temperature=temperature,
-        pressure=at.known(time),
-        practical=practical,
-        conductivity=conductivity,
-        latitude=latitude,
-        longitude=longitude,
-        tally=tally,
-    )
+        time, temperature=temperature, pressure=at.known(time), practical=practical,
+        conductivity=conductivity, latitude=latitude, longitude=longitude, tally=tally,
+    )  # fmt: skip

@@ -13,18 +13,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.angles import (
-    FLYING,
-    from_degrees,
-    heading_degrees,
-    reference_declination,
-)
-from factory.importing.batteries import from_inside
+from factory.importing.angles import FLYING, from_degrees, heading_degrees, reference_declination
 from factory.importing.cleaning import clean, degrees_minutes
 from factory.importing.columns import Table, read_table, stacked, tidy, with_values
 from factory.importing.deployment_log import (
@@ -39,17 +32,12 @@ from factory.importing.deployment_log import (
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.payload import payload_channels, payload_names
+from factory.importing.pressures import SEA_LEVEL, ctd_channels, pressure_of, siemens
 from factory.importing.sample_clock import expect_going, parse_stamps, unix_seconds
-from factory.importing.seawater import ctd_channels, pressure_of, siemens
 from factory.importing.tally import OtherKind, Tally, leave_out, note_empty, note_unread
 from factory.importing.units import in_unit
 from twin.errors import InputError
 from twin.records.coordinates import utc_minute
-
-if TYPE_CHECKING:
-    from factory.importing.deployment_log import DeploymentLog
-    from factory.importing.tally import Tally
-
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -77,11 +65,8 @@ _SIMPLE = (
 )
 _CTDS = ("LEGATO", "GPCTD", "CTD")
 """Prefixes of the CTDs that payloads carry."""
-_CTD_NAMES = tuple(
-    f"{prefix}_{part}"
-    for prefix in _CTDS
-    for part in ("TEMPERATURE", "SALINITY", "CONDUCTIVITY", "PRESSURE")
-)
+_CTD_PARTS = ("TEMPERATURE", "SALINITY", "CONDUCTIVITY", "PRESSURE")
+_CTD_NAMES = tuple(f"{prefix}_{part}" for prefix in _CTDS for part in _CTD_PARTS)
 _NAVIGATION_LOG, _PAYLOAD_LOG = "navigation log", "payload log"
 _CONDUCTIVITY = {"LEGATO": "mS/cm", "GPCTD": "S/m", "CTD": "mS/cm"}
 """Unit of each CTD's conductivity: RBR's in mS/cm, Sea-Bird's in S/m."""
@@ -97,8 +82,7 @@ def read_seaexplorer(
       WrongFormat: another kind of file.
       InputError: a payload log without its navigation log.
     """
-    navigation: dict[str, list[Columns]] = {}
-    payload: dict[str, list[Columns]] = {}
+    logs: dict[str, dict[str, list[Columns]]] = {_NAVIGATION_LOG: {}, _PAYLOAD_LOG: {}}
     files: dict[str, list[str]] = {}
     wanted = {
         _NAVIGATION_LOG: ("Timestamp", *_NAVIGATION),
@@ -107,17 +91,15 @@ def read_seaexplorer(
     empty: dict[str, set[str]] = {what: set(names) for what, names in wanted.items()}
     for path, (what, table, columns) in each_file(paths, lambda p: _timed_table(p, tally), tally):
         name = deployment_of(path)
-        logs = navigation if what == _NAVIGATION_LOG else payload
-        logs.setdefault(name, []).append(columns)
+        logs[what].setdefault(name, []).append(columns)
         files.setdefault(name, []).append(path.name)
         tally.add("read", path.name, len(table), f"{what.split()[0]} rows")
         note_unread(what, [*table.columns, *table.texts], wanted[what], tally)
-        empty[what] -= {n for n, v in table.columns.items() if np.isfinite(v).any()}
-        empty[what] -= set(table.texts)
+        empty[what] -= {*with_values(table.columns), *table.texts}
     for what, names in empty.items():
         note_empty(what, names, tally)
-    alone = [name for name in payload if name not in navigation]
-    for name in alone:
+    navigation, payload = logs.values()
+    for name in [name for name in payload if name not in navigation]:
         why = (
             f"{files[name][0]}: a payload log without the navigation log (gli) of {name}; "
             f"navigation logs are there of {', '.join(navigation) or 'no vehicle'}"
@@ -150,7 +132,12 @@ def _timed_table(path: Path, tally: Tally) -> tuple[str, Table, Columns]:
         raise WrongFormat(path, names)
     if not len(table):
         raise InputError(f"{path.name} holds column names and no rows")
-    columns = _timed(table, clock, tally)
+    written = table.texts.get(clock)
+    time = parse_stamps(written) if written is not None else table.columns[clock]
+    if not np.isfinite(time).any():
+        raise InputError(f"{path.name}: column {clock} holds no time (day/month/year h:m:s)")
+    time = unix_seconds(time, path.name, tally)
+    columns = {"time": time, **table.columns}
     expect_going(clock, columns["time"], table.columns, path.name)
     return what, table, columns
 
@@ -159,16 +146,6 @@ def deployment_of(path: Path) -> str:
     """Vehicle and mission by the file's name, such as SEA035_M12; else the name itself."""
     found = _DEPLOYMENT.match(path.name)
     return f"{found.group(1).upper()}_M{found.group(2)}" if found else path.name.split(".")[0]
-
-
-def _timed(table: Table, name: str, tally: Tally) -> Columns:
-    written = table.texts.get(name)
-    time = parse_stamps(written) if written is not None else table.columns[name]
-    if len(table) and not np.isfinite(time).any():
-        raise InputError(f"{table.path.name}: column {name} holds no time (day/month/year h:m:s)")
-    if len(table):
-        time = unix_seconds(time, table.path.name, tally)
-    return {"time": time, **table.columns}
 
 
 def _log(
@@ -183,28 +160,29 @@ def _log(
     time, columns = tidy(columns.pop("time"), columns, f"{name} navigation", tally)
     if not time.size:
         raise InputError(f"{name}: no row has a time")
-    for column in columns:
+    for column in [column for column in columns if column not in ("Lat", "Lon")]:
         off = columns[column] <= NO_VALUE
-        if column not in ("Lat", "Lon"):
-            tally.add("removed", column, int(off.sum()), "switched off (-9999)")
-            columns[column] = np.where(off, np.nan, columns[column])
+        columns[column] = tally.removed(columns[column], off, column, "switched off (-9999)")
     fixes, track = _positions(time, columns, tally)
     places = places_for(fixes, track)
     variation = _variation(time, columns, places, name, options.variation_deg, tally)
-    depth = columns.get("Depth", np.full(len(time), np.nan))
-    flying = bool(np.nanmax(depth, initial=0.0) > FLYING)
     channels: dict[str, Channel] = {}
-    channels["measured_depth"] = clean("measured_depth", time, depth, tally, subject="Depth")
+
+    def put(target: str, values: Array, source: str) -> None:
+        channels[target] = clean(target, time, values, tally, subject=source)
+
+    depth = columns.get("Depth", np.full(len(time), np.nan))
+    put("measured_depth", depth, "Depth")
     if "Pitch" in columns:
-        pitch = from_degrees(columns["Pitch"], "Pitch", tally, flying=flying)
-        channels["measured_pitch"] = clean("measured_pitch", time, pitch, tally, subject="Pitch")
+        flying = bool(np.nanmax(depth, initial=0.0) > FLYING)
+        put(
+            "measured_pitch", from_degrees(columns["Pitch"], "Pitch", tally, flying=flying), "Pitch"
+        )
     for source, target, factor in _SIMPLE:
         if source in columns:
-            values = factor * columns[source]
-            channels[target] = clean(target, time, values, tally, subject=source)
+            put(target, factor * columns[source], source)
     if "Pa" in columns:
-        vacuum = from_inside(columns["Pa"])
-        channels["measured_vacuum"] = clean("measured_vacuum", time, vacuum, tally, subject="Pa")
+        put("measured_vacuum", SEA_LEVEL - columns["Pa"], "Pa")
     for source, target in (("Heading", "measured_heading"), ("DesiredH", "commanded_heading")):
         if source in columns:
             if not len(variation):
@@ -213,20 +191,19 @@ def _log(
                     "from which it follows; give it with --variation-deg, east positive"
                 )
             magnetic = heading_degrees(columns[source], source, tally)
-            true = np.mod(magnetic + variation.at(time), 360.0)
-            channels[target] = clean(target, time, true, tally, subject=source)
+            put(target, np.mod(magnetic + variation.at(time), 360.0), source)
+    auxiliary = {**track, "awake": Channel(time, np.ones(len(time)))}
     if "NavState" in columns:
         floats = time[columns["NavState"] == AT_SURFACE]
-        track = {**track, "afloat": Channel(floats, np.ones(len(floats)))}
-    track = {**track, "awake": Channel(time, np.ones(len(time)))}
+        auxiliary["afloat"] = Channel(floats, np.ones(len(floats)))
     channels |= _payload(payload, channels["measured_depth"], fixes, name, options, tally)
     return DeploymentLog(
         deployment=name,
         platform="SeaExplorer",
-        channels={key: channel for key, channel in channels.items() if len(channel)},
+        channels=channels,
         fixes=fixes,
         magnetic_variation=variation,
-        auxiliary=track,
+        auxiliary=auxiliary,
         files=tuple(files),
     )
 
@@ -245,18 +222,15 @@ def _variation(
             leave_out(["Declination"], "the user gives the variation", tally)
         return Channel(time[:1], np.array([variation_deg]))
     values = columns.get("Declination", np.full(len(time), np.nan))
-    there = np.abs(values) <= 180.0
-    wrong = int((np.isfinite(values) & ~there).sum())
-    tally.add("removed", "Declination", wrong, "no declination: beyond 180 degree")
-    if not (there & (values != 0.0)).any():
+    wrong = np.isfinite(values) & ~(np.abs(values) <= 180.0)
+    values = tally.removed(values, wrong, "Declination", "no declination: beyond 180 degree")
+    unset = values == 0.0
+    known = np.isfinite(values) & ~unset
+    if not known.any():
         found = reference_declination(places, name, tally)
-        if len(found):
-            return found
-    unset = there & (values == 0.0)
-    if unset.any() and (there & ~unset).any():
-        tally.add("repaired", "Declination", int(unset.sum()), "not set yet (0): the nearest used")
-        there &= ~unset
-    return Channel(time[there], values[there])
+        return found if len(found) else Channel.finite(time, values)
+    tally.add("repaired", "Declination", unset, "not set yet (0): the nearest used")
+    return Channel(time[known], values[known])
 
 
 def _positions(
@@ -265,43 +239,33 @@ def _positions(
     """Fixes, and the on-board track where the vehicle reckons under water."""
     if not all(name in columns for name in ("Lat", "Lon", "NavState")):
         return NO_FIXES, {}
-    raw_latitude, raw_longitude = columns["Lat"], columns["Lon"]
-    none = (raw_latitude == 0.0) & (raw_longitude == 0.0)
-    tally.add("removed", "Lat, Lon", int(none.sum()), "no position yet (0, 0)")
-    decimal = np.nanmax(np.abs(raw_latitude), initial=0.0) <= 90.0 and (
-        np.nanmax(np.abs(raw_longitude), initial=0.0) <= 180.0
-    )
-    if decimal:
-        tally.add("repaired", "Lat, Lon", int((~none).sum()), "was in degrees, not ddmm.mmm")
-        latitude, longitude = raw_latitude, raw_longitude
-    else:
-        latitude, longitude = degrees_minutes(raw_latitude), degrees_minutes(raw_longitude)
-    good = ~none & np.isfinite(latitude) & np.isfinite(longitude)
-    good &= (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
+    latitude, longitude = columns["Lat"], columns["Lon"]
+    none = (latitude == 0.0) & (longitude == 0.0)
+    tally.add("removed", "Lat, Lon", none, "no position yet (0, 0)")
     moved = np.zeros(len(time), bool)
-    moved[1:] = (np.diff(raw_latitude) != 0.0) | (np.diff(raw_longitude) != 0.0)
+    moved[1:] = (np.diff(latitude) != 0.0) | (np.diff(longitude) != 0.0)
+    if np.nanmax(np.abs(latitude), initial=0.0) <= 90.0 and (
+        np.nanmax(np.abs(longitude), initial=0.0) <= 180.0
+    ):
+        tally.add("repaired", "Lat, Lon", ~none, "was in degrees, not ddmm.mmm")
+    else:
+        latitude, longitude = degrees_minutes(latitude), degrees_minutes(longitude)
+    good = ~none & (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     surfaced = columns["NavState"] == AT_SURFACE
     reckons = columns.get("DeadReckoning", np.full(len(time), np.nan))
-    told = np.isfinite(reckons)
     if (reckons == 0.0).any() and (reckons > 0.0).any():
-        surfaced = np.where(told, reckons == 0.0, surfaced)
+        surfaced = np.where(np.isfinite(reckons), reckons == 0.0, surfaced)
         # the first row of a log has none before it that it could repeat
-        moved[:1] = told[:1] & (reckons[:1] == 0.0)
+        moved[:1] = reckons[:1] == 0.0
     else:  # a column that never changes is not kept
         surfaced = surfaced & ~(reckons > 0.0)
-    fixed = good & surfaced & moved
     tally.add(
-        "left out", "GPS fixes", int((good & surfaced & ~moved).sum()),
-        "the last position again, no new fix",
-    )  # fmt: skip
-    fixes = LoggedFixes(time[fixed], latitude[fixed], longitude[fixed])
+        "left out", "GPS fixes", good & surfaced & ~moved, "the last position again, no new fix"
+    )
+    places = LoggedFixes(time, latitude, longitude)
     reckoned = good & moved & ~surfaced
-    if reckoned.sum() < 0.2 * len(time):
-        return fixes, {}
-    return fixes, {
-        "latitude": Channel(time[good], latitude[good]),
-        "longitude": Channel(time[good], longitude[good]),
-    }
+    track = {} if reckoned.sum() < 0.2 * len(time) else places.keep(good).channels()
+    return places.keep(good & surfaced & moved), track
 
 
 def _payload(
@@ -321,42 +285,36 @@ def _payload(
         tally.add("left out", "AD2CP", beams, "beam velocities: no velocity through the water")
     wanted = (*_CTD_NAMES, *payload_names(options.payload))
     columns = stacked(pieces, ("time", *(n for n in every if n in wanted)))
-    time, columns = tidy(columns.pop("time"), columns, f"{name} payload", tally)
+    subject = f"{name} payload"
+    time, columns = tidy(columns.pop("time"), columns, subject, tally)
     columns = with_values(columns)
     if len(depth):
-        early, late = time < depth.time[0] - NEAR, time > depth.time[-1] + NEAR
-        began, ended = utc_minute(float(depth.time[0])), utc_minute(float(depth.time[-1]))
-        why = f"rows from before the navigation log begins at {began} UTC"
-        tally.add("left out", f"{name} payload", int(early.sum()), why)
-        why = f"{TRUNCATED}rows from after the navigation log ends at {ended} UTC"
-        tally.add("left out", f"{name} payload", int(late.sum()), why)
-    found = {n: Channel(time[np.isfinite(v)], v[np.isfinite(v)]) for n, v in columns.items()}
+        began, ended = (float(depth.time[k]) for k in (0, -1))
+        why = f"rows from before the navigation log begins at {utc_minute(began)} UTC"
+        tally.add("left out", subject, time < began - NEAR, why)
+        why = f"{TRUNCATED}rows from after the navigation log ends at {utc_minute(ended)} UTC"
+        tally.add("left out", subject, time > ended + NEAR, why)
+    found = {n: Channel.finite(time, v) for n, v in columns.items()}
     channels = payload_channels(found, options.payload, tally)
-    ctds = [c for c in _CTDS if len(found.get(f"{c}_TEMPERATURE", ()))]
-    if not ctds:
+    ctd = next((c for c in _CTDS if f"{c}_TEMPERATURE" in found), None)
+    if ctd is None:
         return channels
-    ctd = ctds[0]
     others = [n for n in _CTD_NAMES if n in columns and not n.startswith(f"{ctd}_")]
     leave_out(others, f"the CTD is {ctd}", tally)
-    latitude = float(np.median(fixes.latitude)) if len(fixes) else 0.0
-    longitude = float(np.median(fixes.longitude)) if len(fixes) else 0.0
-    pressure = columns.get(f"{ctd}_PRESSURE")
-    if pressure is None:
-        pressure = pressure_of(depth.known(time), latitude)
-    practical, conductivity = columns.get(f"{ctd}_SALINITY"), columns.get(f"{ctd}_CONDUCTIVITY")
+    latitude, longitude = fixes.middle
+    temperature, practical, conductivity, pressure = (
+        columns.get(f"{ctd}_{part}") for part in _CTD_PARTS
+    )
+    assert temperature is not None
     if conductivity is not None:
         source = f"{ctd}_CONDUCTIVITY"
         conductivity = in_unit(conductivity, _CONDUCTIVITY[ctd], "S m-1", source)
         conductivity = siemens(conductivity, source, tally)
         if practical is not None:
             leave_out([source], f"{ctd}_SALINITY is there", tally)
+    if pressure is None:
+        pressure = pressure_of(depth.known(time), latitude)
     return channels | ctd_channels(
-        time,
-        temperature=columns[f"{ctd}_TEMPERATURE"],
-        pressure=pressure,
-        practical=practical,
-        conductivity=conductivity,
-        latitude=latitude,
-        longitude=longitude,
-        tally=tally,
-    )
+        time, temperature=temperature, pressure=pressure, practical=practical,
+        conductivity=conductivity, latitude=latitude, longitude=longitude, tally=tally,
+    )  # fmt: skip

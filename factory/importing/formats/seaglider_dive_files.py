@@ -8,21 +8,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.batteries import GAUGES, PUMPED, RECKONED, voltage_and_charge
-from factory.importing.cleaning import (
-    degrees_minutes,
-    positions,
-)
-from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
+from factory.importing.cleaning import degrees_minutes
+from factory.importing.deployment_log import EMPTY, Channel
 from factory.importing.formats.base import WrongFormat
-from factory.importing.gps_fixes import NO_DILUTION
+from factory.importing.formats.seaglider_log_signals import (
+    GAUGES,
+    PUMPED,
+    RECKONED,
+    voltage_and_charge,
+)
 from factory.importing.netcdf import (
     as_array,
     attributes_of,
@@ -99,25 +100,29 @@ _NO_FIX_QC = _BAD_QC | frozenset("69")
 """And of a fix: 6 not sampled, 9 missing."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class DiveFile:
-    """What one file holds."""
+@dataclasses.dataclass
+class GliderPieces:
+    """What files hold of one glider: a dive of a file, or all while they are collected."""
 
-    glider: str
-    samples: Columns
-    dive: Columns
-    """One row."""
-    moves: Columns
-    """Of the pump, a row a move."""
-    adcp: Columns
-    ctd: Columns
-    payload: dict[str, Channel]
-    """By the file's own names."""
-    units: dict[str, str]
-    """Of the payload, as the file says."""
+    name: str
+    tables: dict[str, list[Columns]] = dataclasses.field(default_factory=dict)
+    """Pieces of samples, dives, moves (of the pump), adcp, and of ctd: temperature and salinity
+    with times of their own, which tables have in samples."""
+    payload: list[dict[str, Channel]] = dataclasses.field(default_factory=list)
+    """By the files' own names (netCDF); tables have it in samples."""
+    units: dict[str, str] = dataclasses.field(default_factory=dict)
+    """Of the payload, as the files say."""
+    files: list[str] = dataclasses.field(default_factory=list)
+
+    def add(self, file: str, tables: Mapping[str, Sequence[Columns]]) -> None:
+        """Take in the pieces of a file."""
+        for kind, pieces in tables.items():
+            self.tables.setdefault(kind, []).extend(pieces)
+        if file not in self.files:
+            self.files.append(file)
 
 
-def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
+def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
     """The file as the columns of the tables.
 
     Args:
@@ -132,38 +137,35 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
         if "time" not in variables or not set(variables) & {"eng_pitchAng", "eng_head"}:
             raise WrongFormat(path, [*variables, *file.groups])
         try:
-            name = _glider(file, path)
+            found = GliderPieces(_glider(file, path), files=[path.name])
             time = as_array(variables["time"][:])
             if not time.size:
                 raise InputError(f"{path.name} holds a dive without samples")
-            samples: Columns = {"time": time}
+            measured = _known(variables, SAMPLES, tally)
             for source, column in SAMPLES.items():
-                if source in variables:
-                    values = values_in(variables[source], UNITS, tally)
-                    if values is not None:
-                        samples[column] = _along(source, values, time, path)
-            expect_going("time", time, {n: v for n, v in samples.items() if n != "time"}, path.name)
+                values = measured.get(column, time)
+                if len(values) != len(time):
+                    raise InputError(
+                        f"{path.name}: {source} has {len(values)} values, time {len(time)}"
+                    )
+            expect_going("time", time, measured, path.name)
             dive = _number(file)
-            samples["dive"] = np.full(len(time), dive)
+            samples = {"time": time, **measured, "dive": np.full(len(time), dive)}
             _moves(variables, samples)
             row: Columns = {"dive": np.array([dive])}
-            for number in NUMBERS:
-                if number in variables:
-                    row[number] = _number_in(variables[number], tally)
-            row |= _fixes(variables, tally)
-            row |= _waypoint(variables)
+            row |= {n: _number_in(variables[n], tally) for n in NUMBERS if n in variables}
+            row |= _fixes(variables, tally) | _waypoint(variables)
             for words in RECKONED:
                 row |= voltage_and_charge(text_of(variables.get(words)), words)
             moves = {n: as_array(variables[n][:]) for n in PUMPED if n in variables}
-            adcp = {
-                column: values
-                for name, column in ADCP.items()
-                if name in variables
-                and (values := values_in(variables[name], UNITS, tally)) is not None
-            }
+            found.tables = {"samples": [samples], "dives": [row], "moves": [moves]}
+            adcp = _known(variables, ADCP, tally)
+            found.tables["adcp"] = [adcp] if "u_ttw" in adcp and "time" in adcp else []
             ctd = _ctd(variables, path, tally)
+            found.tables["ctd"] = [ctd] if ctd else []
             carried = {n: _carried(variables, n) for n in payload if n in variables}
-            units = {n: unit_in(attributes_of(variables[n])) for n in carried}
+            found.payload = [carried]
+            found.units = {n: unit_in(attributes_of(variables[n])) for n in carried}
             clocks = [str(_clock(variables, n)) for n in carried]
             note_unread("basestation file", variables, (*READ, *payload, *clocks), tally)
             empty = [
@@ -171,20 +173,20 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> DiveFile:
                 if n in variables and variables[n].size and variables[n].dtype.kind in "fiu"
                 and not np.isfinite(as_array(variables[n][...])).any()
             ]  # fmt: skip
-        except (RuntimeError, OSError, IndexError) as error:
+        except IndexError as error:
             raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
     note_empty("basestation file", empty, tally)
     tally.add("read", path.name, len(time), "samples of a dive")
-    return DiveFile(
-        glider=name,
-        samples=samples,
-        dive=row,
-        moves=moves,
-        adcp=adcp if "u_ttw" in adcp and "time" in adcp else {},
-        ctd=ctd,
-        payload=carried,
-        units=units,
-    )
+    return found
+
+
+def _known(variables: Any, names: Mapping[str, str], tally: Tally) -> Columns:
+    """Columns of the variables of these names that are of the quantity that they should be."""
+    return {
+        column: values
+        for name, column in names.items()
+        if name in variables and (values := values_in(variables[name], UNITS, tally)) is not None
+    }
 
 
 def _clock(variables: Any, name: str) -> str | None:
@@ -234,19 +236,14 @@ def _number(file: Any) -> float:
     return float("nan")
 
 
-def _along(name: str, values: Array, time: Array, path: Path) -> Array:
-    if len(values) != len(time):
-        raise InputError(f"{path.name}: {name} has {len(values)} values, time {len(time)}")
-    return values
-
-
 def _moves(variables: Any, samples: Columns) -> None:
     """Actuator states at the samples: those after the last move; and the battery's rotation."""
     if "gc_end_secs" not in variables:
         return
+    time = samples["time"]
     ends = as_array(variables["gc_end_secs"][:])
     order = np.argsort(ends)
-    index = np.searchsorted(ends[order], samples["time"], side="right") - 1
+    index = np.searchsorted(ends[order], time, side="right") - 1
     for source, column in MOVES.items():
         if source in variables:
             values = as_array(variables[source][:])[order]
@@ -256,25 +253,23 @@ def _moves(variables: Any, samples: Columns) -> None:
         dive, climb, degrees = (float(as_array(variables[n][...])[0]) for n in _CALIBRATION)
         started = float("inf")
         if "start_of_climb_time" in variables:
-            started = samples["time"][0] + float(as_array(variables["start_of_climb_time"][...])[0])
-        centre = np.where(samples["time"] < started, dive, climb)
+            started = time[0] + float(as_array(variables["start_of_climb_time"][...])[0])
         moved = np.where(samples["gc_roll_ad"] > 0.0, samples["gc_roll_ad"], np.nan)
         # more counts roll the glider to starboard: the mass has gone there
-        samples["rotation_deg"] = -(moved - centre) * degrees
+        samples["rotation_deg"] = -(moved - np.where(time < started, dive, climb)) * degrees
 
 
 def _fixes(variables: Any, tally: Tally) -> Columns:
     """The three fixes of the dive, in the order in which the file holds them."""
     row: Columns = {}
-    if not all(source in variables for source in _FIX_PARTS.values()):
+    if not set(_FIX_PARTS.values()) <= set(variables):
         return row
-    sources = {**_FIX_PARTS, **({"hdop": DILUTION} if DILUTION in variables else {})}
-    for part, source in sources.items():
-        values = values_in(variables[source], UNITS, tally)
-        if values is None and part != "hdop":
-            return {}
-        if values is None:
-            continue
+    found = _known(
+        variables, {n: part for part, n in _FIX_PARTS.items()} | {DILUTION: "hdop"}, tally
+    )
+    if not set(_FIX_PARTS) <= set(found):
+        return row
+    for part, values in found.items():
         for fix, value in zip(_FIXES, values, strict=False):
             row[f"{fix}_{part}"] = np.array([value])
     together = _letters(variables.get(FLAGS))
@@ -311,9 +306,7 @@ def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
         return {}
     columns: Columns = {"time": as_array(variables["ctd_time"][:])}
     for source, column in (("temperature", "temp_c"), ("salinity", "sal_psu")):
-        if source not in variables:
-            continue
-        values = values_in(variables[source], UNITS, tally)
+        values = _known(variables, {source: column}, tally).get(column)
         if values is None:
             continue
         if len(values) != len(columns["time"]):
@@ -322,51 +315,6 @@ def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
         if flags is not None and flags.shape == values.shape:
             words = np.ma.filled(flags[:], b"").astype("S1")
             bad = np.isin(words, [b.encode() for b in _BAD_QC]) & np.isfinite(values)
-            tally.add("removed", source, int(bad.sum()), "flagged bad by the basestation")
-            values = np.where(bad, np.nan, values)
+            values = tally.removed(values, bad, source, "flagged bad by the basestation")
         columns[column] = values
     return columns
-
-
-def first_time(dives: Columns) -> Array:
-    """[s] unix time of each dive's first fix."""
-    for name in ("gps2_time", "gps1_time", "gpsE_time"):
-        if name in dives and np.isfinite(dives[name]).any():
-            return dives[name]
-    return np.full(len(next(iter(dives.values()))), np.nan)
-
-
-def per_dive(dives: Columns, name: str, *, at: str | None = None) -> Channel:
-    """A number of each dive at the dive's fix."""
-    if name not in dives:
-        return EMPTY
-    known = at is not None and np.isfinite(dives.get(at, np.zeros(0))).any()
-    time = dives[str(at)] if known else first_time(dives)
-    there = np.isfinite(time) & np.isfinite(dives[name])
-    unique, first = np.unique(time[there], return_index=True)
-    return Channel(unique, dives[name][there][first])
-
-
-def dive_fixes(dives: Columns, name: str, tally: Tally) -> LoggedFixes:
-    """The three fixes of each dive."""
-    times, latitudes, longitudes = [], [], []
-    for fix in ("gps1", "gps2", "gpsE"):
-        if all(f"{fix}_{part}" in dives for part in ("time", "lat", "lon")):
-            times.append(dives[f"{fix}_time"])
-            latitude = dives[f"{fix}_lat"]
-            none = dives.get(f"{fix}_hdop", np.zeros_like(latitude)) >= NO_DILUTION
-            tally.add("removed", "GPS fixes", int(none.sum()), "the receiver says that it has none")
-            latitudes.append(np.where(none, np.nan, latitude))
-            longitudes.append(dives[f"{fix}_lon"])
-    if not times:
-        return NO_FIXES
-    time = np.concatenate(times)
-    latitude, longitude = positions(
-        np.concatenate(latitudes), np.concatenate(longitudes), f"{name} GPS fixes", tally
-    )
-    lacking = ~(np.isfinite(time) & np.isfinite(latitude) & np.isfinite(longitude))
-    tally.add("missing", f"{name} GPS fixes", int(lacking.sum()), "fixes without time or position")
-    time, latitude, longitude = time[~lacking], latitude[~lacking], longitude[~lacking]
-    # the fix after a dive is also the first one of the next
-    unique, first = np.unique(time, return_index=True)
-    return LoggedFixes(unique, latitude[first], longitude[first])

@@ -5,7 +5,7 @@ Rotation of a Seaglider's battery from the counts of its roll axis, without C_RO
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,9 @@ from factory.importing.angles import FLYING, from_degrees, heading_degrees
 from factory.importing.cleaning import clean
 from factory.importing.columns import stacked, tidy
 from factory.importing.deployment_log import EMPTY, Channel, LoggedFixes
-from factory.importing.formats.seaglider_dive_files import first_time
-from factory.importing.pressures import pressure_by_flight, to_dbar
+from factory.importing.pressures import SEA_LEVEL, ctd_channels, pressure_channels
 from factory.importing.sample_clock import unix_seconds
-from factory.importing.seawater import ctd_channels
-from factory.importing.tally import Tally
+from factory.importing.tally import Tally, leave_out
 from factory.importing.units import to_cm3
 from twin.errors import InputError
 
@@ -40,22 +38,19 @@ def rotation_from_counts(
       pitch_deg: [deg], (time,). known: [deg] from files with the calibration, or None.
     """
     rotation = np.full(len(counts), np.nan) if known is None else known.copy()
-    moved = np.where(counts > 0.0, counts, np.nan)
-    wanted = ~np.isfinite(rotation) & np.isfinite(moved)
-    filled = 0
+    wanted = ~np.isfinite(rotation) & (counts > 0.0)
+    filled = np.zeros(len(counts), bool)
     for side in (-1.0, 1.0):
         phase = wanted & (side * pitch_deg > PITCHED)
         if phase.sum() >= LEAST_SAMPLES:
-            centre = float(np.median(moved[phase]))
             # more counts roll the glider to starboard: the mass has gone there
-            rotation[phase] = -ROLL_CNV * (moved[phase] - centre)
-            filled += int(phase.sum())
-    if filled:
-        tally.add(
-            "note", f"{subject} rotation", filled,
-            f"from gc_roll_ad with {ROLL_CNV} deg a count, from the counts at which each phase "
-            "rests: the log has no C_ROLL_DIVE, C_ROLL_CLIMB, ROLL_CNV",
-        )  # fmt: skip
+            rotation[phase] = -ROLL_CNV * (counts[phase] - float(np.median(counts[phase])))
+            filled |= phase
+    tally.add(
+        "note", f"{subject} rotation", filled,
+        f"from gc_roll_ad with {ROLL_CNV} deg a count, from the counts at which each phase "
+        "rests: the log has no C_ROLL_DIVE, C_ROLL_CLIMB, ROLL_CNV",
+    )  # fmt: skip
     return rotation
 
 
@@ -67,34 +62,30 @@ CM = 0.01
 
 
 def signals_of(
-    time: Array,
-    samples: Columns,
-    dives: Columns,
-    variation: Channel,
-    fixes: LoggedFixes,
-    name: str,
-    tally: Tally,
+    time: Array, samples: Columns, dives: Columns, variation: Channel, name: str, tally: Tally
 ) -> dict[str, Channel]:
     """Attitude, actuators and pressure, clean, by the store's names.
 
     Raises:
       InputError: a magnetic heading without a variation.
     """
-    depth = samples.get("depth_m")
-    flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > FLYING)
     channels: dict[str, Channel] = {}
-    for column, target in (("pitch_deg", "measured_pitch"), ("roll_deg", "measured_roll")):
-        if column in samples:
-            values = samples[column]
-            if column == "pitch_deg":
-                values = from_degrees(values, column, tally, flying=flying)
-            elif "gc_roll_ad" in samples and _rolls_in_radian(values, samples["gc_roll_ad"]):
-                tally.add(
-                    "repaired", column, int(np.isfinite(values).sum()),
-                    "was in radian where degrees are native",
-                )  # fmt: skip
-                values = np.degrees(values)
-            channels[target] = clean(target, time, values, tally, subject=column)
+
+    def put(target: str, values: Array, subject: str) -> None:
+        channels[target] = clean(target, time, values, tally, subject=subject)
+
+    depth, counts = samples.get("depth_m"), samples.get("gc_roll_ad")
+    if "pitch_deg" in samples:
+        flying = depth is not None and bool(np.nanmax(depth, initial=0.0) > FLYING)
+        pitch = from_degrees(samples["pitch_deg"], "pitch_deg", tally, flying=flying)
+        put("measured_pitch", pitch, "pitch_deg")
+    if "roll_deg" in samples:
+        roll = samples["roll_deg"]
+        if counts is not None and _rolls_in_radian(roll, counts):
+            why = "was in radian where degrees are native"
+            tally.add("repaired", "roll_deg", np.isfinite(roll), why)
+            roll = np.degrees(roll)
+        put("measured_roll", roll, "roll_deg")
     if "head_mag_deg" in samples:
         if not len(variation):
             raise InputError(
@@ -103,12 +94,10 @@ def signals_of(
                 "positive"
             )
         magnetic = heading_degrees(samples["head_mag_deg"], "head_mag_deg", tally)
-        true = np.mod(magnetic + variation.at(time), 360.0)
-        channels["measured_heading"] = clean("measured_heading", time, true, tally)
-    if "gc_roll_ad" in samples and "pitch_deg" in samples:
-        rotation = rotation_from_counts(
-            samples["gc_roll_ad"], samples["pitch_deg"], samples.get("rotation_deg"), name, tally
-        )
+        put("measured_heading", np.mod(magnetic + variation.at(time), 360.0), "measured_heading")
+    if counts is not None and "pitch_deg" in samples:
+        known = samples.get("rotation_deg")
+        rotation = rotation_from_counts(counts, samples["pitch_deg"], known, name, tally)
         if np.isfinite(rotation).any():
             samples = {**samples, "rotation_deg": rotation}
     for column, target, factor in (
@@ -119,23 +108,13 @@ def signals_of(
     ):
         if column in samples:
             values = factor * samples[column]
-            if target == "measured_pump":
-                values = to_cm3(values, column, tally)
-            channels[target] = clean(target, time, values, tally, subject=column)
+            pump = target == "measured_pump"
+            put(target, to_cm3(values, column, tally) if pump else values, column)
     channels |= _shift(time, samples, dives, tally)
-    if "pressure_dbar" in samples:
-        dbar = to_dbar(samples["pressure_dbar"], depth, "pressure_dbar", tally, native="dbar")
-        channels["measured_pressure"] = clean(
-            "measured_pressure", time, dbar, tally, subject="pressure_dbar"
-        )
-        if depth is None:
-            pitch = channels.get("measured_pitch", EMPTY)
-            channels["measured_pressure"] = pressure_by_flight(
-                channels["measured_pressure"], pitch, "pressure_dbar", tally
-            )
-    if depth is not None and not len(channels.get("measured_pressure", ())):
-        channels["measured_depth"] = clean("measured_depth", time, depth, tally)
-    return channels
+    return channels | pressure_channels(
+        time, samples.get("pressure_dbar"), depth, "pressure_dbar", tally,
+        pitch=channels.get("measured_pitch", EMPTY),
+    )  # fmt: skip
 
 
 def water_of(
@@ -143,7 +122,7 @@ def water_of(
     ctd: Sequence[Columns],
     time: Array,
     samples: Columns,
-    channels: dict[str, Channel],
+    channels: Mapping[str, Channel],
     fixes: LoggedFixes,
     tally: Tally,
 ) -> dict[str, Channel]:
@@ -151,22 +130,20 @@ def water_of(
     pieces = list(ctd)
     if "temp_c" in samples:
         pieces.append({"time": time, **{n: samples[n] for n in _CTD if n in samples}})
-    columns = stacked(pieces, ("time", *_CTD)) if pieces else {}
+    columns = stacked(pieces, ("time", *_CTD))
     at = channels.get("measured_pressure") or channels.get("measured_depth")
     if "temp_c" in columns and at:
         there = np.isfinite(columns["temp_c"])
-        own = unix_seconds(columns.pop("time")[there], f"{name} CTD", tally)
-        columns = {name: values[there] for name, values in columns.items()}
-        own, columns = tidy(own, columns, f"{name} CTD", tally)
-        return ctd_channels(
-            own,
-            temperature=columns["temp_c"],
-            pressure=at.known(own),
-            practical=columns.get("sal_psu"),
-            latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
-            longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
-            tally=tally,
+        subject = f"{name} CTD"
+        own = unix_seconds(columns.pop("time")[there], subject, tally)
+        own, columns = tidy(
+            own, {n: values[there] for n, values in columns.items()}, subject, tally
         )
+        latitude, longitude = fixes.middle
+        return ctd_channels(
+            own, temperature=columns["temp_c"], pressure=at.known(own),
+            practical=columns.get("sal_psu"), latitude=latitude, longitude=longitude, tally=tally,
+        )  # fmt: skip
     if "rho_insitu" in samples:
         dense = clean("measured_density", time, samples["rho_insitu"], tally, subject="rho_insitu")
         return {"measured_density": dense}
@@ -188,17 +165,104 @@ def _rolls_in_radian(roll: Array, counts: Array) -> bool:
 
 def _shift(time: Array, samples: Columns, dives: Columns, tally: Tally) -> dict[str, Channel]:
     """Battery position [m] forward, from the encoder and each dive's calibration."""
-    needed = ("dive", "log_C_PITCH", "log_PITCH_CNV")
-    if "gc_pitch_ad" not in samples or not all(name in dives for name in needed):
+    centre, scale = (dives.get(name) for name in ("log_C_PITCH", "log_PITCH_CNV"))
+    if "gc_pitch_ad" not in samples or "dive" not in dives or centre is None or scale is None:
         return {}
-    moved = np.where(samples["gc_pitch_ad"] > 0.0, samples["gc_pitch_ad"], np.nan)
     start = first_time(dives)
-    known = np.isfinite(dives["log_C_PITCH"]) & np.isfinite(dives["log_PITCH_CNV"])
-    known &= np.isfinite(start)
-    if not known.any():
+    known = np.flatnonzero(np.isfinite(centre) & np.isfinite(scale) & np.isfinite(start))
+    if not known.size:
         return {}
-    order = np.argsort(start[known])
-    at = np.searchsorted(start[known][order], time, side="right") - 1
-    row = np.flatnonzero(known)[order][np.maximum(at, 0)]
-    cm = (moved - dives["log_C_PITCH"][row]) * dives["log_PITCH_CNV"][row]
-    return {"measured_shift": clean("measured_shift", time, -CM * cm, tally, subject="gc_pitch_ad")}
+    known = known[np.argsort(start[known])]
+    row = known[np.maximum(np.searchsorted(start[known], time, side="right") - 1, 0)]
+    moved = np.where(samples["gc_pitch_ad"] > 0.0, samples["gc_pitch_ad"], np.nan)
+    forward = -CM * ((moved - centre[row]) * scale[row])
+    return {"measured_shift": clean("measured_shift", time, forward, tally, subject="gc_pitch_ad")}
+
+
+def seaglider_batteries(
+    dives: Mapping[str, Array], moves: Mapping[str, Array], tally: Tally
+) -> dict[str, Channel]:
+    """Channels of a Seaglider: its counters at both ends of each dive, and its pump.
+
+    Args:
+      dives: numbers of each dive, (dives,) each: `START` and `END` [s], fuel gauges
+        `log_FG_AHR_10V` [A h] and the like, what the vehicle reckons (`10V_AH`), the lowest
+        voltage of each battery in the dive (`10V_V`), `log_INTERNAL_PRESSURE` [psi].
+      moves: of the guidance and control table, (moves,) each; the pump runs after the pitch.
+    """
+    found: dict[str, Channel] = {}
+    nothing = np.full(len(next(iter(dives.values()), np.zeros(0))), np.nan)
+    start, end = (dives.get(name, nothing) for name in (START, END))
+    gauges = [[dives[name] for name in both if name in dives] for both in (GAUGES[:2], GAUGES[2:])]
+    reckoned = [dives[name] for name in ("10V_AH", "24V_AH") if name in dives]
+    volts = [dives[name] for name in ("10V_V", "24V_V") if name in dives]
+    series: dict[str, list[tuple[Array, Array]]] = {}
+    if all(gauges):
+        series["measured_charge"] = [(start, sum(gauges[0])), (end, sum(gauges[1]))]
+        leave_out(["log_10V_AH", "log_24V_AH"], "the fuel gauges measure the charge", tally)
+    elif reckoned:
+        series["measured_charge"] = [(end, sum(reckoned))]
+    if volts:
+        series["measured_voltage"] = [(end, np.mean(volts, axis=0))]
+    if "log_INTERNAL_PRESSURE" in dives:
+        inside = PSI * dives["log_INTERNAL_PRESSURE"]
+        series["measured_vacuum"] = [(start, SEA_LEVEL - inside)]
+    for target, pieces in series.items():
+        time, values = (np.concatenate(both) for both in zip(*pieces, strict=True))
+        there = np.isfinite(time) & np.isfinite(values)
+        time, first = np.unique(time[there], return_index=True)
+        found[target] = clean(target, time, values[there][first], tally)
+    if all(name in moves for name in PUMPED):
+        begin, pitched, seconds, current, voltage = (moves[name] for name in PUMPED)
+        power = current * voltage
+        runs = (seconds > 0.0) & np.isfinite(begin) & np.isfinite(power)
+        begin, power = (begin + np.nan_to_num(pitched))[runs], power[runs]
+        time = np.concatenate([begin, begin + seconds[runs]])
+        time, first = np.unique(time, return_index=True)
+        power = np.append(power, np.zeros(len(begin)))[first]
+        if len(time):  # it stands before the first move
+            time, power = np.append(time[0] - 1.0, time), np.append(0.0, power)
+        found["measured_pump_power"] = clean("measured_pump_power", time, power, tally)
+    return found
+
+
+START, END = "gps2_time", "gpsE_time"
+"""Times of the last fix before a dive and the first after it"""
+
+
+START, END = "gps2_time", "gpsE_time"
+"""Times of the last fix before a dive and the first after it"""
+
+
+PUMPED = ("gc_st_secs", "gc_pitch_secs", "gc_vbd_secs", "gc_vbd_i", "gc_vbd_volts")
+"""Of a move: its begin and the seconds of pitch and pump [s]; current [A] and voltage [V]"""
+
+
+GAUGES = ("log_FG_AHR_10V", "log_FG_AHR_24V", "log_FG_AHR_10Vo", "log_FG_AHR_24Vo")
+"""[A h] A Seaglider's fuel gauges before and after the dive"""
+
+
+RECKONED = ("log_10V_AH", "log_24V_AH")
+"""Texts of the lowest voltage [V] and the charge [A h] that the vehicle reckons it has taken"""
+
+
+def voltage_and_charge(words: str, name: str) -> dict[str, Array]:
+    """Columns of one of `RECKONED`; nothing where the text has another form."""
+    try:
+        volts, charge = (np.array([float(word)]) for word in words.split(","))
+    except ValueError:
+        return {}
+    battery = name.removeprefix("log_").removesuffix("_AH")
+    return {f"{battery}_V": volts, f"{battery}_AH": charge}
+
+
+PSI = 6894.757
+"""[Pa] in a pound-force per square inch (NIST SP 811)"""
+
+
+def first_time(dives: Columns) -> Array:
+    """[s] unix time of each dive's first fix."""
+    for name in ("gps2_time", "gps1_time", "gpsE_time"):
+        if name in dives and np.isfinite(dives[name]).any():
+            return dives[name]
+    return np.full(len(next(iter(dives.values()))), np.nan)

@@ -9,25 +9,36 @@ Velocity and current that a Seaglider's on-board current profiler (ADCP) measure
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination
-from factory.importing.batteries import GAUGES, PUMPED, seaglider_batteries
+from factory.importing.cleaning import positions
 from factory.importing.columns import Table, read_table, stacked, tidy, with_values
 from factory.importing.deployment_log import (
+    EMPTY,
+    NO_FIXES,
     Channel,
     DeploymentLog,
+    LoggedFixes,
     each_file,
     joined,
 )
 from factory.importing.formats.base import ReadOptions, WrongFormat
-from factory.importing.formats.seaglider_dive_files import dive_fixes, per_dive
-from factory.importing.formats.seaglider_log_signals import signals_of, water_of
+from factory.importing.formats.seaglider_dive_files import GliderPieces, read_dive
+from factory.importing.formats.seaglider_log_signals import (
+    GAUGES,
+    PUMPED,
+    first_time,
+    seaglider_batteries,
+    signals_of,
+    water_of,
+)
+from factory.importing.gps_fixes import NO_DILUTION
 from factory.importing.netcdf import holds_arrays
 from factory.importing.payload import payload_channels, payload_names
 from factory.importing.sample_clock import expect_going, unix_seconds
@@ -40,37 +51,32 @@ ADCP_DEPTH = 1.5
 water, not a measurement."""
 
 
-def adcp_truth(
-    glider: str, pieces: Sequence[Mapping[str, Array]], tally: Tally
-) -> dict[str, Channel]:
+def adcp_truth(glider: str, pieces: Sequence[Columns], tally: Tally) -> dict[str, Channel]:
     """Velocity through the water and current of the on-board ADCP's inverse solution [m/s]."""
     if not pieces:
         return {}
-    names = ("time", "depth_m", "u_ttw", "v_ttw", "w_ttw", "u_ocn", "v_ocn")
-    columns = stacked(pieces, names)
+    columns = stacked(pieces, _READ["adcp"][2:])
     subject = f"{glider} ADCP"
     time = unix_seconds(columns.pop("time"), subject, tally)
     time, columns = tidy(time, columns, subject, tally)
     good = np.all([np.isfinite(columns[n]) for n in ("u_ttw", "v_ttw", "w_ttw")], axis=0)
     if "depth_m" in columns:
         shallow = good & ~(columns["depth_m"] > ADCP_DEPTH)
-        tally.add(
-            "left out", subject, int(shallow.sum()),
-            f"shallower than {ADCP_DEPTH:g} m: a constraint of the inverse, no measurement",
-        )  # fmt: skip
+        why = f"shallower than {ADCP_DEPTH:g} m: a constraint of the inverse, no measurement"
+        tally.add("left out", subject, shallow, why)
         good &= ~shallow
-    tally.add("read", subject, int(good.sum()), "truth samples")
-    found = {
-        "velocity_east": Channel(time[good], columns["u_ttw"][good]),
-        "velocity_north": Channel(time[good], columns["v_ttw"][good]),
-        # w_ttw is upward: it is opposite to the depth rate
-        "velocity_down": Channel(time[good], -columns["w_ttw"][good]),
+    tally.add("read", subject, good, "truth samples")
+    return {
+        target: Channel.finite(time[good], sign * columns[column][good])
+        for target, column, sign in (
+            ("velocity_east", "u_ttw", 1.0),
+            ("velocity_north", "v_ttw", 1.0),
+            ("velocity_down", "w_ttw", -1.0),  # w_ttw is upward: it is opposite to the depth rate
+            ("current_east", "u_ocn", 1.0),
+            ("current_north", "v_ocn", 1.0),
+        )
+        if column in columns
     }
-    for column, target in (("u_ocn", "current_east"), ("v_ocn", "current_north")):
-        if column in columns:
-            there = good & np.isfinite(columns[column])
-            found[target] = Channel(time[there], columns[column][there])
-    return found
 
 
 Array = NDArray[np.float64]
@@ -97,24 +103,6 @@ _READ = {
 """Columns that each kind of table is read for."""
 
 
-@dataclasses.dataclass
-class GliderTables:
-    """Pieces of one glider while they are collected."""
-
-    name: str
-    samples: list[Columns] = dataclasses.field(default_factory=list)
-    dives: list[Columns] = dataclasses.field(default_factory=list)
-    moves: list[Columns] = dataclasses.field(default_factory=list)
-    """Of the pump (netCDF)."""
-    adcp: list[Columns] = dataclasses.field(default_factory=list)
-    ctd: list[Columns] = dataclasses.field(default_factory=list)
-    """Temperature and salinity with times of their own (netCDF); tables have them in samples."""
-    payload: list[dict[str, Channel]] = dataclasses.field(default_factory=list)
-    """By the files' own names (netCDF); tables have it in samples."""
-    units: dict[str, str] = dataclasses.field(default_factory=dict)
-    files: list[str] = dataclasses.field(default_factory=list)
-
-
 def read_seaglider(
     paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
@@ -124,12 +112,10 @@ def read_seaglider(
       WrongFormat: another kind of file.
       InputError: a glider without samples.
     """
-    from factory.importing.formats.seaglider_dive_files import DiveFile, read_dive
-
     extra = payload_names(options.payload)
-    gliders: dict[str, GliderTables] = {}
+    gliders: dict[str, GliderPieces] = {}
 
-    def read(path: Path) -> DiveFile | Table:
+    def read(path: Path) -> GliderPieces | Table:
         if path.suffix.lower() == ".nc" or holds_arrays(path):
             return read_dive(path, extra, tally)
         table = read_table(path)
@@ -140,34 +126,22 @@ def read_seaglider(
         if isinstance(found, Table):
             _table(found, gliders, extra, tally)
             continue
-        glider = gliders.setdefault(found.glider, GliderTables(found.glider))
-        glider.samples.append(found.samples)
-        glider.dives.append(found.dive)
-        glider.moves.append(found.moves)
-        if found.adcp:
-            glider.adcp.append(found.adcp)
-        if found.ctd:
-            glider.ctd.append(found.ctd)
-        glider.payload.append(found.payload)
+        glider = gliders.setdefault(found.name, GliderPieces(found.name))
+        glider.add(path.name, found.tables)
+        glider.payload += found.payload
         glider.units |= found.units
-        glider.files.append(path.name)
-    sampled = {name for glider in gliders.values() if glider.samples for name in glider.files}
-    for glider in list(gliders.values()):
-        if not glider.samples and set(glider.files) <= sampled:
-            tally.add("left out", glider.name, 1, f"in {glider.files[0]}: no samples of that name")
-            del gliders[glider.name]
-        elif not glider.samples:
+    sampled = [glider for glider in gliders.values() if glider.tables.get("samples")]
+    files = {name for glider in sampled for name in glider.files}
+    for glider in [one for one in gliders.values() if not one.tables.get("samples")]:
+        if not set(glider.files) <= files:
             raise InputError(
                 f"{', '.join(glider.files)}: dives of {glider.name} without its table of samples; "
-                f"samples are there of {_others(gliders) or 'no glider'}"
+                f"samples are there of {', '.join(g.name for g in sampled) or 'no glider'}"
             )
-    if not gliders:
+        tally.add("left out", glider.name, 1, f"in {glider.files[0]}: no samples of that name")
+    if not sampled:
         raise InputError("no row of the tables names its glider")
-    return [_log(glider, options, tally) for glider in gliders.values()]
-
-
-def _others(gliders: dict[str, GliderTables]) -> str:
-    return ", ".join(g.name for g in gliders.values() if g.samples)
+    return [_log(glider, options, extra, tally) for glider in sampled]
 
 
 def _kind_of(table: Table) -> str:
@@ -195,7 +169,7 @@ def _kind_of(table: Table) -> str:
 
 
 def _table(
-    table: Table, gliders: dict[str, GliderTables], extra: Sequence[str], tally: Tally
+    table: Table, gliders: dict[str, GliderPieces], extra: Sequence[str], tally: Tally
 ) -> None:
     """Sort a table's rows to the gliders that they are of."""
     subject = table.path.name
@@ -204,73 +178,98 @@ def _table(
     kind, wanted = f"table of {what}", (*_READ[what], *(extra if what == "samples" else ()))
     note_unread(kind, [*table.columns, *table.texts], wanted, tally)
     note_empty(kind, [n for n, v in table.columns.items() if not np.isfinite(v).any()], tally)
-    owners = table.texts.get("glider")
     fallback = subject.split("_")[0].split(".")[0].upper()
-    if owners is None:
-        owners = np.full(len(table), fallback, dtype=object)
-    for owner in dict.fromkeys(str(o) for o in owners):
-        rows = np.array([str(o) == owner for o in owners])
+    owners = np.array([str(one) for one in table.texts.get("glider", [fallback] * len(table))])
+    for owner in dict.fromkeys(owners.tolist()):
+        rows = owners == owner
         if len(owner) > LONGEST_NAME:
             why = f"the name of their glider has more than {LONGEST_NAME} characters"
-            tally.add("left out", subject, int(rows.sum()), why)
+            tally.add("left out", subject, rows, why)
             continue
-        glider = gliders.setdefault(owner, GliderTables(owner))
-        columns = {n: v[rows] for n, v in table.columns.items()}
-        getattr(glider, what).append(columns)
-        if subject not in glider.files:
-            glider.files.append(subject)
+        glider = gliders.setdefault(owner, GliderPieces(owner))
+        glider.add(subject, {what: [{n: v[rows] for n, v in table.columns.items()}]})
 
 
-def _log(glider: GliderTables, options: ReadOptions, tally: Tally) -> DeploymentLog:
-    extra = payload_names(options.payload)
-    samples = stacked(glider.samples, (*SAMPLE_COLUMNS, *extra))
-    time = unix_seconds(samples.pop("time"), f"{glider.name} samples", tally)
-    time, samples = tidy(time, samples, f"{glider.name} samples", tally)
+def _log(
+    glider: GliderPieces, options: ReadOptions, extra: Sequence[str], tally: Tally
+) -> DeploymentLog:
+    name, pieces = glider.name, defaultdict(list, glider.tables)
+    samples = stacked(pieces["samples"], (*SAMPLE_COLUMNS, *extra))
+    time = unix_seconds(samples.pop("time"), f"{name} samples", tally)
+    time, samples = tidy(time, samples, f"{name} samples", tally)
     samples = with_values(samples)
     if not time.size:
-        raise InputError(f"{glider.name}: no sample has a time")
-    every = sorted({name for piece in glider.dives for name in piece})
-    dives = stacked(glider.dives, every)
+        raise InputError(f"{name}: no sample has a time")
+    dives = stacked(pieces["dives"], sorted({n for piece in pieces["dives"] for n in piece}))
     variation = per_dive(dives, "magnetic_variation")
-    fixes = dive_fixes(dives, glider.name, tally)
+    fixes = dive_fixes(dives, name, tally)
     if options.variation_deg is not None:
         if len(variation):
             leave_out(["magnetic_variation"], "the user gives the variation", tally)
         variation = Channel(time[:1], np.array([options.variation_deg]))
     elif not len(variation):
-        variation = reference_declination(fixes, glider.name, tally)
-    channels = signals_of(time, samples, dives, variation, fixes, glider.name, tally)
-    moves = [one for one in glider.moves if set(PUMPED) <= set(one)]
-    channels |= seaglider_batteries(dives, stacked(moves, PUMPED) if moves else {}, tally)
-    channels |= water_of(glider.name, glider.ctd, time, samples, channels, fixes, tally)
-    carried = {
-        name: joined([piece[name] for piece in glider.payload if name in piece]) for name in extra
-    }
-    for name in extra:
-        if name in samples:
-            there = np.isfinite(samples[name])
-            carried[name] = joined([carried[name], Channel(time[there], samples[name][there])])
+        variation = reference_declination(fixes, name, tally)
+    channels = signals_of(time, samples, dives, variation, name, tally)
+    moves = [one for one in pieces["moves"] if set(PUMPED) <= set(one)]
+    channels |= seaglider_batteries(dives, stacked(moves, PUMPED), tally)
+    channels |= water_of(name, pieces["ctd"], time, samples, channels, fixes, tally)
+    carried = {}
+    for one in extra:
+        found = [piece[one] for piece in glider.payload if one in piece]
+        if one in samples:
+            found.append(Channel.finite(time, samples[one]))
+        carried[one] = joined(found)
     channels |= payload_channels(carried, options.payload, tally, units=glider.units)
     auxiliary: dict[str, Channel] = {}
-    if "dive" in samples:
-        there = np.isfinite(samples["dive"])
-        auxiliary["dive"] = Channel(time[there], samples["dive"][there])
+    flown = samples.get("dive", np.zeros(0))
+    if flown.size:
+        auxiliary["dive"] = Channel.finite(time, flown)
     for axis in ("north", "east"):
         auxiliary[f"dac_{axis}"] = per_dive(dives, f"depth_avg_curr_{axis}", at="gpsE_time")
     for axis in ("latitude", "longitude"):
         auxiliary[f"waypoint_{axis}"] = per_dive(dives, f"waypoint_{axis}", at="gps2_time")
-    auxiliary |= adcp_truth(glider.name, glider.adcp, tally)
-    flown = set(samples["dive"][np.isfinite(samples["dive"])]) if "dive" in samples else set()
-    if flown and "dive" in dives:
-        lacking = [int(d) for d in dives["dive"] if np.isfinite(d) and d not in flown]
-        tally.add("missing", f"{glider.name} samples", len(lacking), "dives without any sample")
+    auxiliary |= adcp_truth(name, pieces["adcp"], tally)
+    if np.isfinite(flown).any():
+        numbers = dives.get("dive", flown)
+        lacking = np.isfinite(numbers) & ~np.isin(numbers, flown)
+        tally.add("missing", f"{name} samples", lacking, "dives without any sample")
     return DeploymentLog(
-        deployment=glider.name,
+        deployment=name,
         platform="Seaglider",
-        channels={name: c for name, c in channels.items() if len(c)},
+        channels=channels,
         fixes=fixes,
         magnetic_variation=variation,
-        auxiliary={name: c for name, c in auxiliary.items() if len(c)},
+        auxiliary={key: channel for key, channel in auxiliary.items() if len(channel)},
         files=tuple(glider.files),
         station=True,
     )
+
+
+def per_dive(dives: Columns, name: str, *, at: str | None = None) -> Channel:
+    """A number of each dive at the dive's fix."""
+    if name not in dives:
+        return EMPTY
+    known = at is not None and np.isfinite(dives.get(at, np.zeros(0))).any()
+    time = dives[str(at)] if known else first_time(dives)
+    there = np.isfinite(time) & np.isfinite(dives[name])
+    unique, first = np.unique(time[there], return_index=True)
+    return Channel(unique, dives[name][there][first])
+
+
+def dive_fixes(dives: Columns, name: str, tally: Tally) -> LoggedFixes:
+    """The three fixes of each dive."""
+    parts: list[tuple[Array, Array, Array]] = []
+    for fix in ("gps1", "gps2", "gpsE"):
+        if all(f"{fix}_{part}" in dives for part in ("time", "lat", "lon")):
+            time, latitude, longitude = (dives[f"{fix}_{part}"] for part in ("time", "lat", "lon"))
+            none = dives.get(f"{fix}_hdop", np.zeros_like(latitude)) >= NO_DILUTION
+            why = "the receiver says that it has none"
+            parts.append((time, tally.removed(latitude, none, "GPS fixes", why), longitude))
+    if not parts:
+        return NO_FIXES
+    time, latitude, longitude = (np.concatenate(every) for every in zip(*parts, strict=True))
+    latitude, longitude = positions(latitude, longitude, f"{name} GPS fixes", tally)
+    fixes = LoggedFixes.finite(time, latitude, longitude)
+    lacking = len(time) - len(fixes)
+    tally.add("missing", f"{name} GPS fixes", lacking, "fixes without time or position")
+    return fixes.once()  # the fix after a dive is also the first one of the next

@@ -12,16 +12,23 @@ dive and profile are repeated for them.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.cleaning import clean
-from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes, each_file
+from factory.importing.columns import with_values
+from factory.importing.deployment_log import (
+    EMPTY,
+    Channel,
+    DeploymentLog,
+    LoggedFixes,
+    each_file,
+    joined,
+)
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.netcdf import (
     as_array,
@@ -32,7 +39,7 @@ from factory.importing.netcdf import (
     unit_in,
     values_in,
 )
-from factory.importing.seawater import ctd_channels, pressure_of
+from factory.importing.pressures import ctd_channels, pressure_of
 from factory.importing.tally import Tally, leave_out, note_unread
 from factory.importing.units import PRACTICAL, declared
 from twin.errors import InputError
@@ -72,8 +79,7 @@ LONGEST = 86400.0
 _KIND = "Spray's binned file"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SprayProfiles:
+class SprayProfiles(NamedTuple):
     """One file."""
 
     numbers: dict[str, Array]
@@ -84,6 +90,13 @@ class SprayProfiles:
     """(profile, bin) each"""
     deployment: str | None = None
     """Name, where the file is one deployment"""
+
+    def keep(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> SprayProfiles:
+        """The profiles where a mask is true, or at these indices."""
+        numbers, water = (
+            {n: v[index] for n, v in one.items()} for one in (self.numbers, self.water)
+        )
+        return SprayProfiles(numbers, self.depth[index], water, self.deployment)
 
 
 def read_spray(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
@@ -114,52 +127,47 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
         if not {"depth", *PLACES} <= set(variables):
             why = f"a Spray's binned file has depth, {', '.join(PLACES)}"
             raise WrongFormat(path, names, why=why)
-        try:
-            numbers = {
+
+        def known(*wanted: str) -> dict[str, Array]:
+            return {
                 name: values
-                for name in (*PLACES, *CURRENTS.values(), *OWNERS)
-                if name in variables
-                and (values := values_in(variables[name], UNITS, tally)) is not None
-                and (name in PLACES or np.isfinite(values).any())
-            }
-            if not set(PLACES) <= set(numbers):
-                raise InputError(
-                    f"{path.name}: {', '.join(sorted(set(PLACES) - set(numbers)))}: no places or "
-                    "times by their units"
-                )
-            for name in ("time", "time_uv"):
-                said = attributes_of(variables[name])
-                numbers[name] = seconds_of(numbers[name], said, f"{path.name} {name}", tally)
-            bins = values_in(variables["depth"], UNITS, tally)
-            if bins is None:
-                raise InputError(f"{path.name}: depth is no length by its unit")
-            depth = np.abs(bins)
-            count = len(numbers["time"])
-            water = {
-                name: _by_profile(variables[name], values, count, len(depth), path)
-                for name in WATER
+                for name in wanted
                 if name in variables
                 and (values := values_in(variables[name], UNITS, tally)) is not None
             }
-        except (RuntimeError, OSError) as error:
-            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
-    sizes = {name: len(values) for name, values in numbers.items()}
-    odd = [name for name, size in sizes.items() if size != count]
+
+        numbers = known(*PLACES, *CURRENTS.values(), *OWNERS)
+        numbers = with_values(numbers, PLACES)
+        lacking = sorted(set(PLACES) - set(numbers))
+        if lacking:
+            raise InputError(
+                f"{path.name}: {', '.join(lacking)}: no places or times by their units"
+            )
+        for name in ("time", "time_uv"):
+            said = attributes_of(variables[name])
+            numbers[name] = seconds_of(numbers[name], said, f"{path.name} {name}", tally)
+        bins = known("depth")
+        if not bins:
+            raise InputError(f"{path.name}: depth is no length by its unit")
+        depth = np.abs(bins["depth"])
+        count = len(numbers["time"])
+        water = {
+            name: _by_profile(variables[name], values, count, len(depth), path)
+            for name, values in known(*WATER).items()
+        }
+    odd = [name for name, values in numbers.items() if len(values) != count]
     if odd:
         raise InputError(
-            f"{path.name}: {odd[0]} has {sizes[odd[0]]} values, time {count}: one belongs to each "
-            "profile"
+            f"{path.name}: {odd[0]} has {len(numbers[odd[0]])} values, time {count}: one belongs "
+            "to each profile"
         )
     owner = next((name for name in OWNERS if name in numbers), None)
     numbers["owner"] = np.zeros(count) if owner is None else numbers[owner]
-    found = SprayProfiles(
-        numbers=numbers, depth=np.broadcast_to(depth, (count, len(depth))), water=water
-    )
     note_unread(_KIND, names, READ, tally)
-    leave_out(
-        [n for n in ("u", "v") if n in names], "a mean over bins, no velocity of a time", tally
-    )
-    return _usable(found, path, tally)
+    why = "a mean over bins, no velocity of a time"
+    leave_out([n for n in ("u", "v") if n in names], why, tally)
+    depths = np.broadcast_to(depth, (count, len(depth)))
+    return _usable(SprayProfiles(numbers, depths, water), path, tally)
 
 
 def _rows(file: Any, path: Path, ours: Mapping[str, str], tally: Tally) -> SprayProfiles:
@@ -171,26 +179,23 @@ def _rows(file: Any, path: Path, ours: Mapping[str, str], tally: Tally) -> Spray
     variables = file.variables
 
     def column(name: str) -> Array:
-        variable = variables[ours[IN_ROWS.get(name, name)]]
-        values = as_array(variable[:])
-        flags = variables.get(ours.get(f"{IN_ROWS.get(name, name)}_qc", ""))
+        own = IN_ROWS.get(name, name)
+        variable = variables[ours[own]]
+        values, described = as_array(variable[:]), attributes_of(variable)
+        flags = variables.get(ours.get(f"{own}_qc", ""))
         if flags is not None and flags.shape == variable.shape and flags.dtype != str:
             values = np.where(np.isin(as_array(flags[:]), _BAD), np.nan, values)
         if name in UNITS:
-            said = unit_in(attributes_of(variable))
-            other = declared(values, said, UNITS[name], ours[IN_ROWS[name]], tally)
+            other = declared(values, unit_in(described), UNITS[name], ours[own], tally)
             values = np.full(len(values), np.nan) if other is None else other
         if name in ("time", "time_uv"):
-            values = seconds_of(values, attributes_of(variable), f"{path.name} {name}", tally)
+            values = seconds_of(values, described, f"{path.name} {name}", tally)
         return values
 
-    try:
-        there = [name for name, own in IN_ROWS.items() if own in ours]
-        rows = {name: column(name) for name in there}
-        number = column(NUMBER)
-        deployment = text_of(variables.get(ours.get("trajectory", "")))
-    except (RuntimeError, OSError) as error:
-        raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+    there = [name for name, own in IN_ROWS.items() if own in ours]
+    rows = {name: column(name) for name in there}
+    number = column(NUMBER)
+    deployment = text_of(variables.get(ours.get("trajectory", "")))
     known = np.isfinite(number)
     _, first, of, count = np.unique(
         number[known], return_index=True, return_inverse=True, return_counts=True
@@ -207,11 +212,9 @@ def _rows(file: Any, path: Path, ours: Mapping[str, str], tally: Tally) -> Spray
     numbers = {n: rows[n][known][first] for n in there if n not in ("depth", *WATER)}
     note_unread(_KIND, list(variables), [ours[n] for n in ours if n in _OF_ROWS], tally)
     found = SprayProfiles(
-        numbers={**numbers, "owner": np.zeros(len(first))},
-        depth=np.abs(padded(rows["depth"])),
-        water={name: padded(rows[name]) for name in WATER if name in rows},
-        deployment=deployment or path.stem,
-    )
+        {**numbers, "owner": np.zeros(len(first))}, np.abs(padded(rows["depth"])),
+        {name: padded(rows[name]) for name in WATER if name in rows}, deployment or path.stem,
+    )  # fmt: skip
     return _usable(found, path, tally)
 
 
@@ -226,20 +229,13 @@ def _usable(found: SprayProfiles, path: Path, tally: Tally) -> SprayProfiles:
     half = 2.0 * (numbers["time"] - numbers["time_uv"])
     usable = np.isfinite(np.stack([numbers[name] for name in (*PLACES, "owner")])).all(axis=0)
     usable &= (half > 0.0) & (half < 0.5 * LONGEST)
-    tally.add("left out", path.name, int((~usable).sum()), "profiles without place or time")
+    tally.add("left out", path.name, ~usable, "profiles without place or time")
     if not usable.any():
         raise InputError(f"{path.name}: no profile has a place and a time (time, time_uv)")
-    tally.add("read", path.name, int(usable.sum()), "profiles")
-    tally.add(
-        "note", path.name, int(usable.sum()),
-        "fixes are made again of the middles of dive and profile, times of bins of an even climb",
-    )  # fmt: skip
-    return dataclasses.replace(
-        found,
-        numbers={name: values[usable] for name, values in numbers.items()},
-        depth=found.depth[usable],
-        water={name: values[usable] for name, values in found.water.items()},
-    )
+    tally.add("read", path.name, usable, "profiles")
+    why = "fixes are made again of the middles of dive and profile, times of bins of an even climb"
+    tally.add("note", path.name, usable, why)
+    return found.keep(usable)
 
 
 def _by_profile(variable: Any, values: Array, profiles: int, bins: int, path: Path) -> Array:
@@ -256,8 +252,8 @@ def _by_profile(variable: Any, values: Array, profiles: int, bins: int, path: Pa
 def _log(
     name: str, file: str, found: SprayProfiles, mine: NDArray[np.bool_], tally: Tally
 ) -> DeploymentLog:
-    order = np.flatnonzero(mine)[np.argsort(found.numbers["time_uv"][mine])]
-    numbers = {key: values[order] for key, values in found.numbers.items()}
+    found = found.keep(np.flatnonzero(mine)[np.argsort(found.numbers["time_uv"][mine])])
+    numbers = found.numbers
     middle = numbers["time_uv"]
     half = 2.0 * (numbers["time"] - middle)
     sides = np.array([-2.0, 2.0])
@@ -265,14 +261,12 @@ def _log(
         (numbers[f"{axis}_uv"][:, None] + sides * (numbers[axis] - numbers[f"{axis}_uv"])[:, None])
         for axis in ("lat", "lon")
     )
-    fixes = _rising(
-        (middle[:, None] + np.array([-1.0, 1.0]) * half[:, None]).ravel(),
-        latitude.ravel(), longitude.ravel(),
-    )  # fmt: skip
-    sampled = {key: values[order] for key, values in found.water.items()}
-    times, depths, rows, bins = [], [], [], []
-    for row, deep in enumerate(found.depth[order]):
-        there = np.isfinite(np.stack([v[row] for v in sampled.values()])).any(axis=0)
+    ends = middle[:, None] + 0.5 * sides * half[:, None]
+    fixes = LoggedFixes(ends.ravel(), latitude.ravel(), longitude.ravel()).once()
+    valued = [np.isfinite(values) for values in found.water.values()]
+    samples = []
+    for row, deep in enumerate(found.depth):
+        there = np.any([one[row] for one in valued], axis=0)
         down = np.flatnonzero(there & np.isfinite(deep))
         down = down[np.argsort(deep[down])]
         if not len(down) or not deep[down[-1]] > 0.0:
@@ -280,49 +274,35 @@ def _log(
         part = np.concatenate([[0.0], deep[down] / deep[down[-1]]])
         for side in (-1.0, 1.0):
             way = slice(None) if side < 0.0 else slice(-2, None, -1)
-            times.append(middle[row] + side * half[row] * (1.0 - part[way]))
-            depths.append(part[way] * deep[down[-1]])
-            rows.append(np.full(len(part[way]), row if side > 0.0 else -1))
-            bins.append(np.append(-1, down)[way])
-    if not times:
+            time = middle[row] + side * half[row] * (1.0 - part[way])
+            of = np.full(len(time), row if side > 0.0 else -1)
+            samples.append((time, part[way] * deep[down[-1]], of, np.append(-1, down)[way]))
+    if not samples:
         raise InputError(f"{file}: no profile of {name} has temperature or salinity")
-    time, depth, of, bin_ = _rising(*(np.concatenate(each) for each in (times, depths, rows, bins)))
+    time, depth, of, bin_ = _rising(*(np.concatenate(each) for each in zip(*samples, strict=True)))
     channels = {"measured_depth": clean("measured_depth", time, depth, tally, subject=file)}
     up = (of >= 0) & (depth > 0.0)
-    index = of[up].astype(int), bin_[up].astype(int)
-    water = {key: values[index] for key, values in sampled.items()}
-    known = LoggedFixes(*fixes)
+    water = {key: v[of[up].astype(int), bin_[up].astype(int)] for key, v in found.water.items()}
     if "temperature" in water:
-        north, east = known.at(time[up])
+        north, east = fixes.at(time[up])
         channels |= ctd_channels(
-            time[up],
-            temperature=water["temperature"],
-            pressure=pressure_of(depth[up], north),
-            practical=water.get("salinity"),
-            latitude=north,
-            longitude=east,
-            tally=tally,
-        )
+            time[up], temperature=water["temperature"], pressure=pressure_of(depth[up], north),
+            practical=water.get("salinity"), latitude=north, longitude=east, tally=tally,
+        )  # fmt: skip
+    reported = {
+        target: joined([Channel.finite(middle + half, numbers[own])])
+        for target, own in CURRENTS.items() if own in numbers
+    }  # fmt: skip
     return DeploymentLog(
         deployment=name,
         platform="Spray",
-        channels={key: channel for key, channel in channels.items() if len(channel)},
-        fixes=known,
+        channels=channels,
+        fixes=fixes,
         magnetic_variation=EMPTY,
-        auxiliary=_reported(numbers, middle + half),
+        auxiliary={target: one for target, one in reported.items() if len(one)},
         files=(file,),
         station=True,
     )
-
-
-def _reported(numbers: Mapping[str, Array], end: Array) -> dict[str, Channel]:
-    """The current of each dive, known at its end."""
-    found = {}
-    for target, name in CURRENTS.items():
-        if name in numbers:
-            there = np.isfinite(numbers[name])
-            found[target] = Channel(*_rising(end[there], numbers[name][there]))
-    return {target: one for target, one in found.items() if len(one)}
 
 
 def _rising(time: Array, *columns: Array) -> tuple[Array, ...]:

@@ -49,14 +49,14 @@ SHORT = {
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> GeneratedStore:
+def run(tmp_path_factory):
     out = tmp_path_factory.mktemp("field") / "missions.zarr"
     generate(make_recipe(preset="field", hours=0.5, changes=SHORT), out, workers=1)
     return GeneratedStore(out)
 
 
 @pytest.fixture(scope="module")
-def folders(run: GeneratedStore, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def folders(run, tmp_path_factory):
     place = tmp_path_factory.mktemp("hubs")
     for one in (HUGGINGFACE, LEROBOT):
         one.export(run, range(len(run)), place / one.name)
@@ -64,24 +64,22 @@ def folders(run: GeneratedStore, tmp_path_factory: pytest.TempPathFactory) -> di
 
 
 @pytest.fixture(scope="module")
-def log_store(tmp_path_factory: pytest.TempPathFactory) -> LogStore:
+def log_store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
     dataset, _ = import_logs("slocum", write_slocum(folder, Flight()))
     return LogStore(write_store(dataset, folder / "real.zarr"))
 
 
-def front_matter(folder: Path) -> dict:
+def front_matter(folder):
     _, front, _ = (folder / "README.md").read_text().split("---\n", 2)
     return yaml.safe_load(front)
 
 
-def missions_of(run: GeneratedStore, split: str) -> list[int]:
+def missions_of(run, split):
     return [mission for mission, word in enumerate(run.splits) if word == split]
 
 
-def test_datasets_opens_the_folder_with_the_splits_of_the_store(
-    folders: dict[str, Path], run: GeneratedStore, tmp_path: Path
-) -> None:
+def test_datasets_opens_the_folder_with_the_splits_of_the_store(folders, run, tmp_path):
     found = read_with(
         ".venv-hub", "scripts/hub_readers.sh",
         f"""
@@ -106,9 +104,7 @@ print(json.dumps({{name: dict(
         assert one["first"][:19] == str(moment)
 
 
-def test_large_splits_go_on_in_further_files(
-    run: GeneratedStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_large_splits_go_on_in_further_files(run, tmp_path, monkeypatch):
     monkeypatch.setattr(huggingface, "LARGEST_FILE", 1000)
     HUGGINGFACE.export(run, range(len(run)), tmp_path / "hub")
     for split in set(run.splits):
@@ -118,7 +114,7 @@ def test_large_splits_go_on_in_further_files(
         assert [pq.read_table(f)["mission"][0].as_py() for f in files] == some
 
 
-def test_the_card_says_what_the_data_are(folders: dict[str, Path], run: GeneratedStore) -> None:
+def test_the_card_says_what_the_data_are(folders, run):
     for name in folders:
         front = front_matter(folders[name])
         text = (folders[name] / "README.md").read_text()
@@ -133,7 +129,7 @@ def test_the_card_says_what_the_data_are(folders: dict[str, Path], run: Generate
     assert front_matter(folders["lerobot"])["tags"][0] == "LeRobot"
 
 
-def test_what_people_say_of_a_log_is_kept(log_store: LogStore, tmp_path: Path) -> None:
+def test_what_people_say_of_a_log_is_kept(log_store, tmp_path):
     said = tmp_path / "deployment.yml"
     said.write_text(PEOPLE)
     options = ExportOptions(metadata=said)
@@ -162,13 +158,11 @@ def test_what_people_say_of_a_log_is_kept(log_store: LogStore, tmp_path: Path) -
         ("Ask the PI before use", "other"),
     ],
 )
-def test_licences_get_the_identifiers_of_hubs(text: str, identifier: str) -> None:
+def test_licences_get_the_identifiers_of_hubs(text, identifier):
     assert licence_identifier(text) == identifier
 
 
-def test_lerobot_opens_the_folder_and_gives_the_values_of_the_store(
-    folders: dict[str, Path], run: GeneratedStore, tmp_path: Path
-) -> None:
+def test_lerobot_opens_the_folder_and_gives_the_values_of_the_store(folders, run, tmp_path):
     found = read_with(
         ".venv-lerobot", "scripts/lerobot.sh",
         f"""
@@ -205,9 +199,7 @@ print(json.dumps(dict(
         np.testing.assert_allclose(found["mean"][k], values.mean(dtype=float), rtol=1e-6, atol=1e-9)
 
 
-def test_lerobot_files_are_those_of_the_format(
-    folders: dict[str, Path], run: GeneratedStore
-) -> None:
+def test_lerobot_files_are_those_of_the_format(folders, run):
     """What LeRobot 0.4.4 asks of a folder, for machines without it."""
     folder = folders["lerobot"]
     info = json.loads((folder / "meta/info.json").read_text())
@@ -250,9 +242,7 @@ def test_lerobot_files_are_those_of_the_format(
     assert set(stats) == set(info["features"])
 
 
-def test_large_data_sets_go_on_in_further_files(
-    run: GeneratedStore, folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_large_data_sets_go_on_in_further_files(run, folders, tmp_path, monkeypatch):
     monkeypatch.setattr("glider_twin_hubs.lerobot.FILE_MB", 0)
     monkeypatch.setattr("glider_twin_hubs.lerobot.AT_A_TIME", 2)
     LEROBOT.export(run, range(len(run)), tmp_path / "many")
@@ -268,7 +258,7 @@ def test_large_data_sets_go_on_in_further_files(
     )
 
 
-def test_statistics_of_all_are_those_of_the_samples_together() -> None:
+def test_statistics_of_all_are_those_of_the_samples_together():
     rng = np.random.default_rng(2)
     parts = [rng.normal(k, 1 + k, (n, 2)) for k, n in enumerate((50, 70, 400))]
     total = Total()
@@ -283,7 +273,7 @@ def test_statistics_of_all_are_those_of_the_samples_together() -> None:
     assert gappy["std"].tolist() == [1.0, 1.0]
 
 
-def test_a_log_is_episodes_too(log_store: LogStore, tmp_path: Path) -> None:
+def test_a_log_is_episodes_too(log_store, tmp_path):
     LEROBOT.export(log_store, range(len(log_store)), tmp_path / "dives")
     info = json.loads((tmp_path / "dives/meta/info.json").read_text())
     assert info["total_frames"] == int(log_store.samples.sum())
@@ -291,7 +281,7 @@ def test_a_log_is_episodes_too(log_store: LogStore, tmp_path: Path) -> None:
     assert info["fps"] == pytest.approx(1.0 / log_store.period)
 
 
-def test_installed_the_formats_need_no_import_and_without_it_the_way_is_told() -> None:
+def test_installed_the_formats_need_no_import_and_without_it_the_way_is_told():
     """As pip installs it; no other plug-in is looked at."""
     root = Path(__file__).resolve().parents[3]
     hub = tomllib.loads((root / "plugins/hubs/pyproject.toml").read_text())["project"]

@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 
 CLOCKS = ("TIME", "time")
 """Names of the times of the measurements"""
+DESCRIBED = ("units", "long_name", "standard_name")
 PAGE = "docs/howto/pipelines.md, your own vehicle"
 
 
@@ -71,16 +72,11 @@ class GliderAccessor:
         """
         found = self.log(vehicle).currents
         own = [one.current for one in found]
-        values: dict[str, list[float]] = {
-            "dac_north": [one.north for one in own],
-            "dac_east": [one.east for one in own],
-            "dac_sd": [one.deviation for one in own],
-        }
         arrays: dict[str, Any] = {}
-        for name, numbers in values.items():
-            units, long_name, standard = PER_DIVE[name]
-            about = {"units": units, "long_name": long_name}
-            arrays[name] = (DAC, np.array(numbers), about | _named(standard))
+        for name, field in (("north", "north"), ("east", "east"), ("sd", "deviation")):
+            said = zip(DESCRIBED, PER_DIVE[f"dac_{name}"], strict=True)
+            about = {word: text for word, text in said if text}
+            arrays[f"dac_{name}"] = (DAC, np.array([getattr(one, field) for one in own]), about)
         for name, share, word in (
             ("dac_start", 0.0, "the fix before the dive"),
             ("dac_time", 0.5, "the middle between the two fixes"),
@@ -157,7 +153,3 @@ def unix_times(clock: xr.DataArray) -> Array:
         seconds = clock.values.astype("datetime64[ns]").astype(np.int64) / 1e9
         return np.where(np.isnat(clock.values), np.nan, seconds)
     return seconds_of(as_array(clock.values), clock.attrs, str(clock.name), Tally())
-
-
-def _named(standard: str | None) -> dict[str, str]:
-    return {"standard_name": standard} if standard else {}

@@ -31,20 +31,14 @@ def load_additional_arguments() -> tuple[list[str], dict[str, str], dict[str, An
 
 
 def main(
-    cmdline_args: list[str] | None = None,
-    instrument_id: int | None = None,
+    *_: Any,
     base_opts: Any = None,
-    sg_calib_file_name: Path | None = None,
     dive_nc_file_names: list[Path] | None = None,
     nc_files_created: list[Path] | None = None,
-    processed_other_files: list[Path] | None = None,
-    known_mailer_tags: list[str] | None = None,
-    known_ftp_tags: list[str] | None = None,
-    processed_file_names: list[Path] | None = None,
-    **_: Any,
+    **_others: Any,
 ) -> int:
     """Add to the dives that were just made, or to all where none was; 0, or 1 with the reason in
-    the basestation's log. The signature is that of all extensions."""
+    the basestation's log. Extensions are given more arguments, by their names."""
     from BaseLog import log_error, log_info, log_warning  # the basestation's own
 
     mission = Path(base_opts.mission_dir) if base_opts is not None else Path.cwd()

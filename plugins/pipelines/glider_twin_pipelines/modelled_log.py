@@ -159,28 +159,23 @@ def _modelled(
     joined = JoinedDives(logs, tuple(missions), order)
     variables = {n: v for n, v in corrected_places(joined, found) if n in POSITIONS}
     variables |= dict(flight_variables(joined, found))
-    latitudes, longitudes, currents = [], [], []
+    fixes, currents = [], []
     dives = [dive for m in missions if (dive := found.tracks[m].dive) is not None]
     for mission in missions:
         track, place = found.tracks[mission], place_of(logs, mission)
-        latitude, longitude = place.degrees(*track.fixes.position.T)
-        latitudes.append(latitude)
-        longitudes.append(longitude)
+        fixes.append(np.array(place.degrees(*track.fixes.position.T)))
         for current in track.currents:
             north, east = track.position[(current.first + current.last) // 2]
-            middle = place.degrees(np.array(north), np.array(east))
-            currents.append(
-                PlacedCurrent(
-                    current=current, latitude=float(middle[0]), longitude=float(middle[1])
-                )
-            )
+            latitude, longitude = map(float, place.degrees(np.array(north), np.array(east)))
+            currents.append(PlacedCurrent(current=current, latitude=latitude, longitude=longitude))
+    latitudes, longitudes = np.concatenate(fixes, axis=1)
     return ModelledLog(
         deployment=name,
         model=found.model,
         time=time[order],
         period=logs.period,
         variables=variables,
-        fixes=(np.concatenate(latitudes), np.concatenate(longitudes)),
+        fixes=(latitudes, longitudes),
         currents=tuple(currents),
         doubt=summarise(dives).doubt(found.model.rpartition(" ")[2]),
     )

@@ -132,8 +132,7 @@ def test_pyglider_says_what_the_vehicle_s_own_files_say(tmp_path: Path, reckoned
     (own,) = modelled(kind, files, vehicle)
     ds = xr.load_dataset(write_pyglider(tmp_path / "l0.nc", FLIGHT, reckoned=reckoned))
     found = ds.glider.currents(vehicle)
-    north = np.array([one.current.north for one in own.currents])
-    east = np.array([one.current.east for one in own.currents])
+    north, east = np.array([(one.current.north, one.current.east) for one in own.currents]).T
     # a reckoned track tells a fix only before the next dive: none of the last
     count = FLIGHT.dives - reckoned
     assert found.sizes["dac"] == count

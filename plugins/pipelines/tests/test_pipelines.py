@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
 import subprocess
@@ -17,10 +18,9 @@ from examples import needs_docs, run
 from logs import SHARED, Flight, write_basestation, write_og1, write_pyglider
 
 import glider_twin_pipelines
-from glider_twin_pipelines import add_flight, add_flights, basestation3
+from glider_twin_pipelines import add_flight, add_flights, basestation3, times_of
 from glider_twin_pipelines.__main__ import main
 from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, modelled
-from glider_twin_pipelines.own_file import times_of
 from twin.errors import InputError, WriteError
 from twin.records.storage import whole
 from twin.vehicle.presets import assets_folder
@@ -29,6 +29,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:vertical water velocity")
 
 FLIGHT = Flight(dives=3, depth=120.0)
 W = "VERT_CURR_MODEL"
+Told = list[tuple[str, str]]
+"""Level and line of each entry of a log"""
 ADDED = {
     *POSITIONS, *CURRENTS, W, "GLIDER_SPEED_MODEL", "GLIDER_HORZ_VELO_MODEL",
     "GLIDER_VERT_VELO_MODEL", "GLIDER_SURGE_MODEL", "GLIDER_SWAY_MODEL", "ANGLE_OF_ATTACK_MODEL",
@@ -154,24 +156,19 @@ def test_dives_are_read_together_and_only_the_new_are_written(dives: list[Path])
     assert np.nanmean(read(dives[1], "POSITION_SD")) < np.nanmean(read(Path(alone), "POSITION_SD"))
 
 
-class Told:
-    """The basestation's log, as its module BaseLog."""
-
-    def __init__(self, patch: pytest.MonkeyPatch) -> None:
-        self.lines: list[tuple[str, str]] = []
-        module = types.ModuleType("BaseLog")
-        for level in ("error", "warning", "info"):
-            tell = lambda line, level=level: self.lines.append((level, line))  # noqa: E731
-            setattr(module, f"log_{level}", tell)
-        patch.setitem(sys.modules, "BaseLog", module)
-
-
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch) -> Told:
+    """The basestation's log, as its module BaseLog writes it."""
+    lines: Told = []
+    module = types.SimpleNamespace()
+    for level in ("error", "warning", "info"):
+        tell = functools.partial(lambda level, line: lines.append((level, line)), level)
+        setattr(module, f"log_{level}", tell)
+    monkeypatch.setitem(sys.modules, "BaseLog", module)
     monkeypatch.setenv(basestation3.PYTHON, sys.executable)
     here = [str(Path(glider_twin_pipelines.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([*here, str(Path(__file__).parents[3])]))
-    return Told(monkeypatch)
+    return lines
 
 
 def test_the_extension_adds_to_the_new_dives(dives: list[Path], told: Told) -> None:
@@ -183,13 +180,13 @@ def test_the_extension_adds_to_the_new_dives(dives: list[Path], told: Told) -> N
     options = types.SimpleNamespace(mission_dir=dives[0].parent)
     words: dict[str, Any] = {"dive_nc_file_names": [*map(str, dives)], "known_ftp_tags": []}
     assert basestation3.main(base_opts=options, nc_files_created=created, **words) == 0
-    assert told.lines[-1] == ("info", "glider-twin: 1 of 1 files changed")
+    assert told[-1] == ("info", "glider-twin: 1 of 1 files changed")
     assert [content(path) for path in dives[:2]] == before[:2]
     with netCDF4.Dataset(dives[2]) as file:
         assert file[W].source.endswith("flight model of vehicle glider_twin")
     # a mission's section, and a call of its own, add to all
     assert basestation3.main(base_opts=options) == 0
-    assert told.lines[-1] == ("info", "glider-twin: 2 of 3 files changed")
+    assert told[-1] == ("info", "glider-twin: 2 of 3 files changed")
     assert basestation3.load_additional_arguments() == (["mission_dir"], {}, {})
 
 
@@ -199,14 +196,14 @@ def test_the_extension_tells_what_fails(
     options = types.SimpleNamespace(mission_dir=tmp_path)
     shutil.copy(__file__, tmp_path / basestation3.VEHICLE)
     assert basestation3.main(base_opts=options) == 1
-    assert told.lines[-1][0] == "error"
-    assert "glider_twin.xml" in told.lines[-1][1]
+    assert told[-1][0] == "error"
+    assert "glider_twin.xml" in told[-1][1]
     monkeypatch.setenv(basestation3.PYTHON, str(tmp_path / "none"))
     assert basestation3.main(base_opts=options) == 1
-    assert "set GLIDER_TWIN_PYTHON" in told.lines[-1][1]
+    assert "set GLIDER_TWIN_PYTHON" in told[-1][1]
     empty = types.SimpleNamespace(mission_dir=tmp_path / "empty")
     assert basestation3.main(base_opts=empty) == 0
-    assert told.lines[-1] == ("info", "glider-twin: no dive to add to")
+    assert told[-1] == ("info", "glider-twin: no dive to add to")
 
 
 def test_the_extension_reads_the_dives_before_the_new(

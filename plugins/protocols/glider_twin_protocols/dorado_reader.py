@@ -307,7 +307,7 @@ def _valid(topic: str, table: MessageTable, tally: Tally) -> MessageTable:
     if topic != "gps":
         return table
     unfixed = ~has_fix(table.columns, len(table.time))
-    tally.add("removed", "GPS fixes", int(unfixed.sum()), "the receiver says that it has none")
+    tally.add("removed", "GPS fixes", unfixed, "the receiver says that it has none")
     places = {
         name: np.where(unfixed, np.nan, table.columns[name])
         for name in ("latitude", "longitude") if name in table.columns

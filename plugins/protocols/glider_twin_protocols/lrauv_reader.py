@@ -300,7 +300,7 @@ def _fixes(path: Path, series: Mapping[str, TimedValues], tally: Tally) -> Logge
     left = np.maximum(right - 1, 0)
     near = np.where(np.abs(other[left] - time) < np.abs(other[right] - time), left, right)
     pair = np.abs(other[near] - time) < _TOGETHER
-    tally.add("removed", "GPS fixes", int((~pair).sum()), "latitude without longitude")
+    tally.add("removed", "GPS fixes", ~pair, "latitude without longitude")
     latitude, longitude = positions(latitude[pair], longitude[near][pair], "GPS fixes", tally)
     good = np.isfinite(latitude) & np.isfinite(longitude)
     return LoggedFixes(time[pair][good], latitude[good], longitude[good])

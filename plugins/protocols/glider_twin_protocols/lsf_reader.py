@@ -209,7 +209,7 @@ def _measured(topic: str, table: MessageTable, tally: Tally) -> MessageTable:
     elif name == "GpsFix":
         fixed = (columns["validity"].astype(int) & VALID_POSITION) > 0
         fixed &= np.isin(columns["type"], MEASURED)
-        tally.add("removed", "GPS fixes", int((~fixed).sum()), "the receiver says that it has none")
+        tally.add("removed", "GPS fixes", ~fixed, "the receiver says that it has none")
         columns |= {axis: np.where(fixed, columns[axis], np.nan) for axis in ("lat", "lon")}
     elif name == "EstimatedState":
         columns["depth"] = np.where(columns["depth"] < 0.0, np.nan, columns["depth"])

@@ -203,7 +203,7 @@ def _ask_ned(
             f"{field} is positive under water: NED? Its frame {frames[topic][0]!r} does not say "
             "so: z is turned, north, east and angles are taken as ENU's and FLU's; say in a "
             "--mapping what they are (docs/howto/import_messages.md)",
-            int(np.isfinite(values).sum()),
+            np.isfinite(values),
         )
 
 

@@ -233,6 +233,6 @@ def unit_quaternions(found: dict[str, Array], topic: str, tally: Tally) -> None:
         length = np.sqrt(np.sum([found[name] ** 2 for name in names], axis=0))
         bad = ~(np.abs(length - 1.0) <= _ROUNDED)
         said = bad & (found.get(f"{prefix}_covariance.0", length) >= 0.0)  # -1: none, by the rules
-        tally.add("removed", topic, int(said.sum()), "no attitude: a quaternion not of length 1")
+        tally.add("removed", topic, said, "no attitude: a quaternion not of length 1")
         for name in names:
             found[name] = np.where(bad, np.nan, found[name] / np.where(bad, 1.0, length))

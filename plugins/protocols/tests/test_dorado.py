@@ -1,20 +1,15 @@
 """Logs of MBARI's Dorado vehicles, by the published descriptions of their layout."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from dorado_logs import instruments, track_of, write_log, write_netcdf
 from logs import example
 from message_logs import circles
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
-from factory.importing.tally import ImportReport
 from twin.errors import InputError
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
@@ -30,16 +25,16 @@ for _name, _place in (("latitude", 36.8), ("longitude", -122.0)):
     FIXES[_name][:3] = _place + 1e-6 * np.arange(3)
 
 
-def values(dataset: xr.Dataset, name: str) -> np.ndarray:
+def values(dataset, name):
     return dataset[name].values[0, : int(dataset["n_samples"][0])].astype(float)
 
 
-def said(report: ImportReport, action: str, subject: str) -> str:
+def said(report, action, subject):
     found = [e for e in report.entries if (e.action, e.subject) == (action, subject)]
     return "; ".join(f"{e.count} {e.detail}" for e in found)
 
 
-def mission(folder: Path, *, west: bool = False, fixes: bool = True) -> Path:
+def mission(folder, *, west=False, fixes=True):
     folder.mkdir(exist_ok=True)
     every = instruments(TIME, {**STATE, **(FIXES if fixes else {})}, west=west)
     for name, fields in every.items():
@@ -47,12 +42,12 @@ def mission(folder: Path, *, west: bool = False, fixes: bool = True) -> Path:
     return folder
 
 
-def test_a_folder_of_logs_is_a_mission_in_a_stores_units_and_axes(tmp_path: Path) -> None:
+def test_a_folder_of_logs_is_a_mission_in_a_stores_units_and_axes(tmp_path):
     folder = mission(tmp_path / "2011.256.02")
     dataset, report = import_logs("dorado", [folder])
     assert (report.deployments, report.rows, report.period) == (("2011.256.02",), 1, 0.2)
     assert set(report.files) == {"navigation.log", "tailCone.log", "gps.log"}
-    exact: dict[str, Any] = {
+    exact = {
         "roll": STATE["roll"], "pitch": STATE["pitch"], "depth": STATE["depth"],
         "roll_rate": 0.01, "pitch_rate": -0.02, "yaw_rate": STATE["yaw_rate"],
     }  # fmt: skip
@@ -68,7 +63,7 @@ def test_a_folder_of_logs_is_a_mission_in_a_stores_units_and_axes(tmp_path: Path
     assert {"rudderAngle", "elevatorAngle"} <= set(report.names["Dorado tailCone"]["not read"])
 
 
-def test_folders_of_one_name_are_two_missions(tmp_path: Path) -> None:
+def test_folders_of_one_name_are_two_missions(tmp_path):
     folders = [tmp_path / day / "missionlogs" for day in ("monday", "tuesday")]
     for day, folder in enumerate(folders):
         folder.mkdir(parents=True)
@@ -80,7 +75,7 @@ def test_folders_of_one_name_are_two_missions(tmp_path: Path) -> None:
     assert "another file of the folder has navigation" in said(report, "left out", "navigation.log")
 
 
-def test_longitudes_that_count_westward_are_turned(tmp_path: Path) -> None:
+def test_longitudes_that_count_westward_are_turned(tmp_path):
     """Some receivers' logs do so; the vehicle's own track tells."""
     east, _ = import_logs("dorado", [mission(tmp_path / "east")])
     west, report = import_logs("dorado", [mission(tmp_path / "west", west=True)])
@@ -90,14 +85,14 @@ def test_longitudes_that_count_westward_are_turned(tmp_path: Path) -> None:
         assert dataset["start_latitude"].values[0] == pytest.approx(36.8, abs=1e-4)
 
 
-def test_the_track_is_in_metres_where_there_are_no_places(tmp_path: Path) -> None:
+def test_the_track_is_in_metres_where_there_are_no_places(tmp_path):
     dataset, _ = import_logs("dorado", [mission(tmp_path / "2003.100.01", fixes=False)])
     for axis, expected in zip(("north", "east"), track_of(TIME, STATE), strict=True):
         away = (values(dataset, f"measured_onboard_{axis}") - expected)[:-1]
         assert np.ptp(away) < 0.05, axis
 
 
-def test_netcdf_of_each_instrument_gives_the_same(tmp_path: Path) -> None:
+def test_netcdf_of_each_instrument_gives_the_same(tmp_path):
     logs, _ = import_logs("dorado", [mission(tmp_path / "logs")])
     folder = tmp_path / "netcdf"
     folder.mkdir()
@@ -112,7 +107,7 @@ def test_netcdf_of_each_instrument_gives_the_same(tmp_path: Path) -> None:
             )
 
 
-def test_the_mapping_of_the_page_makes_a_store_that_identification_reads(tmp_path: Path) -> None:
+def test_the_mapping_of_the_page_makes_a_store_that_identification_reads(tmp_path):
     folder, store = mission(tmp_path / "2011.256.02"), tmp_path / "real.zarr"
     mapping = tmp_path / "dorado.toml"
     mapping.write_text(FINS)
@@ -126,7 +121,7 @@ def test_the_mapping_of_the_page_makes_a_store_that_identification_reads(tmp_pat
         np.testing.assert_allclose(found, expected, atol=1e-5, err_msg=name)
 
 
-def test_a_log_that_was_cut_off_is_read_to_its_end(tmp_path: Path) -> None:
+def test_a_log_that_was_cut_off_is_read_to_its_end(tmp_path):
     folder = mission(tmp_path / "cut")
     for path in folder.iterdir():
         path.write_bytes(path.read_bytes()[: -path.stat().st_size // 4 - 3])
@@ -138,7 +133,7 @@ def test_a_log_that_was_cut_off_is_read_to_its_end(tmp_path: Path) -> None:
     )
 
 
-def test_numbers_of_damaged_bytes_are_removed_and_counted(tmp_path: Path) -> None:
+def test_numbers_of_damaged_bytes_are_removed_and_counted(tmp_path):
     folder = mission(tmp_path / "damaged")
     path = folder / "navigation.log"
     data = bytearray(path.read_bytes())
@@ -148,9 +143,7 @@ def test_numbers_of_damaged_bytes_are_removed_and_counted(tmp_path: Path) -> Non
     assert said(report, "removed", "navigation.log") == "1 values beyond any measurement"
 
 
-def test_what_is_wrong_with_a_log_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_wrong_with_a_log_is_told(tmp_path, capsys):
     path = tmp_path / "navigation.log"
     header = b"# binary navigation\n# timeTag time %8.8e ,time ,UNKNOWN\n"
     path.write_bytes(header + b"# quad mPhi %d ,roll ,Degrees\n# begin\n" + bytes(64))

@@ -1,21 +1,15 @@
 """Logs of DUNE: by its own code (`imcpy`), and by the description of IMC alone."""
 
-from __future__ import annotations
-
 import gzip
 import struct
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 from imc_logs import DECLINATION, OTHER, described, entities, message, packets, track_of
 from message_logs import circles
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
-from factory.importing.tally import ImportReport
 from twin.errors import InputError
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
@@ -26,11 +20,11 @@ TIME, STATE = circles(120.0)
 STATE["depth"] = STATE["depth"] * np.clip((TIME - TIME[0] - 4.0) / 30.0, 0.0, 1.0)  # it dives
 
 
-def values(dataset: xr.Dataset, name: str, row: int = 0) -> np.ndarray:
+def values(dataset, name, row=0):
     return dataset[name].values[row, : int(dataset["n_samples"][row])].astype(float)
 
 
-def said(report: ImportReport, action: str, subject: str) -> str:
+def said(report, action, subject):
     return "; ".join(
         f"{e.count} {e.detail}"
         for e in report.entries
@@ -38,24 +32,24 @@ def said(report: ImportReport, action: str, subject: str) -> str:
     )
 
 
-def log(folder: Path, **changes: Any) -> Path:
+def log(folder, **changes):
     path = folder / "run.lsf"
     path.write_bytes(b"".join(packets(TIME, {**STATE, **changes})))
     return path
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[xr.Dataset, ImportReport]:
+def whole(tmp_path_factory):
     wave = 1e-6 * np.arange(len(TIME))
     fix = {"latitude": 49.5 + wave, "longitude": -58.0 + wave}
     fix["latitude"][3:] = np.nan  # then it is under water
     return import_logs("lsf", [log(tmp_path_factory.mktemp("whole"), **fix)])
 
 
-def test_units_and_axes_are_those_of_a_store(whole: tuple[xr.Dataset, ImportReport]) -> None:
+def test_units_and_axes_are_those_of_a_store(whole):
     dataset, report = whole
     assert (report.rows, report.period, report.deployments) == (1, 0.2, ("run",))
-    exact: dict[str, Any] = {  # of the packets, each in the store's unit
+    exact = {  # of the packets, each in the store's unit
         "measured_roll": STATE["roll"], "measured_pitch": STATE["pitch"],
         "measured_depth": STATE["depth"], "measured_yaw_rate": STATE["yaw_rate"],
         "measured_roll_rate": 0.01, "measured_pitch_rate": -0.02,
@@ -82,7 +76,7 @@ def test_units_and_axes_are_those_of_a_store(whole: tuple[xr.Dataset, ImportRepo
     assert "remus" in {e.subject for e in report.entries if "stands for" in e.detail}
 
 
-def test_a_doppler_log_of_two_references(whole: tuple[xr.Dataset, ImportReport]) -> None:
+def test_a_doppler_log_of_two_references(whole):
     """Bottom where it sees it, else water; its mode says which, and when it says nothing."""
     dataset, _ = whole
     ping = np.arange(len(TIME)) % 50
@@ -100,8 +94,8 @@ def test_a_doppler_log_of_two_references(whole: tuple[xr.Dataset, ImportReport])
 
 
 def test_the_track_keeps_going_where_the_origin_moves(
-    whole: tuple[xr.Dataset, ImportReport],
-) -> None:
+    whole,
+):
     dataset, _ = whole
     for axis, expected in zip(("north", "east"), track_of(TIME, STATE), strict=True):
         found = values(dataset, f"measured_onboard_{axis}")
@@ -112,8 +106,8 @@ def test_the_track_keeps_going_where_the_origin_moves(
 
 
 def test_one_sender_of_each_is_read_and_the_others_are_named(
-    whole: tuple[xr.Dataset, ImportReport],
-) -> None:
+    whole,
+):
     _, report = whole
     names = report.names["IMC log"]
     assert {"Temperature/CTD", "Voltage/Batteries", "ServoPosition/2"} <= set(names["read"])
@@ -123,7 +117,7 @@ def test_one_sender_of_each_is_read_and_the_others_are_named(
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_packets_of_either_byte_order(order: str, tmp_path: Path) -> None:
+def test_packets_of_either_byte_order(order, tmp_path):
     """By the description alone; the little-endian ones are the very bytes that DUNE writes."""
     data = b""
     for moment in TIME.tolist():
@@ -147,7 +141,7 @@ def test_packets_of_either_byte_order(order: str, tmp_path: Path) -> None:
         assert own == described("<", 265, "f", 2.5, moment=float(TIME[0]), entity=3)
 
 
-def test_a_packed_log_is_read_and_one_that_was_cut_to_its_end(tmp_path: Path) -> None:
+def test_a_packed_log_is_read_and_one_that_was_cut_to_its_end(tmp_path):
     whole = log(tmp_path)
     folder = tmp_path / "101530_lake"
     folder.mkdir()
@@ -168,7 +162,7 @@ def test_a_packed_log_is_read_and_one_that_was_cut_to_its_end(tmp_path: Path) ->
     assert report.hours == pytest.approx(90.0 / 3600.0, rel=0.02)
 
 
-def test_damage_costs_no_more_than_the_packets_that_it_hits(tmp_path: Path) -> None:
+def test_damage_costs_no_more_than_the_packets_that_it_hits(tmp_path):
     every = packets(TIME, STATE)
     start = sum(map(len, every[:200]))
     depth = described("<", 265, "f", 99.0, moment=float(TIME[0]) + 0.1, entity=3)
@@ -197,7 +191,7 @@ def test_damage_costs_no_more_than_the_packets_that_it_hits(tmp_path: Path) -> N
     assert "message_65000/Depth_Sensor" in report.names["IMC log"]["not read"]
 
 
-def test_what_another_system_sends_is_not_the_vehicles(tmp_path: Path) -> None:
+def test_what_another_system_sends_is_not_the_vehicles(tmp_path):
     path = log(tmp_path)
     others = b"".join(message("Depth", float(t), 3, OTHER, value=50.0) for t in TIME[:100])
     path.write_bytes(path.read_bytes() + entities(float(TIME[0]), OTHER) + others)
@@ -206,7 +200,7 @@ def test_what_another_system_sends_is_not_the_vehicles(tmp_path: Path) -> None:
     assert said(report, "left out", "other systems") == "110 messages that they sent"
 
 
-def test_a_compass_alone_needs_the_variation(tmp_path: Path) -> None:
+def test_a_compass_alone_needs_the_variation(tmp_path):
     """Without the filter the compass is read: one that says the same twice knows no true north."""
     data = b"".join(
         message("EulerAngles", float(t), 2, psi=1.0, psi_magnetic=1.0)
@@ -223,9 +217,7 @@ def test_a_compass_alone_needs_the_variation(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("force", [(0.0, 0.0, 0.1), (0.0, 0.0, 9.8)])
-def test_an_acceleration_that_is_no_specific_force_is_left_out(
-    force: tuple[float, float, float], tmp_path: Path
-) -> None:
+def test_an_acceleration_that_is_no_specific_force_is_left_out(force, tmp_path):
     some = [
         message("Depth", float(t), 3, value=3.0)
         + message("Acceleration", float(t), 2, x=force[0], y=force[1], z=force[2])
@@ -238,7 +230,7 @@ def test_an_acceleration_that_is_no_specific_force_is_left_out(
     assert "without gravity, or z up" in said(report, "left out", "Acceleration/2")
 
 
-def test_a_mapping_adds_other_messages_and_another_vehicle(tmp_path: Path) -> None:
+def test_a_mapping_adds_other_messages_and_another_vehicle(tmp_path):
     mapping = tmp_path / "mine.toml"
     mapping.write_text(
         'vehicle = "lauv-test"\nmodel = "tethys"\nrows = "gaps"\n[signals]\n'
@@ -260,7 +252,7 @@ def test_a_mapping_adds_other_messages_and_another_vehicle(tmp_path: Path) -> No
         import_logs("lsf", [log(tmp_path)], mapping=mapping)
 
 
-def test_what_is_no_log_of_imc_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_no_log_of_imc_is_told(tmp_path, capsys):
     path = tmp_path / "old.lsf"
     path.write_bytes(b"\x41\xfe" + bytes(200))
     with pytest.raises(InputError, match=r"old\.lsf holds no packet of IMC 5: it begins with 41fe"):
@@ -278,9 +270,7 @@ def test_what_is_no_log_of_imc_is_told(tmp_path: Path, capsys: pytest.CaptureFix
         import_logs("lsf", [path])
 
 
-def test_a_store_of_it_is_one_that_identification_reads(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_store_of_it_is_one_that_identification_reads(tmp_path, capsys):
     """By the commands alone: log to store, and the runs of a vehicle under a propeller in it."""
     store = tmp_path / "real.zarr"
     assert PROGRAM.main(["import", "lsf", str(log(tmp_path)), "--out", str(store)]) == 0

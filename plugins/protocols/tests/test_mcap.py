@@ -1,11 +1,8 @@
 """MCAP recordings: read by the decoders of MCAP and of rosbags, compared with the store."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +24,7 @@ MISSION = 1
 
 
 @pytest.fixture(scope="module")
-def recording(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(field_store, tmp_path_factory):
     folder = tmp_path_factory.mktemp("mcap") / "bags"
     run = GeneratedStore(field_store)
     (path,) = EXPORTERS["mcap"].export(run, [MISSION], folder)
@@ -35,7 +32,7 @@ def recording(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="module")
-def messages(recording: Path) -> dict[str, list]:
+def messages(recording):
     """By topic: moments [ns] and messages, by MCAP's own decoder."""
     found = defaultdict(list)
     for one in ros2.read_ros2_messages(str(recording)):
@@ -43,7 +40,7 @@ def messages(recording: Path) -> dict[str, list]:
     return found
 
 
-def column(messages: list, path: str) -> np.ndarray:
+def column(messages, path):
     values = []
     for _, message in messages:
         value = message
@@ -53,11 +50,11 @@ def column(messages: list, path: str) -> np.ndarray:
     return np.array(values)
 
 
-def signal(run, name: str, mission: int = MISSION) -> np.ndarray:
+def signal(run, name, mission=MISSION):
     return run.row(name, mission)[: run.samples[mission]].astype(float)
 
 
-def test_messages_have_the_values_of_the_store(messages: dict, field_store: Path) -> None:
+def test_messages_have_the_values_of_the_store(messages, field_store):
     run = GeneratedStore(field_store)
     imu = messages["/measured/imu"]
     for path, name, sign in (
@@ -85,7 +82,7 @@ def test_messages_have_the_values_of_the_store(messages: dict, field_store: Path
     assert {m.header.frame_id for _, m in messages["/truth/imu"]} == {"imu_link_true"}
 
 
-def test_moments_are_those_of_the_mission(messages: dict, field_store: Path) -> None:
+def test_moments_are_those_of_the_mission(messages, field_store):
     moments = sample_coordinates(GeneratedStore(field_store), MISSION)["datetime"]
     expected = moments.astype("datetime64[ns]").astype(np.int64)
     imu = messages["/measured/imu"]
@@ -94,7 +91,7 @@ def test_moments_are_those_of_the_mission(messages: dict, field_store: Path) -> 
     np.testing.assert_array_equal(stamps, expected)
 
 
-def test_gaps_have_no_message_and_fixes_are_degrees(messages: dict, field_store: Path) -> None:
+def test_gaps_have_no_message_and_fixes_are_degrees(messages, field_store):
     run = GeneratedStore(field_store)
     fixed = np.isfinite(signal(run, "measured_gps_north"))
     fixes = messages["/measured/fix"]
@@ -113,10 +110,8 @@ def test_gaps_have_no_message_and_fixes_are_degrees(messages: dict, field_store:
     np.testing.assert_array_equal(surge, signal(run, "measured_dvl_surge")[mode == 2])
 
 
-def test_rosbags_reads_the_same_and_converts_it(
-    recording: Path, messages: dict, tmp_path: Path
-) -> None:
-    counts: dict[str, int] = defaultdict(int)
+def test_rosbags_reads_the_same_and_converts_it(recording, messages, tmp_path):
+    counts = defaultdict(int)
     quaternions = []
     with rosbags.AnyReader([recording]) as reader:
         for connection, _, raw in reader.messages():
@@ -137,7 +132,7 @@ def test_rosbags_reads_the_same_and_converts_it(
             assert reader.message_count == sum(counts.values())
 
 
-def test_frames_are_a_tree_and_the_file_says_what_it_is(recording: Path, messages: dict) -> None:
+def test_frames_are_a_tree_and_the_file_says_what_it_is(recording, messages):
     from mcap.reader import make_reader
 
     parents = {}
@@ -164,9 +159,7 @@ def test_frames_are_a_tree_and_the_file_says_what_it_is(recording: Path, message
     assert min(moments) > 1e18
 
 
-def test_long_missions_are_written_piece_by_piece(
-    recording: Path, field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_missions_are_written_piece_by_piece(recording, field_store, tmp_path, monkeypatch):
     from mcap.reader import make_reader
 
     monkeypatch.setattr("glider_twin_protocols.mcap_file.AT_A_TIME", 100)
@@ -185,7 +178,7 @@ def test_long_missions_are_written_piece_by_piece(
     assert len(found[0]) > 1000
 
 
-def test_dives_of_a_deployment_are_one_recording(tmp_path: Path) -> None:
+def test_dives_of_a_deployment_are_one_recording(tmp_path):
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, Flight()))
     run = LogStore(write_store(dataset, tmp_path / "real.zarr"))
     (path,) = EXPORTERS["mcap"].export(run, range(len(run)), tmp_path / "bags")
@@ -205,7 +198,7 @@ def test_dives_of_a_deployment_are_one_recording(tmp_path: Path) -> None:
     assert len(found["/measured/track"]) > 0
 
 
-def test_axes_are_those_of_ros() -> None:
+def test_axes_are_those_of_ros():
     """Against rotation matrices: the nose of the vehicle must point where the compass says."""
     from scipy.spatial.transform import Rotation
 
@@ -221,7 +214,7 @@ def test_axes_are_those_of_ros() -> None:
     np.testing.assert_allclose(east.apply([1.0, 0.0, 0.0]), [[1.0, 0.0, 0.0]], atol=1e-12)
 
 
-def test_bytes_are_those_of_rosbags() -> None:
+def test_bytes_are_those_of_rosbags():
     """Texts, lists and numbers of all sizes, with the padding between them."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -248,9 +241,7 @@ def test_bytes_are_those_of_rosbags() -> None:
         encode(types, "sensor_msgs/msg/NavSatFix", {"speed": 1}, 2)
 
 
-def test_what_has_no_date_or_takes_no_option_is_told(
-    field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_has_no_date_or_takes_no_option_is_told(field_store, tmp_path, monkeypatch):
     from factory.exporting import ExportOptions
 
     run = GeneratedStore(field_store)

@@ -1,11 +1,7 @@
 """Frames of MCAP recordings, read by rosbags: what REP 103, 105 and 145 promise, and physics."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -41,14 +37,14 @@ POSED = {
 class Posed(GeneratedStore):
     """A store whose vehicle never moves from one attitude."""
 
-    def row(self, name: str, mission: int) -> np.ndarray:
+    def row(self, name, mission):
         row = super().row(name, mission)
         value = POSED.get(name.partition("_")[2])
         commanded = name.startswith("commanded")
         return row if value is None or commanded else np.full_like(row, value)
 
 
-def read(path: Path) -> dict[str, list[Any]]:
+def read(path):
     """Messages by topic, by rosbags' own reader."""
     found = defaultdict(list)
     with rosbags.AnyReader([path]) as reader:
@@ -58,28 +54,28 @@ def read(path: Path) -> dict[str, list[Any]]:
 
 
 @pytest.fixture(scope="module")
-def posed(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
+def posed(field_store, tmp_path_factory):
     folder = tmp_path_factory.mktemp("posed") / "bags"
     (path,) = EXPORTERS["mcap"].export(Posed(field_store), [0], folder)
     return read(path)
 
 
 @pytest.fixture(scope="module")
-def flown(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
+def flown(field_store, tmp_path_factory):
     folder = tmp_path_factory.mktemp("flown") / "bags"
     (path,) = EXPORTERS["mcap"].export(GeneratedStore(field_store), [0], folder)
     return read(path)
 
 
-def xyz(vector: Any) -> np.ndarray:
+def xyz(vector):
     return np.array([vector.x, vector.y, vector.z])
 
 
-def rotation(quaternion: Any) -> Rotation:
+def rotation(quaternion):
     return Rotation.from_quat([*xyz(quaternion), quaternion.w])
 
 
-def close(found: Any, expected: Any) -> None:
+def close(found, expected):
     np.testing.assert_allclose(found, expected, atol=2e-6)
 
 

@@ -1,12 +1,9 @@
 """Logs of topics: recordings of ROS 2 by the library `rosbags`, and ArduPilot's dataflash logs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 from logs import example
 from message_logs import circles, write_bag, write_dataflash
 
@@ -24,12 +21,12 @@ THRUSTER = example((ROOT / "docs" / "howto" / "import_messages.md").read_text(),
 """The mapping of the page"""
 
 
-def values(dataset: xr.Dataset, name: str) -> np.ndarray:
+def values(dataset, name):
     return dataset[name].values[0, : int(dataset["n_samples"][0])].astype(float)
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def flown(tmp_path_factory):
     """A propelled vehicle with field sensors, recorded."""
     path = tmp_path_factory.mktemp("flown") / "run.zarr"
     run = twin.simulate(
@@ -39,7 +36,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_what_was_exported_comes_back(flown: Path, tmp_path: Path) -> None:
+def test_what_was_exported_comes_back(flown, tmp_path):
     store = open_exportable(flown)
     (path,) = EXPORTERS["mcap"].export(store, [0], tmp_path / "bags")
     dataset, report = import_logs("mcap", [path])
@@ -77,7 +74,7 @@ def test_what_was_exported_comes_back(flown: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_a_recording_of_the_library_of_ros(storage: str, tmp_path: Path) -> None:
+def test_a_recording_of_the_library_of_ros(storage, tmp_path):
     time, state = circles()
     bag = write_bag(tmp_path / "run_7", state, time, storage)
     mapping = tmp_path / "mine.toml"
@@ -104,7 +101,7 @@ def test_a_recording_of_the_library_of_ros(storage: str, tmp_path: Path) -> None
     assert dataset.attrs[VEHICLE_MJCF] == load_vehicle("remus").xml
 
 
-def test_a_hole_in_all_topics_ends_a_row(tmp_path: Path) -> None:
+def test_a_hole_in_all_topics_ends_a_row(tmp_path):
     time, state = circles()
     time = np.where(np.arange(len(time)) < 700, time, time + 90.0)
     bag = write_bag(tmp_path / "run", state, time)
@@ -113,7 +110,7 @@ def test_a_hole_in_all_topics_ends_a_row(tmp_path: Path) -> None:
     assert report.hours == pytest.approx(2 * 150.0 / 3600.0, rel=0.1)
 
 
-def test_what_is_wrong_with_a_recording_is_told(tmp_path: Path) -> None:
+def test_what_is_wrong_with_a_recording_is_told(tmp_path):
     time, state = circles(100.0)
     bag = write_bag(tmp_path / "run", state, time)
     mapping = tmp_path / "mine.toml"
@@ -137,9 +134,7 @@ def test_what_is_wrong_with_a_recording_is_told(tmp_path: Path) -> None:
         import_logs("rosbag2", [bag])
 
 
-def test_what_lies_beside_recordings_is_passed_over_with_a_word(
-    flown: Path, tmp_path: Path
-) -> None:
+def test_what_lies_beside_recordings_is_passed_over_with_a_word(flown, tmp_path):
     (path,) = EXPORTERS["mcap"].export(open_exportable(flown), [0], tmp_path / "bags")
     beside = path.with_name("checksums.json")
     beside.write_text("{}")
@@ -155,7 +150,7 @@ def test_what_lies_beside_recordings_is_passed_over_with_a_word(
         import_logs("mcap", [beside])
 
 
-def test_a_file_that_was_cut_off(flown: Path, tmp_path: Path) -> None:
+def test_a_file_that_was_cut_off(flown, tmp_path):
     (path,) = EXPORTERS["mcap"].export(open_exportable(flown), [0], tmp_path / "bags")
     content = path.read_bytes()
     path.write_bytes(content[:-2000])
@@ -167,7 +162,7 @@ def test_a_file_that_was_cut_off(flown: Path, tmp_path: Path) -> None:
         import_logs("mcap", [path])
 
 
-def test_a_dataflash_log(tmp_path: Path) -> None:
+def test_a_dataflash_log(tmp_path):
     pytest.importorskip("pymavlink")
     time, state = circles()
     fix = {"latitude": np.full(len(time), 49.5), "longitude": np.full(len(time), -58.0)}
@@ -188,7 +183,7 @@ def test_a_dataflash_log(tmp_path: Path) -> None:
     )
 
 
-def test_a_vehicle_that_never_met_a_satellite_needs_a_start(tmp_path: Path) -> None:
+def test_a_vehicle_that_never_met_a_satellite_needs_a_start(tmp_path):
     pytest.importorskip("pymavlink")
     time, state = circles(120.0)
     log = write_dataflash(tmp_path / "00000012.BIN", time, state, clock=False)
@@ -200,7 +195,7 @@ def test_a_vehicle_that_never_met_a_satellite_needs_a_start(tmp_path: Path) -> N
     assert str(dataset["start_time"].values[0]).startswith("1782374401")
 
 
-def write_odometry(path: Path, frame: str, body: str, *, down: bool) -> Path:
+def write_odometry(path, frame, body, *, down):
     """A vehicle 20 m deep that goes 0.4 m/s north and 0.3 m/s east at a heading of 30 degree, nose
     down by 5, as Odometry: z counts down and x north, or z up and x east."""
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -251,9 +246,7 @@ def write_odometry(path: Path, frame: str, body: str, *, down: bool) -> Path:
         ("planned", "base_link", False),  # no word of it
     ],
 )
-def test_a_pose_is_in_the_frame_that_it_names(
-    frame: str, body: str, down: bool, tmp_path: Path
-) -> None:
+def test_a_pose_is_in_the_frame_that_it_names(frame, body, down, tmp_path):
     bag = write_odometry(tmp_path / "run", frame, body, down=down)
     dataset, report = import_logs("rosbag2", [bag])
     assert values(dataset, "measured_depth").max() == pytest.approx(20.0, abs=0.01)
@@ -265,7 +258,7 @@ def test_a_pose_is_in_the_frame_that_it_names(
     assert report.count("repaired") == 0
 
 
-def test_a_pose_below_the_sea_with_z_up_is_asked_about(tmp_path: Path) -> None:
+def test_a_pose_below_the_sea_with_z_up_is_asked_about(tmp_path):
     bag = write_odometry(tmp_path / "run", "odom", "base_link", down=True)
     dataset, report = import_logs("rosbag2", [bag])
     assert values(dataset, "measured_depth").max() == pytest.approx(20.0, abs=0.01)

@@ -1,11 +1,5 @@
 """ROS 2 recordings with channels that nobody can read: the others are read."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from logs import Flight
@@ -24,16 +18,14 @@ SERVICE = (
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def plain(tmp_path_factory):
     """A recording of dives, all of whose channels can be read."""
     time, state = dives(FLIGHT)
     folder = tmp_path_factory.mktemp("plain")
     return next(write_bag(folder / "bag", state, time, "mcap").glob("*.mcap"))
 
 
-def rewritten(
-    source: Path, target: Path, add: Callable[[Any], object], *, compression: str = "ZSTD"
-) -> Path:
+def rewritten(source, target, add, *, compression="ZSTD"):
     """The recording with more channels before its own."""
     from mcap.reader import make_reader
     from mcap.writer import CompressionType, Writer
@@ -42,7 +34,7 @@ def rewritten(
         writer = Writer(file, compression=CompressionType[compression])
         writer.start(profile="ros2", library="test")
         add(writer)
-        channels: dict[int, int] = {}
+        channels = {}
         for schema, channel, message in make_reader(stream).iter_messages():
             if channel.id not in channels:
                 number = writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -56,9 +48,7 @@ def rewritten(
     return target
 
 
-def add_channel(
-    writer: Any, topic: str, encoding: str, schema: tuple[str, str, bytes] | None, data: bytes
-) -> None:
+def add_channel(writer, topic, encoding, schema, data):
     number = 0 if schema is None else writer.register_schema(*schema)
     channel = writer.register_channel(topic, encoding, number)
     for k in range(5):
@@ -80,9 +70,7 @@ UNREAD = {
 
 @pytest.mark.parametrize("kind", UNREAD)
 @pytest.mark.parametrize("bag", [False, True])
-def test_a_channel_that_cannot_be_read_is_left_out_by_name(
-    plain: Path, tmp_path: Path, kind: str, bag: bool
-) -> None:
+def test_a_channel_that_cannot_be_read_is_left_out_by_name(plain, tmp_path, kind, bag):
     encoding, schema, data, why = UNREAD[kind]
     target = tmp_path / "bag" / "bag_0.mcap"
     target.parent.mkdir()
@@ -100,7 +88,7 @@ def test_a_channel_that_cannot_be_read_is_left_out_by_name(
         assert "recover" not in told.detail
 
 
-def test_a_topic_of_two_channels_keeps_the_readable_one(plain: Path, tmp_path: Path) -> None:
+def test_a_topic_of_two_channels_keeps_the_readable_one(plain, tmp_path):
     path = rewritten(
         plain, tmp_path / "two.mcap",
         lambda w: add_channel(w, "/pressure", "json", ("p", "jsonschema", b"{}"), b"{}"),
@@ -110,7 +98,7 @@ def test_a_topic_of_two_channels_keeps_the_readable_one(plain: Path, tmp_path: P
     np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
 
 
-def test_messages_that_are_none_are_removed_and_counted(plain: Path, tmp_path: Path) -> None:
+def test_messages_that_are_none_are_removed_and_counted(plain, tmp_path):
     channel = next(c for c in Ros2Recording(plain).channels if c.topic == "/pressure")
     schema = next(s for s in _schemas(plain) if s.name == channel.kind)
     path = rewritten(
@@ -126,7 +114,7 @@ def test_messages_that_are_none_are_removed_and_counted(plain: Path, tmp_path: P
     assert told.count == 5
 
 
-def _schemas(path: Path) -> list[Any]:
+def _schemas(path):
     from mcap.reader import make_reader
 
     with path.open("rb") as stream:
@@ -134,7 +122,7 @@ def _schemas(path: Path) -> list[Any]:
 
 
 @pytest.mark.parametrize("json", [False, True])
-def test_a_recording_of_no_known_topic_says_what_it_has(tmp_path: Path, json: bool) -> None:
+def test_a_recording_of_no_known_topic_says_what_it_has(tmp_path, json):
     from mcap.writer import Writer
 
     path = tmp_path / "a.mcap"
@@ -151,9 +139,7 @@ def test_a_recording_of_no_known_topic_says_what_it_has(tmp_path: Path, json: bo
 
 
 @pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
-def test_a_recording_is_the_same_however_it_is_packed(
-    plain: Path, tmp_path: Path, compression: str
-) -> None:
+def test_a_recording_is_the_same_however_it_is_packed(plain, tmp_path, compression):
     path = rewritten(plain, tmp_path / "a.mcap", lambda _: None, compression=compression)
     right, _ = import_logs("mcap", [plain])
     found, _ = import_logs("mcap", [path])
@@ -162,12 +148,10 @@ def test_a_recording_is_the_same_however_it_is_packed(
 
 @pytest.mark.parametrize("compression", ["LZ4", "ZSTD"])
 @pytest.mark.parametrize("honest", [True, False])
-def test_a_chunk_that_unpacks_to_far_too_much_is_refused(
-    plain: Path, tmp_path: Path, compression: str, honest: bool
-) -> None:
+def test_a_chunk_that_unpacks_to_far_too_much_is_refused(plain, tmp_path, compression, honest):
     """Whether it says its size or not."""
 
-    def add(writer: Any) -> None:
+    def add(writer):
         zeros = ("std_msgs/msg/String", "ros2msg", b"string data")
         for _ in range(10):
             add_channel(writer, "/zeros", "cdr", zeros, bytes(2**20))

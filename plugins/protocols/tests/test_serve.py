@@ -1,15 +1,10 @@
 """A vehicle stepped from outside: the same bits as flown in one go, also over the protocol."""
 
-from __future__ import annotations
-
 import json
 import re
 import socket
 import struct
 import threading
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +14,7 @@ import twin
 from glider_twin_protocols import ArduPilotServer, Channels
 from twin import SteppedVehicle
 from twin.errors import InputError
-from twin.mission.controller import Command, Observation
+from twin.mission.controller import Command
 
 SECONDS = 1000.0
 QUICK = 100.0
@@ -28,13 +23,13 @@ VEHICLE = "remus"
 PARTS = ("propeller", "rudder", "elevator")
 
 
-def scenario(vehicle: str = VEHICLE, seconds: float = SECONDS) -> twin.Scenario:
+def scenario(vehicle=VEHICLE, seconds=SECONDS):
     return twin.scenario_of(
         vehicle=vehicle, duration=seconds, current="uniform:0.1,-0.05", commanded=True
     )
 
 
-def pulses(time: float) -> tuple[int, ...]:
+def pulses(time):
     """A manoeuvre with every part, at some time [s]."""
     time = time if time < QUICK - 1e-6 else np.floor(time + 1e-6)
     return (
@@ -44,11 +39,11 @@ def pulses(time: float) -> tuple[int, ...]:
 
 
 @pytest.fixture(scope="module")
-def flown() -> twin.Trajectory:
+def flown():
     """The manoeuvre, in one go by `twin.simulate`."""
     channels = Channels.of(scenario().vehicle, PARTS)
 
-    def controller(seen: Observation) -> Command:
+    def controller(seen):
         return channels.command(pulses(seen.time))
 
     return twin.simulate(scenario(), controller=controller)
@@ -57,39 +52,39 @@ def flown() -> twin.Trajectory:
 class Client:
     """What ArduPilot is, by its protocol's description alone."""
 
-    def __init__(self, address: tuple[str, int], rate: int) -> None:
+    def __init__(self, address, rate):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.settimeout(60.0)
         self._address, self.rate = address, rate
         self.frame = -1
 
-    def send(self, values: tuple[int, ...], frame: int | None = None) -> None:
+    def send(self, values, frame=None):
         self.frame = self.frame + 1 if frame is None else frame
         padded = (*values, *(0,) * (16 - len(values)))
         packet = struct.pack("<HHI16H", 18458, self.rate, self.frame, *padded)
         self._socket.sendto(packet, self._address)
 
-    def answer(self) -> dict:
+    def answer(self):
         line = self._socket.recv(4096)
         assert line.startswith(b"\n")
         assert line.endswith(b"\n")
         return json.loads(line)
 
-    def ask(self, values: tuple[int, ...], frame: int | None = None) -> dict:
+    def ask(self, values, frame=None):
         self.send(values, frame)
         return self.answer()
 
-    def close(self) -> None:
+    def close(self):
         self._socket.close()
 
 
 @pytest.fixture
-def serve() -> Iterator[Callable[..., tuple[ArduPilotServer, Client]]]:
+def serve():
     """Serves a vehicle on a thread; its client."""
     stop = threading.Event()
-    tidy: list[Callable[[], None]] = []
+    tidy = []
 
-    def begin(vehicle: SteppedVehicle, rate: int, **options: Any) -> tuple:
+    def begin(vehicle, rate, **options):
         channels = Channels.of(vehicle.vehicle, PARTS if vehicle.vehicle.name == VEHICLE else ())
         server = ArduPilotServer(vehicle, channels, port=0, **options)
         thread = threading.Thread(target=server.run, args=(stop.is_set,))
@@ -104,9 +99,7 @@ def serve() -> Iterator[Callable[..., tuple[ArduPilotServer, Client]]]:
         end()
 
 
-def test_served_seconds_are_those_that_simulate_flies(
-    flown: twin.Trajectory, serve: Callable
-) -> None:
+def test_served_seconds_are_those_that_simulate_flies(flown, serve):
     vehicle = SteppedVehicle(scenario())
     rate = round(1.0 / vehicle.vehicle.control_period)
     assert 1.0 / rate == vehicle.vehicle.control_period
@@ -131,7 +124,7 @@ def test_served_seconds_are_those_that_simulate_flies(
     assert flown["true_surge"].max() > 1.0  # it went somewhere
 
 
-def test_the_answer_is_the_state_of_the_vehicle(flown: twin.Trajectory, serve: Callable) -> None:
+def test_the_answer_is_the_state_of_the_vehicle(flown, serve):
     vehicle = SteppedVehicle(scenario())
     rate = round(1.0 / vehicle.vehicle.control_period)
     _, client = serve(vehicle, rate, silence=60.0)
@@ -144,10 +137,12 @@ def test_the_answer_is_the_state_of_the_vehicle(flown: twin.Trajectory, serve: C
     for k in rows:
         said = at[round(float(flown.time[k]), 6)]
         for name, field, index in (
-            ("true_north", "position", 0), ("true_east", "position", 1),
-            ("true_depth", "position", 2), ("true_velocity_north", "velocity", 0),
+            ("true_north", "position", 0),
+            ("true_east", "position", 1),
+            ("true_depth", "position", 2),
+            ("true_velocity_north", "velocity", 0),
             ("true_velocity_down", "velocity", 2),
-        ):  # fmt: skip
+        ):
             assert said[field][index] == pytest.approx(flown[name][k], abs=2e-3), name
         for axis, name in enumerate(("roll", "pitch", "yaw")):
             rate_then = flown[f"true_{name}_rate"][k]
@@ -161,7 +156,7 @@ def test_the_answer_is_the_state_of_the_vehicle(flown: twin.Trajectory, serve: C
         assert abs(away) < 0.01
 
 
-def test_frames_that_repeat_or_begin_again(serve: Callable) -> None:
+def test_frames_that_repeat_or_begin_again(serve):
     server, client = serve(SteppedVehicle(scenario(seconds=60.0)), 10, silence=60.0)
     first = client.ask((2000, 1500, 1500))
     client.ask((2000, 1500, 1500))
@@ -174,8 +169,8 @@ def test_frames_that_repeat_or_begin_again(serve: Callable) -> None:
     assert server.served.restarts == 1
 
 
-def test_what_is_no_packet_and_who_is_no_client_is_refused(serve: Callable) -> None:
-    told: list[str] = []
+def test_what_is_no_packet_and_who_is_no_client_is_refused(serve):
+    told = []
     vehicle = SteppedVehicle(scenario(seconds=60.0))
     server, client = serve(vehicle, 10, silence=60.0, tell=told.append)
     client.ask((2000, 1500, 1500))
@@ -193,7 +188,7 @@ def test_what_is_no_packet_and_who_is_no_client_is_refused(serve: Callable) -> N
 
 
 @pytest.mark.parametrize("vehicle", ["remus", "seaglider"])
-def test_a_lost_client_leaves_the_vehicle_in_its_failsafe(vehicle: str, serve: Callable) -> None:
+def test_a_lost_client_leaves_the_vehicle_in_its_failsafe(vehicle, serve):
     stepped = SteppedVehicle(scenario(vehicle, seconds=3600.0))
     server, client = serve(stepped, 2, silence=0.2)
     client.ask(tuple(1800 for _ in stepped.vehicle.parts))
@@ -216,7 +211,7 @@ def test_a_lost_client_leaves_the_vehicle_in_its_failsafe(vehicle: str, serve: C
         assert wanted["pump"] == pump.high > pump.rest
 
 
-def test_other_machines_are_let_in_only_on_request() -> None:
+def test_other_machines_are_let_in_only_on_request():
     vehicle = SteppedVehicle(scenario(seconds=60.0))
     channels = Channels.of(vehicle.vehicle)
     for words, said in (
@@ -233,10 +228,10 @@ def test_other_machines_are_let_in_only_on_request() -> None:
         ArduPilotServer(vehicle, channels, port=server.address[1])
 
 
-def test_only_the_named_addresses_drive() -> None:
+def test_only_the_named_addresses_drive():
     """Packets from elsewhere are handed over as the socket would: one machine has one address."""
     vehicle = SteppedVehicle(scenario(seconds=60.0))
-    told: list[str] = []
+    told = []
     with ArduPilotServer(
         vehicle, Channels.of(vehicle.vehicle), host="0.0.0.0", port=0, tell=told.append,
         exposed_to=["192.168.1.20", "10.1.0.0/16"],
@@ -257,14 +252,14 @@ def test_only_the_named_addresses_drive() -> None:
 class Unsent:
     """A socket on which answers go nowhere."""
 
-    def sendto(self, *_: object) -> None:
+    def sendto(self, *_):
         pass
 
-    def close(self) -> None:
+    def close(self):
         pass
 
 
-def test_channels_are_parts() -> None:
+def test_channels_are_parts():
     vehicle = scenario().vehicle
     assert Channels.of(vehicle).parts == tuple(vehicle.part_names)
     with pytest.raises(InputError, match=r"'ruder'.*rudder"):
@@ -276,11 +271,11 @@ def test_channels_are_parts() -> None:
     assert dict(command) == {"propeller": vehicle.part("propeller").rest, "rudder": rudder.high}
 
 
-def test_a_saved_state_goes_on_to_the_same_bits() -> None:
+def test_a_saved_state_goes_on_to_the_same_bits():
     vehicle = SteppedVehicle(scenario(seconds=100.0))
     channels = Channels.of(vehicle.vehicle, PARTS)
 
-    def controller(seen: Observation) -> Command:
+    def controller(seen):
         return channels.command(pulses(seen.time))
 
     vehicle.fly(controller, 40.0)
@@ -297,7 +292,7 @@ def test_a_saved_state_goes_on_to_the_same_bits() -> None:
         SteppedVehicle(scenario("tethys", seconds=100.0)).restore(saved)
 
 
-def test_a_stepped_vehicle_has_no_other_master() -> None:
+def test_a_stepped_vehicle_has_no_other_master():
     with pytest.raises(InputError, match="commanded from outside"):
         SteppedVehicle(twin.scenario_of(vehicle="remus"))
     vehicle = SteppedVehicle(scenario(seconds=1.0))
@@ -308,7 +303,7 @@ def test_a_stepped_vehicle_has_no_other_master() -> None:
         vehicle.step(Command())
 
 
-def test_telemetry_is_what_a_ground_station_reads(tmp_path: Path) -> None:
+def test_telemetry_is_what_a_ground_station_reads(tmp_path):
     mavutil = pytest.importorskip("pymavlink.mavutil")
     from glider_twin_protocols import MavlinkTelemetry
 
@@ -316,7 +311,7 @@ def test_telemetry_is_what_a_ground_station_reads(tmp_path: Path) -> None:
     port = station.port.getsockname()[1]
     telemetry = MavlinkTelemetry(f"udpout:127.0.0.1:{port}", (36.8, -122.4))
     vehicle = SteppedVehicle(scenario(seconds=60.0))
-    found: dict[str, list] = {}
+    found = {}
     for _ in range(100):
         vehicle.step(Command(propeller=150.0, rudder=0.1))
         telemetry(vehicle)
@@ -333,7 +328,7 @@ def test_telemetry_is_what_a_ground_station_reads(tmp_path: Path) -> None:
     assert found["ATTITUDE"][-1].pitch == pytest.approx(np.radians(now["true_pitch"]), abs=0.02)
 
 
-def test_the_controllers_of_the_page(serve: Callable, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_controllers_of_the_page(serve, capsys):
     (_, stepping), (_, client) = blocks("docs/howto/serve.md")
     exec(stepping, {})
     seconds, depth, heading = re.findall(r"[0-9.]+", capsys.readouterr().out)

@@ -1,16 +1,11 @@
 """ROS 2 over Zenoh: Zenoh's own library is the client, rosbags' definitions read the messages."""
 
-from __future__ import annotations
-
 import json
 import math
 import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,11 +26,11 @@ START = (36.8, -122.4)
 RATE = 20.0
 
 
-def stepped(vehicle: str = "remus", seconds: float = 600.0) -> SteppedVehicle:
+def stepped(vehicle="remus", seconds=600.0):
     return SteppedVehicle(twin.scenario_of(vehicle=vehicle, duration=seconds, commanded=True))
 
 
-def free_port() -> int:
+def free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])
@@ -44,8 +39,8 @@ def free_port() -> int:
 class Client:
     """A session of Zenoh, which keeps what it hears."""
 
-    def __init__(self, port: int, password: str | None = None, keys: str = "0/**") -> None:
-        settings: dict[str, Any] = {
+    def __init__(self, port, password=None, keys="0/**"):
+        settings = {
             "mode": "client",
             "connect/endpoints": [f"tcp/127.0.0.1:{port}"],
             "scouting/multicast/enabled": False,
@@ -61,15 +56,15 @@ class Client:
         self.heard: dict[str, list[tuple[bytes, bytes]]] = {}
         self._kept = self.session.declare_subscriber(keys, self._take)
 
-    def _take(self, sample: Any) -> None:
+    def _take(self, sample):
         entry = bytes(sample.payload), bytes(sample.attachment or b"")
         self.heard.setdefault(str(sample.key_expr), []).append(entry)
 
-    def command(self, key: str, value: float, order: str = "<") -> None:
+    def command(self, key, value, order="<"):
         head = b"\0\1\0\0" if order == "<" else b"\0\0\0\0"
         self.session.put(key, head + struct.pack(f"{order}d", value))
 
-    def messages(self, name: str) -> list[Any]:
+    def messages(self, name):
         """By the hash and the type that the key names."""
         (key,) = [key for key in self.heard if key.startswith(f"0/{name}/")]
         _, dds, hashed = key.removeprefix(f"0/{name}").rsplit("/", 2)
@@ -79,7 +74,7 @@ class Client:
         return [TYPES.deserialize_cdr(data, kind) for data, _ in list(self.heard[key])]
 
 
-def wait(condition: Callable[[], bool]) -> None:
+def wait(condition):
     event, end = threading.Event(), time.monotonic() + HANG_S
     while not condition():
         assert time.monotonic() < end, "it did not come"
@@ -87,14 +82,12 @@ def wait(condition: Callable[[], bool]) -> None:
 
 
 @pytest.fixture
-def serve() -> Iterator[Callable[..., tuple[ZenohServer, Client]]]:
+def serve():
     """Serves a vehicle on a thread; a client of it."""
     stop = threading.Event()
-    tidy: list[Callable[[], None]] = []
+    tidy = []
 
-    def begin(
-        vehicle: SteppedVehicle, *, password: str | None = None, keys: str = "0/**", **options: Any
-    ) -> tuple[ZenohServer, Client]:
+    def begin(vehicle, *, password=None, keys="0/**", **options):
         port = free_port()
         options = {"rate": RATE, "silence": 60.0, "token": password, **options}
         server = ZenohServer(vehicle, START, port=port, **options)
@@ -111,7 +104,7 @@ def serve() -> Iterator[Callable[..., tuple[ZenohServer, Client]]]:
         end()
 
 
-def test_a_client_drives_and_reads_the_state(serve: Callable) -> None:
+def test_a_client_drives_and_reads_the_state(serve):
     vehicle = stepped()
     server, client = serve(vehicle)
     wait(lambda: any("/truth/odometry/" in key for key in client.heard))
@@ -148,7 +141,7 @@ def test_a_client_drives_and_reads_the_state(serve: Callable) -> None:
     assert len(commanded) <= 2
 
 
-def test_what_is_attached_is_what_rmw_zenoh_reads(serve: Callable) -> None:
+def test_what_is_attached_is_what_rmw_zenoh_reads(serve):
     """Sequence, moment and the publisher's identity, of Zenoh's serializer."""
     from zenoh.ext import Int64, UInt8, z_deserialize
 
@@ -167,7 +160,7 @@ def test_what_is_attached_is_what_rmw_zenoh_reads(serve: Callable) -> None:
     assert len({bytes(map(int, one[2])) for one in said}) == 1
 
 
-def test_the_graph_of_ros_has_the_node_and_its_topics(serve: Callable) -> None:
+def test_the_graph_of_ros_has_the_node_and_its_topics(serve):
     server, client = serve(stepped(), domain=7, keys="7/**")
     wait(lambda: any("/tf/" in key for key in client.heard))
     wait(lambda: server.served.frames > 2)
@@ -191,7 +184,7 @@ def test_the_graph_of_ros_has_the_node_and_its_topics(serve: Callable) -> None:
         assert ("MS", f"%commanded%{part}", FLOAT64, hashed, qos) in ends
 
 
-def test_a_bridge_of_dds_has_the_names_alone(serve: Callable) -> None:
+def test_a_bridge_of_dds_has_the_names_alone(serve):
     vehicle = stepped()
     _, client = serve(vehicle, bridge=True, keys="truth/**")
     wait(lambda: "truth/imu" in client.heard)
@@ -201,7 +194,7 @@ def test_a_bridge_of_dds_has_the_names_alone(serve: Callable) -> None:
 
 
 @pytest.mark.parametrize("name", ["remus", "seaglider"])
-def test_a_lost_client_leaves_the_vehicle_in_its_failsafe(name: str, serve: Callable) -> None:
+def test_a_lost_client_leaves_the_vehicle_in_its_failsafe(name, serve):
     vehicle = stepped(name)
     part = vehicle.vehicle.part("pump" if name == "seaglider" else "propeller")
     server, client = serve(vehicle, silence=0.5)
@@ -218,7 +211,7 @@ def test_a_lost_client_leaves_the_vehicle_in_its_failsafe(name: str, serve: Call
     assert server.served.lost >= 1
 
 
-def test_what_is_no_number_is_refused(serve: Callable) -> None:
+def test_what_is_no_number_is_refused(serve):
     vehicle = stepped()
     server, client = serve(vehicle)
     key = f"0/commanded/rudder/{FLOAT64}/any"
@@ -230,7 +223,7 @@ def test_what_is_no_number_is_refused(serve: Callable) -> None:
     assert vehicle.time == 0.0
 
 
-def test_who_lacks_the_token_does_not_connect(serve: Callable) -> None:
+def test_who_lacks_the_token_does_not_connect(serve):
     server, client = serve(stepped(), password="a-token")
     wait(lambda: bool(client.heard))
     for wrong in (None, "another"):
@@ -238,13 +231,14 @@ def test_who_lacks_the_token_does_not_connect(serve: Callable) -> None:
             Client(server.port, wrong)
 
 
-def test_a_router_in_between(serve: Callable) -> None:
+def test_a_router_in_between(serve):
     port = free_port()
     config = zenoh.Config()
     for name, value in (
-        ("mode", "router"), ("listen/endpoints", [f"tcp/127.0.0.1:{port}"]),
+        ("mode", "router"),
+        ("listen/endpoints", [f"tcp/127.0.0.1:{port}"]),
         ("scouting/multicast/enabled", False),
-    ):  # fmt: skip
+    ):
         config.insert_json5(name, json.dumps(value))
     router = zenoh.open(config)
     vehicle = stepped()
@@ -264,7 +258,7 @@ def test_a_router_in_between(serve: Callable) -> None:
         ZenohServer(stepped(), START, router=f"tcp/127.0.0.1:{port}")
 
 
-def test_other_machines_need_a_token_and_options_their_protocol(tmp_path: Path) -> None:
+def test_other_machines_need_a_token_and_options_their_protocol(tmp_path):
     with pytest.raises(InputError, match=r"0\.0\.0\.0 can be reached.*--token-file"):
         ZenohServer(stepped(), START, host="0.0.0.0")
     for words, said in (({"rate": 0.0}, "rate must be above 0"), ({"domain": -1}, "0 to 232")):

@@ -1,7 +1,5 @@
 """The data set for an ERDDAP server: by the rules of its administrators' manual, and read back."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path
@@ -42,20 +40,20 @@ TAGS = (
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
     dataset, _ = import_logs("seaglider", write_basestation(folder, FLIGHT), period=4.0)
     return write_store(dataset, folder / "real.zarr")
 
 
 @pytest.fixture(scope="module")
-def served(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def served(store, tmp_path_factory):
     folder = tmp_path_factory.mktemp("served") / "calypso"
     EXPORTERS["erddap"].export(LogStore(store), range(FLIGHT.dives), folder)
     return folder
 
 
-def attributes(tag: ElementTree.Element) -> dict[str, str]:
+def attributes(tag):
     """What `addAttributes` adds; ERDDAP takes letters, digits and underscores as names."""
     (added,) = tag.findall("addAttributes")
     names = [str(one.get("name")) for one in added]
@@ -65,7 +63,7 @@ def attributes(tag: ElementTree.Element) -> dict[str, str]:
     return {str(one.get("name")): str(one.text) for one in added}
 
 
-def check_data_set(tag: ElementTree.Element, folder: Path) -> None:
+def check_data_set(tag, folder):
     """The manual's demands on an EDDTableFromMultidimNcFiles of trajectories."""
     assert tag.tag == "dataset"
     assert tag.get("type") == "EDDTableFromMultidimNcFiles"
@@ -116,14 +114,14 @@ def check_data_set(tag: ElementTree.Element, folder: Path) -> None:
             assert roles[0] in once
 
 
-def test_a_deployment_is_a_data_set_by_the_manual(served: Path) -> None:
+def test_a_deployment_is_a_data_set_by_the_manual(served):
     root = ElementTree.parse(served / "datasets.xml").getroot()
     assert root.tag == "erddapDatasets"
     (tag,) = root
     check_data_set(tag, served)
 
 
-def test_categories_are_those_of_what_was_measured(served: Path) -> None:
+def test_categories_are_those_of_what_was_measured(served):
     (tag,) = ElementTree.parse(served / "datasets.xml").getroot()
     found = {
         str(one.findtext("destinationName")): attributes(one)["ioos_category"]
@@ -138,7 +136,7 @@ def test_categories_are_those_of_what_was_measured(served: Path) -> None:
     assert {name: found[name] for name in expected} == expected
 
 
-def test_simulated_missions_are_one_data_set(field_store: Path, tmp_path: Path) -> None:
+def test_simulated_missions_are_one_data_set(field_store, tmp_path):
     EXPORTERS["erddap"].export(open_missions(field_store), [0, 1], tmp_path / "served")
     (tag,) = ElementTree.parse(tmp_path / "served" / "datasets.xml").getroot()
     check_data_set(tag, tmp_path / "served")
@@ -147,7 +145,7 @@ def test_simulated_missions_are_one_data_set(field_store: Path, tmp_path: Path) 
     assert attributes(tag)["id"] == "null"
 
 
-def test_the_command_takes_the_server_s_folder(store: Path, tmp_path: Path) -> None:
+def test_the_command_takes_the_server_s_folder(store, tmp_path):
     out = tmp_path / "1 & 2"
     words = ["export", str(store), "--to", "erddap", "--out", str(out)]
     assert PROGRAM.main([*words, "--file-dir", "/data/a & b"]) == 0
@@ -160,14 +158,14 @@ def test_the_command_takes_the_server_s_folder(store: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("folder", ["data", "", "/data/\x01"])
-def test_a_folder_that_no_server_finds_is_refused(store: Path, tmp_path: Path, folder: str) -> None:
+def test_a_folder_that_no_server_finds_is_refused(store, tmp_path, folder):
     with pytest.raises(InputError, match=r"must be the absolute path .* such as /data/calypso"):
         EXPORTERS["erddap"].export(
             LogStore(store), [0], tmp_path / "served", options=ExportOptions(file_dir=folder)
         )
 
 
-def test_a_page_about_it_is_an_address(store: Path, tmp_path: Path) -> None:
+def test_a_page_about_it_is_an_address(store, tmp_path):
     metadata, out = tmp_path / "deployment.yml", tmp_path / "served"
     metadata.write_text(
         "metadata:\n  references: 'Doe, J. (2026): Gliding'\n  creator_url: www.a.example/b\n"
@@ -184,7 +182,7 @@ MAPPING = example(
 MAPPED = tomllib.loads(MAPPING)["signals"]
 
 
-def table(served: Path) -> tuple[str, list[str], np.ndarray]:
+def table(served):
     """What a server makes of the folder: datasetID, header and rows."""
     (tag,) = ElementTree.parse(served / "datasets.xml").getroot()
     (path,) = served.glob("*.nc")
@@ -204,7 +202,7 @@ def table(served: Path) -> tuple[str, list[str], np.ndarray]:
     return str(tag.get("datasetID")), header, np.stack(columns, axis=1)
 
 
-def test_what_a_server_shows_of_it_is_the_log(store: Path, served: Path, tmp_path: Path) -> None:
+def test_what_a_server_shows_of_it_is_the_log(store, served, tmp_path):
     pytest.importorskip("erddapy", reason="the extra erddap is not installed")
     name, header, rows = table(served)
     (tmp_path / "mapping.toml").write_text(MAPPING)

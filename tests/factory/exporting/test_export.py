@@ -1,10 +1,7 @@
 """Exports: OG1.0 files that the compliance checker passes, a Parquet table, a page of plots."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
-from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -23,13 +20,11 @@ from twin.sensors import SensorSuite
 
 
 @pytest.fixture(scope="module")
-def og1(field_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def og1(field_store, tmp_path_factory):
     return export_og1(GeneratedStore(field_store), 1, tmp_path_factory.mktemp("og1"))
 
 
-def test_og1_has_what_the_format_demands_and_says_that_it_is_simulated(
-    og1: Path, field_store: Path
-) -> None:
+def test_og1_has_what_the_format_demands_and_says_that_it_is_simulated(og1, field_store):
     run = GeneratedStore(field_store)
     samples = int(run.samples[1])
     with netCDF4.Dataset(og1) as file:
@@ -74,14 +69,12 @@ def test_og1_has_what_the_format_demands_and_says_that_it_is_simulated(
 
 @needs_checker
 @pytest.mark.filterwarnings("ignore:Passing the dataset:DeprecationWarning")
-def test_og1_passes_the_cf_check(
-    og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_og1_passes_the_cf_check(og1, tmp_path, monkeypatch):
     found = complaints(og1, ["cf:1.10"], tmp_path, monkeypatch)
     assert not any(found["cf:1.10"].values()), found
 
 
-def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1: Path, field_store: Path) -> None:
+def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1, field_store):
     """A velocity over the bottom contains the current, one through the water does not."""
     run = GeneratedStore(field_store)
     with netCDF4.Dataset(og1) as file:
@@ -97,7 +90,7 @@ def test_og1_says_what_the_codes_mean_and_the_dvl_refers_to(og1: Path, field_sto
                 assert sensor in file.variables
 
 
-def test_og1_names_what_the_ctd_measured(og1: Path, field_store: Path, paper_store: Path) -> None:
+def test_og1_names_what_the_ctd_measured(og1, field_store, paper_store):
     """As OceanGliders names it; water of density alone has none of it, nor the instrument."""
     run = GeneratedStore(field_store)
     with netCDF4.Dataset(og1) as file:
@@ -122,9 +115,7 @@ def test_og1_names_what_the_ctd_measured(og1: Path, field_store: Path, paper_sto
         ("field-no-dvl", "simulated Microstrain 3DM-GX5-25", "none: this vehicle has no Doppler"),
     ],
 )
-def test_og1_calls_the_sensors_what_they_were(
-    sensors: str, ahrs: str, dvl: str, field_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_og1_calls_the_sensors_what_they_were(sensors, ahrs, dvl, field_store, monkeypatch):
     run = GeneratedStore(field_store)
     monkeypatch.setattr(run, "suite", SensorSuite.preset(sensors))
     for name, model in (("SENSOR_AHRS", ahrs), ("SENSOR_DVL", dvl)):
@@ -133,20 +124,18 @@ def test_og1_calls_the_sensors_what_they_were(
         assert attributes["sensor_model"].startswith(model)
 
 
-def test_phases_are_those_of_the_vocabulary() -> None:
+def test_phases_are_those_of_the_vocabulary():
     depth = np.array([0.2, 50.0, 50.0, 120.0])
     down = np.array([0.0, 0.2, -0.2, 0.01])
     np.testing.assert_array_equal(phases(depth, down), [3, 2, 1, 5])
 
 
-def test_a_mission_that_is_not_there_is_told(field_store: Path, tmp_path: Path) -> None:
+def test_a_mission_that_is_not_there_is_told(field_store, tmp_path):
     with pytest.raises(StoreError, match=r"missions 0 to \d+, not 77"):
         export_og1(GeneratedStore(field_store), 77, tmp_path)
 
 
-def test_a_signal_that_the_format_needs_and_the_store_lacks_is_named(
-    field_store: Path, tmp_path: Path
-) -> None:
+def test_a_signal_that_the_format_needs_and_the_store_lacks_is_named(field_store, tmp_path):
     run = GeneratedStore(field_store)
     run.dataset = run.dataset.drop_vars(["measured_depth", "measured_dvl_mode"])
     with pytest.raises(StoreError, match=r"lacks measured_depth, measured_dvl_mode: OG1\.0 needs"):
@@ -155,7 +144,7 @@ def test_a_signal_that_the_format_needs_and_the_store_lacks_is_named(
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")
-def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -> None:
+def test_parquet_has_a_row_for_every_sample(field_store, tmp_path):
     import pyarrow.parquet as pq
 
     run = GeneratedStore(field_store)
@@ -174,9 +163,7 @@ def test_parquet_has_a_row_for_every_sample(field_store: Path, tmp_path: Path) -
     assert list(splits.values()) == run.splits
 
 
-def test_without_pyarrow_the_way_out_is_told(
-    field_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_pyarrow_the_way_out_is_told(field_store, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"needs the package pyarrow.*glider-twin\[parquet\]"):
         EXPORTERS["parquet"].export(
@@ -186,9 +173,7 @@ def test_without_pyarrow_the_way_out_is_told(
 
 
 @pytest.mark.parametrize(("name", "panels"), [("paper_store", 12), ("field_store", 15)])
-def test_the_page_has_every_panel_with_data(
-    name: str, panels: int, request: pytest.FixtureRequest, tmp_path: Path
-) -> None:
+def test_the_page_has_every_panel_with_data(name, panels, request, tmp_path):
     run = GeneratedStore(request.getfixturevalue(name))
     figure = store_page(run)
     assert len(figure.axes) == panels

@@ -1,7 +1,5 @@
 """Every registered exporter: complete, documented, writes flown and logged stores; a user's own."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import subprocess
@@ -12,7 +10,7 @@ from pathlib import Path
 import pytest
 from logs import Flight, example, write_slocum
 
-from factory.exporting import EXPORTERS, Exporter
+from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_missions
 from factory.importing import import_logs
 from twin.errors import InputError, StoreError, WriteError
@@ -24,7 +22,7 @@ EVERY = pytest.mark.parametrize("exporter", list(EXPORTERS.values()), ids=lambda
 
 
 @pytest.fixture(scope="module")
-def log_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log_store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
     dataset, _ = import_logs("slocum", write_slocum(folder, Flight()))
     return write_store(dataset, folder / "real.zarr")
@@ -32,13 +30,11 @@ def log_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @EVERY
 @pytest.mark.parametrize("name", ["field_store", "log_store"])
-def test_stores_are_written_and_progress_is_told(
-    exporter: Exporter, name: str, request: pytest.FixtureRequest, tmp_path: Path
-) -> None:
+def test_stores_are_written_and_progress_is_told(exporter, name, request, tmp_path):
     for package in {"parquet": ["pyarrow"]}.get(exporter.extra, []):
         pytest.importorskip(package)
     run = open_missions(request.getfixturevalue(name))
-    done: list[int] = []
+    done = []
     target = exporter.default_path(tmp_path / "store.zarr")
     written = exporter.export(run, [0, 1], target, lambda: done.append(1))
     assert len(done) == 2
@@ -63,7 +59,7 @@ def test_stores_are_written_and_progress_is_told(
 
 
 @EVERY
-def test_formats_are_documented_and_their_extras_exist(exporter: Exporter) -> None:
+def test_formats_are_documented_and_their_extras_exist(exporter):
     assert f"| `{exporter.name}` | {exporter.title} | `STORE{exporter.ending}` |" in PAGE
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     known = extras["optional-dependencies"]
@@ -79,14 +75,12 @@ def test_formats_are_documented_and_their_extras_exist(exporter: Exporter) -> No
         ({"write": None}, "write must be a function"),
     ],
 )
-def test_half_an_exporter_is_refused(change: dict[str, object], message: str) -> None:
+def test_half_an_exporter_is_refused(change, message):
     with pytest.raises(InputError, match=message):
         dataclasses.replace(EXPORTERS["og1"], **change)
 
 
-def test_an_exporter_of_ones_own_is_one_file_outside_the_package(
-    log_store: Path, tmp_path: Path
-) -> None:
+def test_an_exporter_of_ones_own_is_one_file_outside_the_package(log_store, tmp_path):
     """The example of the page, as it stands there."""
     (tmp_path / "counts.py").write_text(example(PAGE, "my_format.py"))
     environment = {**os.environ, "GLIDER_TWIN_PLUGINS": str(tmp_path / "counts.py")}

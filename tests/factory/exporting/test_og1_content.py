@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import netCDF4
 import numpy as np
 import pytest
@@ -54,7 +52,7 @@ netcdf_variables:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """Logs of a Seaglider with the file that describes their deployment beside them."""
     folder = tmp_path_factory.mktemp("log")
     write_seaglider(folder, FLIGHT)
@@ -63,20 +61,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def store(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(folder, tmp_path_factory):
     dataset, _ = import_logs("seaglider", sorted(folder.glob("*.csv")))
     return write_store(dataset, tmp_path_factory.mktemp("store") / "real.zarr")
 
 
 @pytest.fixture(scope="module")
-def og1(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def og1(store, tmp_path_factory):
     (path,) = EXPORTERS["og1"].export(
         LogStore(store), range(FLIGHT.dives), tmp_path_factory.mktemp("og1")
     )
     return path
 
 
-def test_what_people_said_beside_the_log_is_in_the_file(og1: Path) -> None:
+def test_what_people_said_beside_the_log_is_in_the_file(og1):
     with netCDF4.Dataset(og1) as file:
         assert (file.contributor_name, file.contributor_email) == (
             "A. Nansen",
@@ -107,7 +105,7 @@ UNITS = {
 """As OceanGliders 1.0 has them: literals, not the tables that the exporter writes from"""
 
 
-def test_units_are_the_format_s_and_values_are_in_them(og1: Path, store: Path) -> None:
+def test_units_are_the_format_s_and_values_are_in_them(og1, store):
     with netCDF4.Dataset(og1) as file:
         assert {name: file[name].units for name in UNITS} == UNITS
         depth, pressure = (np.nanmax(file[name][:].filled(np.nan)) for name in ("DEPTH", "PRES"))
@@ -119,9 +117,7 @@ def test_units_are_the_format_s_and_values_are_in_them(og1: Path, store: Path) -
 
 @needs_checker
 @pytest.mark.filterwarnings("ignore:Passing the dataset:DeprecationWarning")
-def test_it_passes_the_cf_check_and_declares_what_it_passes(
-    og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_passes_the_cf_check_and_declares_what_it_passes(og1, tmp_path, monkeypatch):
     """ACDD wants a standard name for each variable: it is missing only where CF has none."""
     found = complaints(og1, ["cf:1.10", "acdd:1.3"], tmp_path, monkeypatch)
     assert not any(found["cf:1.10"].values()), found["cf:1.10"]
@@ -135,9 +131,7 @@ def test_it_passes_the_cf_check_and_declares_what_it_passes(
         assert "CF-1.10" in file.Conventions
 
 
-def test_the_command_says_whose_flight_model_it_took(
-    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_says_whose_flight_model_it_took(store, tmp_path, capsys):
     words = ["export", str(store), "--to", "og1", "--out", str(tmp_path / "out"), "--mission", "0"]
     assert PROGRAM.main(words) == 0
     assert "by the shipped vehicle seaglider" in capsys.readouterr().err
@@ -145,7 +139,7 @@ def test_the_command_says_whose_flight_model_it_took(
     assert "shipped vehicle" not in capsys.readouterr().err
 
 
-def test_flight_terms_and_currents_are_those_of_the_flight_model(og1: Path, store: Path) -> None:
+def test_flight_terms_and_currents_are_those_of_the_flight_model(og1, store):
     track = flown(LogStore(store), [1]).tracks[1]
     assert track.dive is not None
     with netCDF4.Dataset(og1) as file:
@@ -161,7 +155,7 @@ def test_flight_terms_and_currents_are_those_of_the_flight_model(og1: Path, stor
         assert 0.1 < np.median(speed) < 0.6
 
 
-def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1: Path) -> None:
+def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1):
     with netCDF4.Dataset(og1) as file:
         depth, time, up = (
             np.ma.filled(file[name][:].astype(float), np.nan)
@@ -176,7 +170,7 @@ def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1: Path) -> None:
         np.testing.assert_allclose(np.median(up[way]), np.median(rises[way]), rtol=0.3)
 
 
-def test_conductivity_is_what_salinity_was_made_of(og1: Path) -> None:
+def test_conductivity_is_what_salinity_was_made_of(og1):
     import gsw
 
     with netCDF4.Dataset(og1) as file:
@@ -188,7 +182,7 @@ def test_conductivity_is_what_salinity_was_made_of(og1: Path) -> None:
         assert file["CNDC"].units == "S m-1"
 
 
-def test_missing_values_are_flagged(store: Path, tmp_path: Path) -> None:
+def test_missing_values_are_flagged(store, tmp_path):
     import xarray as xr
 
     data = xr.open_zarr(store).load()
@@ -208,7 +202,7 @@ def test_missing_values_are_flagged(store: Path, tmp_path: Path) -> None:
         assert (np.asarray(file["DEPTH_QC"][:])[60:70] == 8).all()
 
 
-def test_raw_times_and_commands_come_back(tmp_path: Path) -> None:
+def test_raw_times_and_commands_come_back(tmp_path):
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
     count = dataset.sizes["time"]
     ramp = np.broadcast_to(np.linspace(-20.0, 20.0, count), dataset["measured_pitch"].shape)
@@ -226,7 +220,7 @@ def test_raw_times_and_commands_come_back(tmp_path: Path) -> None:
     assert "measured_onboard_north" not in again  # a corrected track is not the vehicle's own
 
 
-def test_the_vehicle_s_own_track_comes_back(tmp_path: Path) -> None:
+def test_the_vehicle_s_own_track_comes_back(tmp_path):
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
     way = np.cumsum(np.full(dataset["measured_pitch"].shape, 1.3), axis=1).astype(np.float32)
     way[np.isnan(dataset["measured_pitch"].values)] = np.nan
@@ -244,9 +238,7 @@ def test_the_vehicle_s_own_track_comes_back(tmp_path: Path) -> None:
         )
 
 
-def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(
-    store: Path, tmp_path: Path
-) -> None:
+def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(store, tmp_path):
     import xarray as xr
 
     data = xr.open_zarr(store).load().drop_vars("measured_pump")
@@ -273,7 +265,7 @@ def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(
         flown(LogStore(store), [0], vehicle="nautilus")
 
 
-def test_a_flight_of_twin_simulate_is_corrected_too(tmp_path: Path) -> None:
+def test_a_flight_of_twin_simulate_is_corrected_too(tmp_path):
     run = open_exportable(simulated_flight(tmp_path, "glider", current="uniform:0.1,0.05", yos=1))
     (path,) = EXPORTERS["og1"].export(run, [0], tmp_path / "og1")
     with netCDF4.Dataset(path) as file:
@@ -291,9 +283,7 @@ def test_a_flight_of_twin_simulate_is_corrected_too(tmp_path: Path) -> None:
         assert file.start_date == "20030801T000000"
 
 
-def test_a_metadata_file_that_is_none_is_told(
-    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_metadata_file_that_is_none_is_told(store, tmp_path, capsys):
     wrong = tmp_path / "wrong.yml"
     wrong.write_text("title: alone\n")
     words = ["export", str(store), "--to", "og1", "--out", str(tmp_path / "og1")]

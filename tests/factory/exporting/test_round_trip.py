@@ -1,13 +1,8 @@
 """Round trip: export, import and export again give the same OG1.0 file, of logs and of flights."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import netCDF4
 import numpy as np
 import pytest
-import xarray as xr
 from logs import Flight, write_basestation, write_slocum
 from simulated_logs import simulated_flight
 
@@ -19,7 +14,6 @@ from factory.importing.formats.og1.derived import oxygen_per_volume
 from factory.importing.tally import Tally
 from twin.physics.true_signals import declare_parts
 from twin.records.logged import LogStore
-from twin.records.reader import MissionStore
 from twin.records.schema import Variable, declare
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
@@ -44,11 +38,11 @@ EXCEPTIONS = {
 float32 of what they are made of. All others are equal."""
 
 
-def values_of(variable: netCDF4.Variable) -> np.ndarray:
+def values_of(variable):
     return np.ma.filled(np.ma.asarray(variable[...], float), np.nan)
 
 
-def assert_same_files(first: Path, second: Path) -> None:
+def assert_same_files(first, second):
     with netCDF4.Dataset(first) as a, netCDF4.Dataset(second) as b:
         assert set(a.variables) == set(b.variables)
         for name in a.variables:
@@ -70,7 +64,7 @@ def assert_same_files(first: Path, second: Path) -> None:
                 assert b.getncattr(attribute) == wanted, attribute
 
 
-def again(run: MissionStore, folder: Path) -> tuple[list[Path], LogStore, list[Path]]:
+def again(run, folder):
     """The files of a store, what the import makes of them, and the files of that."""
     first = EXPORTERS["og1"].export(run, range(len(run)), folder / "first")
     dataset, _ = import_logs("og1", first)
@@ -78,7 +72,7 @@ def again(run: MissionStore, folder: Path) -> tuple[list[Path], LogStore, list[P
     return first, back, EXPORTERS["og1"].export(back, range(len(back)), folder / "second")
 
 
-def rich(dataset: xr.Dataset) -> xr.Dataset:
+def rich(dataset):
     """With parts, payload and commands that the fixture's log has not."""
     shape = dataset["measured_pitch"].shape
     ramp = np.where(
@@ -109,7 +103,7 @@ def rich(dataset: xr.Dataset) -> xr.Dataset:
 
 
 @pytest.mark.parametrize("kind", ["slocum", "seaglider"])
-def test_a_log_comes_back_as_it_was(kind: str, tmp_path: Path) -> None:
+def test_a_log_comes_back_as_it_was(kind, tmp_path):
     (tmp_path / "deployment.yml").write_text(
         'metadata: {title: Salmon, institution: The Gulf, comment: Ice., wmo_id: "68"}\n'
         "glider_devices: {ctd: {make_model: SBE 41CP, serial_number: 9028}}\n"
@@ -133,9 +127,7 @@ def test_a_log_comes_back_as_it_was(kind: str, tmp_path: Path) -> None:
             np.testing.assert_allclose(y[~inside], x[~inside], rtol=0, atol=atol, err_msg=name)
 
 
-def test_simulated_missions_come_back_with_place_and_date(
-    field_store: Path, tmp_path: Path
-) -> None:
+def test_simulated_missions_come_back_with_place_and_date(field_store, tmp_path):
     flown = simulated_flight(tmp_path, "slocum-200", current="uniform:0.1,0.05", yos=1)
     for run in (open_exportable(flown), GeneratedStore(field_store)):
         (path,) = EXPORTERS["og1"].export(run, [0], tmp_path / run.path.stem)
@@ -162,7 +154,7 @@ def test_simulated_missions_come_back_with_place_and_date(
             )
 
 
-def test_oxygen_is_per_mass_in_the_file_and_per_volume_in_a_store() -> None:
+def test_oxygen_is_per_mass_in_the_file_and_per_volume_in_a_store():
     """35 of salinity at 10 degC: 1026.95 kg/m3 by TEOS-10, whatever the depth."""
     time = np.arange(3.0)
     water = {

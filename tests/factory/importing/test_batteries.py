@@ -1,9 +1,6 @@
 """Charge, voltage, current, powers and vacuum: from every kind of log that has them."""
 
-from __future__ import annotations
-
 import csv
-from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -26,12 +23,12 @@ FLIGHT = Flight()
 DEEP = Flight(depth=150.0, variation=15.0)
 
 
-def values(dataset, name: str, row: int = 0) -> np.ndarray:
+def values(dataset, name, row=0):
     found = dataset[name].values[row].astype(float)
     return found[np.isfinite(found)]
 
 
-def test_a_slocums_counter_is_kept_at_its_own_samples(tmp_path: Path) -> None:
+def test_a_slocums_counter_is_kept_at_its_own_samples(tmp_path):
     time = slocum_columns(FLIGHT)["time"]
     count = len(time)
     charge = 200.0 + 1e-4 * np.arange(count)
@@ -52,7 +49,7 @@ def test_a_slocums_counter_is_kept_at_its_own_samples(tmp_path: Path) -> None:
     assert "m_coulomb_amphr" in report.names["flight table"]["left out"]
 
 
-def test_a_thruster_takes_its_current_at_the_batteries_voltage(tmp_path: Path) -> None:
+def test_a_thruster_takes_its_current_at_the_batteries_voltage(tmp_path):
     count = len(slocum_columns(FLIGHT)["time"])
     on = FLIGHT.state(FLIGHT.time)["under"]
     common = {"m_battery": np.full(count, 16.0), "m_thruster_power": 4.0 * on}
@@ -64,14 +61,14 @@ def test_a_thruster_takes_its_current_at_the_batteries_voltage(tmp_path: Path) -
     assert values(dataset, "measured_thruster_power").min() == 0.0
 
 
-def with_numbers(paths: list[Path], **numbers: float) -> None:
+def with_numbers(paths, **numbers):
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
             for name, value in numbers.items():
                 file.createVariable(f"log_{name}", "f8", ())[...] = value
 
 
-def with_words(paths: list[Path], **words: str) -> None:
+def with_words(paths, **words):
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
             for name, text in words.items():
@@ -79,7 +76,7 @@ def with_words(paths: list[Path], **words: str) -> None:
                 file.createVariable(f"log_{name}", "S1", (f"of_{name}",))[:] = list(text)
 
 
-def test_a_seagliders_gauges_count_both_batteries_at_both_ends_of_a_dive(tmp_path: Path) -> None:
+def test_a_seagliders_gauges_count_both_batteries_at_both_ends_of_a_dive(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
     with_numbers(
         paths, FG_AHR_10V=10.0, FG_AHR_24V=20.0, FG_AHR_10Vo=10.1, FG_AHR_24Vo=20.3,
@@ -92,7 +89,7 @@ def test_a_seagliders_gauges_count_both_batteries_at_both_ends_of_a_dive(tmp_pat
     assert values(dataset, "measured_vacuum") == pytest.approx([101325.0 - 9.0 * 6894.757])
 
 
-def test_a_seaglider_without_gauges_reckons_its_charge(tmp_path: Path) -> None:
+def test_a_seaglider_without_gauges_reckons_its_charge(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
     for number, path in enumerate(paths):
         words = {"24V_AH": f"24.1,{1.0 + number:.3f}", "10V_AH": f"10.3,{0.5 * number:.3f}"}
@@ -106,15 +103,18 @@ def test_a_seaglider_without_gauges_reckons_its_charge(tmp_path: Path) -> None:
     assert [len(values(dataset, "measured_charge", row)) for row in range(3)] == [1, 0, 1]
 
 
-def test_a_seagliders_pump_takes_power_while_it_runs(tmp_path: Path) -> None:
+def test_a_seagliders_pump_takes_power_while_it_runs(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
             start = file["gc_end_secs"][:] - 60.0
             for name, column in (
-                ("gc_st_secs", start), ("gc_pitch_secs", [10.0, 10.0]), ("gc_vbd_i", [0.0, 1.5]),
-                ("gc_vbd_secs", [0.0, 40.0]), ("gc_vbd_volts", [30.0, 12.0]),
-            ):  # fmt: skip
+                ("gc_st_secs", start),
+                ("gc_pitch_secs", [10.0, 10.0]),
+                ("gc_vbd_i", [0.0, 1.5]),
+                ("gc_vbd_secs", [0.0, 40.0]),
+                ("gc_vbd_volts", [30.0, 12.0]),
+            ):
                 file.createVariable(name, "f8", ("gc_event",))[:] = column
     dataset, _ = import_logs("seaglider", paths)
     power = dataset["measured_pump_power"].values[0]
@@ -123,7 +123,7 @@ def test_a_seagliders_pump_takes_power_while_it_runs(tmp_path: Path) -> None:
     assert (power == power.max()).sum() * period == pytest.approx(40.0, abs=period)
 
 
-def test_a_seaexplorers_voltage_and_pressure_inside(tmp_path: Path) -> None:
+def test_a_seaexplorers_voltage_and_pressure_inside(tmp_path):
     path = write_seaexplorer(tmp_path / "sea035_M12_gli.csv", DEEP)
     with path.open() as file:
         rows = list(csv.reader(file))
@@ -135,7 +135,7 @@ def test_a_seaexplorers_voltage_and_pressure_inside(tmp_path: Path) -> None:
     assert values(dataset, "measured_vacuum") == pytest.approx(30000.0)
 
 
-def test_an_lrauv_counts_what_is_left(tmp_path: Path) -> None:
+def test_an_lrauv_counts_what_is_left(tmp_path):
     path = write_mat(tmp_path / "shore.mat", DEEP)
     time = DEEP.time[::50] / 86400.0 + 719529.0
     with netCDF4.Dataset(path, "a") as file:
@@ -156,7 +156,7 @@ def test_an_lrauv_counts_what_is_left(tmp_path: Path) -> None:
     assert values(dataset, "measured_voltage") == pytest.approx(16.0)
 
 
-def test_profiles_that_keep_a_slocums_sensors_have_its_counter(tmp_path: Path) -> None:
+def test_profiles_that_keep_a_slocums_sensors_have_its_counter(tmp_path):
     paths = write_ngdac(tmp_path, DEEP)
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
@@ -168,7 +168,7 @@ def test_profiles_that_keep_a_slocums_sensors_have_its_counter(tmp_path: Path) -
     assert values(dataset, "measured_voltage") == pytest.approx(15.0)
 
 
-def test_impossible_voltages_go(tmp_path: Path) -> None:
+def test_impossible_voltages_go(tmp_path):
     count = len(slocum_columns(FLIGHT)["time"])
     volts = np.full(count, 15.0)
     volts[:5] = 0.0

@@ -1,10 +1,7 @@
 """Import of tables by a mapping: units, axes, rows, refusals, and every column accounted for."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +15,6 @@ from logs import (
     table_columns,
     write_csv,
 )
-from numpy.typing import NDArray
 
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
@@ -28,7 +24,6 @@ from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 
-Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "howto" / "import_tables.md").read_text()
 TORPEDO = ROOT / "tests" / "vehicles" / "torpedo.xml"
@@ -36,19 +31,19 @@ FLIGHT = Flight(depth=100.0, surface=600.0)
 SAILFISH = SHARED / "auv_sailfish"
 
 
-def mine(**changes: Any) -> dict[str, Any]:
+def mine(**changes):
     """The page's mapping with other top-level keys; None removes one."""
     data = {**tomllib.loads(example(PAGE, "mine.toml")), **changes}
     return {key: value for key, value in data.items() if value is not None}
 
 
-def with_signals(**signals: Any) -> dict[str, Any]:
+def with_signals(**signals):
     """The page's mapping with other signals; None removes one."""
     kept = {**mine()["signals"], **signals}
     return mine(signals={name: entry for name, entry in kept.items() if entry is not None})
 
 
-def text_of(data: dict[str, Any]) -> str:
+def text_of(data):
     """A mapping as TOML, by JSON, of which its values are a part."""
     import json
 
@@ -59,7 +54,7 @@ def text_of(data: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _value(value: Any) -> str:
+def _value(value):
     import datetime
     import json
 
@@ -72,12 +67,12 @@ def _value(value: Any) -> str:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     write_csv(tmp_path / "log.csv", table_columns(FLIGHT))
     return tmp_path
 
 
-def bring(folder: Path, data: dict[str, Any], *files: str, **options: Any) -> Any:
+def bring(folder, data, *files, **options):
     (folder / "mapping.toml").write_text(text_of(data))
     paths = [folder / name for name in files or ("log.csv",)]
     return import_logs("csv", paths, mapping=folder / "mapping.toml", **options)
@@ -86,7 +81,7 @@ def bring(folder: Path, data: dict[str, Any], *files: str, **options: Any) -> An
 # --- what comes in ------------------------------------------------------------------------------
 
 
-def test_units_axes_and_headings_become_those_of_the_store(folder: Path) -> None:
+def test_units_axes_and_headings_become_those_of_the_store(folder):
     dataset, report = bring(folder, mine())
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
     assert dataset.attrs["platform"] == "my AUV"
@@ -94,7 +89,7 @@ def test_units_axes_and_headings_become_those_of_the_store(folder: Path) -> None
     truth = FLIGHT.state(float(dataset["start_time"][1]) + dataset["time"].values[:n])
     steady = (truth["depth"] > 5.0) & (truth["depth"] < 95.0)
 
-    def row(name: str) -> Array:
+    def row(name):
         return np.asarray(dataset[name].values[1, :n][steady], float)
 
     assert np.allclose(row("measured_pitch"), truth["pitch"][steady], atol=1e-3)
@@ -106,11 +101,11 @@ def test_units_axes_and_headings_become_those_of_the_store(folder: Path) -> None
     assert np.allclose(surge[np.isfinite(surge)], FLIGHT.speed, atol=1e-5)
 
 
-def test_every_column_is_read_left_out_or_named(folder: Path) -> None:
+def test_every_column_is_read_left_out_or_named(folder):
     _, report = bring(folder, mine())
     rows = len(FLIGHT.time)
     under = int(FLIGHT.state(FLIGHT.time)["under"].sum())
-    became: dict[str, str] = {}
+    became = {}
     for entry in report.entries:
         for column in table_columns(FLIGHT):
             named = column in entry.detail.split(", ") if entry.action == "not read" else False
@@ -128,7 +123,7 @@ def test_every_column_is_read_left_out_or_named(folder: Path) -> None:
     assert report.count("read", "lat") == rows - under
 
 
-def test_a_mapped_column_without_a_value_is_missing(folder: Path) -> None:
+def test_a_mapped_column_without_a_value_is_missing(folder):
     nothing = np.full(len(FLIGHT.time), np.nan)
     write_csv(folder / "log.csv", {**table_columns(FLIGHT), "r": nothing})
     dataset, report = bring(folder, mine())
@@ -136,7 +131,7 @@ def test_a_mapped_column_without_a_value_is_missing(folder: Path) -> None:
     assert "measured_yaw_rate" not in dataset
 
 
-def test_rows_out_of_order_and_written_twice_are_counted(folder: Path) -> None:
+def test_rows_out_of_order_and_written_twice_are_counted(folder):
     columns = table_columns(FLIGHT)
     order = np.arange(len(FLIGHT.time))
     order[[100, 101]] = order[[101, 100]]
@@ -149,7 +144,7 @@ def test_rows_out_of_order_and_written_twice_are_counted(folder: Path) -> None:
     assert dataset.equals(straight)
 
 
-def test_a_correction_turns_a_column_of_some_files(folder: Path) -> None:
+def test_a_correction_turns_a_column_of_some_files(folder):
     columns = table_columns(FLIGHT)
     write_csv(folder / "2023-12-01.csv", columns)
     turned, report = bring(folder, mine(), "2023-12-01.csv")
@@ -159,7 +154,7 @@ def test_a_correction_turns_a_column_of_some_files(folder: Path) -> None:
     assert "2023-12-01.csv: the gyroscope was mounted upside down" in note.detail
 
 
-def test_magnetic_headings_need_a_variation(folder: Path) -> None:
+def test_magnetic_headings_need_a_variation(folder):
     heading = {**mine()["signals"]["measured_heading"], "north": "magnetic"}
     nowhere = with_signals(measured_heading=heading, gps_latitude=None, gps_longitude=None)
     with pytest.raises(InputError, match="from magnetic north, and the log has neither a varia"):
@@ -170,7 +165,7 @@ def test_magnetic_headings_need_a_variation(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("places", [("gps_latitude", "gps_longitude"), ("latitude", "longitude")])
-def test_a_place_gives_the_variation(folder: Path, places: tuple[str, str]) -> None:
+def test_a_place_gives_the_variation(folder, places):
     """The field at the flight's place and date, whether a fix or the vehicle's own track tells."""
     signals = mine()["signals"]
     heading = {**signals["measured_heading"], "north": "magnetic"}
@@ -184,7 +179,7 @@ def test_a_place_gives_the_variation(folder: Path, places: tuple[str, str]) -> N
     )
 
 
-def test_a_position_that_repeats_is_one_fix_and_the_first_an_old_one(folder: Path) -> None:
+def test_a_position_that_repeats_is_one_fix_and_the_first_an_old_one(folder):
     columns = table_columns(FLIGHT)
     under = np.isnan(columns["lat"])
     last = np.maximum.accumulate(np.where(under, 0, np.arange(len(under))))
@@ -200,7 +195,7 @@ def test_a_position_that_repeats_is_one_fix_and_the_first_an_old_one(folder: Pat
     assert repeated == [first + int(under.sum())]
 
 
-def test_deployments_by_column_or_by_one_name(folder: Path) -> None:
+def test_deployments_by_column_or_by_one_name(folder):
     columns = table_columns(FLIGHT)
     run = np.where(FLIGHT.state(FLIGHT.time)["dive"] < 1, 1.0, 2.0)
     write_csv(folder / "log.csv", {**columns, "run": run})
@@ -219,14 +214,14 @@ def test_deployments_by_column_or_by_one_name(folder: Path) -> None:
 # --- logs without depth, fixes or controls ------------------------------------------------------
 
 
-def flat(**changes: Any) -> dict[str, Any]:
+def flat(**changes):
     """A mapping of attitude and yaw rate alone."""
     kept = ("measured_pitch", "measured_heading", "measured_yaw_rate")
     signals = {name: entry for name, entry in mine()["signals"].items() if name in kept}
     return mine(signals=signals, rows="file", **changes)
 
 
-def test_a_log_without_depth_fixes_or_controls_is_a_log(folder: Path, tmp_path: Path) -> None:
+def test_a_log_without_depth_fixes_or_controls_is_a_log(folder, tmp_path):
     dataset, report = bring(folder, flat())
     assert report.rows == 1
     assert not {"measured_depth", "measured_phase", "measured_gps_north"} & set(report.channels)
@@ -236,7 +231,7 @@ def test_a_log_without_depth_fixes_or_controls_is_a_log(folder: Path, tmp_path: 
         assert verify_logs(logs).ok
 
 
-def test_rows_are_minutes_or_end_at_gaps(folder: Path) -> None:
+def test_rows_are_minutes_or_end_at_gaps(folder):
     columns = table_columns(FLIGHT)
     whole = float(np.ptp(FLIGHT.time))
     _, report = bring(folder, flat() | {"rows": 5})
@@ -253,14 +248,14 @@ def test_rows_are_minutes_or_end_at_gaps(folder: Path) -> None:
         bring(folder, flat() | {"rows": "gaps", "gap_s": 1})
 
 
-def test_runs_are_divided_among_the_parts_of_a_store(folder: Path) -> None:
+def test_runs_are_divided_among_the_parts_of_a_store(folder):
     for k in range(3):
         write_csv(folder / f"{k}.csv", table_columns(FLIGHT))
     dataset, _ = bring(folder, flat(), "0.csv", "1.csv", "2.csv")
     assert sorted(dataset["split"].values.tolist()) == [0, 1, 2]
 
 
-def test_controls_are_those_of_a_vehicle(folder: Path, tmp_path: Path) -> None:
+def test_controls_are_those_of_a_vehicle(folder, tmp_path):
     columns = table_columns(FLIGHT)
     command = np.where(np.arange(len(FLIGHT.time)) % 10 < 5, 5.0, -5.0)
     write_csv(folder / "log.csv", {**columns, "delta": command, "n": np.full(len(command), 300.0)})
@@ -326,7 +321,7 @@ def test_controls_are_those_of_a_vehicle(folder: Path, tmp_path: Path) -> None:
         (mine(tme={}), "unknown key 'tme': did you mean 'time'"),
     ],
 )  # fmt: skip
-def test_a_wrong_mapping_is_refused(data: dict[str, Any], message: str) -> None:
+def test_a_wrong_mapping_is_refused(data, message):
     with pytest.raises(InputError) as caught:
         parse_mapping(data, "mine.toml")
     assert message in str(caught.value)
@@ -348,16 +343,14 @@ def test_a_wrong_mapping_is_refused(data: dict[str, Any], message: str) -> None:
         (with_signals(true_surge={"column": "z", "unit": "m/s"}), "a distance, not a velocity"),
     ],
 )  # fmt: skip
-def test_a_mapping_that_does_not_fit_the_file(
-    folder: Path, data: dict[str, Any], message: str
-) -> None:
+def test_a_mapping_that_does_not_fit_the_file(folder, data, message):
     with pytest.raises(InputError) as caught:
         bring(folder, data)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_what_a_csv_import_needs(folder: Path) -> None:
+def test_what_a_csv_import_needs(folder):
     with pytest.raises(InputError, match=r"log\.csv: csv tables need a --mapping.*sailfish"):
         import_logs("csv", [folder / "log.csv"])
     with pytest.raises(InputError, match=r"no mapping file salfish: .*did you mean 'sailfish'"):
@@ -371,7 +364,7 @@ def test_what_a_csv_import_needs(folder: Path) -> None:
         bring(folder, mine())
 
 
-def test_shipped_mappings_are_whole() -> None:
+def test_shipped_mappings_are_whole():
     assert "sailfish" in shipped_names()
     for name in shipped_names():
         assert load_mapping(name).signals
@@ -396,7 +389,7 @@ def test_shipped_mappings_are_whole() -> None:
         ("K", "degree_Celsius", -272.15),
     ],
 )
-def test_units(unit: str, wanted: str, value: float) -> None:
+def test_units(unit, wanted, value):
     assert in_unit(np.ones(1), unit, wanted, "x")[0] == pytest.approx(value)
 
 
@@ -406,13 +399,13 @@ def test_units(unit: str, wanted: str, value: float) -> None:
 SURGE = "measured_dvl_surge"
 
 
-def sailfish(folder: Path, name: str = "20220712_0_1.csv", **changes: Array) -> Any:
+def sailfish(folder, name="20220712_0_1.csv", **changes):
     columns = sailfish_columns()
     write_csv(folder / name, {**columns, **changes})
     return import_logs("csv", [folder / name], mapping="sailfish")
 
 
-def test_the_sailfish_layout(tmp_path: Path) -> None:
+def test_the_sailfish_layout(tmp_path):
     columns = sailfish_columns()
     dataset, report = sailfish(tmp_path)
     assert report.rows == round(400.0 / 120.0)
@@ -434,15 +427,15 @@ def test_the_sailfish_layout(tmp_path: Path) -> None:
 
 
 def test_a_sentinel_is_shown_as_the_file_has_it_and_goes_by_name_or_by_what_is_possible(
-    folder: Path,
-) -> None:
+    folder,
+):
     columns = table_columns(FLIGHT)
     knots = np.where(np.arange(len(FLIGHT.time)) % 5 == 0, 48.66, 2.0)
     knots[1::5] = knots[2::5] = -48.66
     write_csv(folder / "log.csv", {**columns, "vx": -knots})
     entry = {"column": "vx", "unit": "knots", "sign": -1}
 
-    def surge(**more: Any) -> Any:
+    def surge(**more):
         data = flat()
         return bring(folder, data | {"signals": data["signals"] | {SURGE: entry | more}})
 
@@ -453,8 +446,9 @@ def test_a_sentinel_is_shown_as_the_file_has_it_and_goes_by_name_or_by_what_is_p
         surge(sentinels=[-48.66])
     lost = int((np.abs(knots) > 3.0).sum())
     for cure, removed in (
-        ({"sentinels": [-48.66, 48.66]}, "vx"), ({"possible": [-3, 3]}, SURGE),
-    ):  # fmt: skip
+        ({"sentinels": [-48.66, 48.66]}, "vx"),
+        ({"possible": [-3, 3]}, SURGE),
+    ):
         dataset, report = surge(**cure)
         assert report.count("removed", removed) == lost
         assert float(np.nanmax(np.abs(dataset[SURGE]))) == pytest.approx(2.0 * 1852.0 / 3600.0)
@@ -463,7 +457,7 @@ def test_a_sentinel_is_shown_as_the_file_has_it_and_goes_by_name_or_by_what_is_p
         surge(possible=[-3, 3])
 
 
-def test_distances_in_the_place_of_velocities_are_refused(tmp_path: Path) -> None:
+def test_distances_in_the_place_of_velocities_are_refused(tmp_path):
     columns = sailfish_columns()
     run = np.cumsum(np.full(len(columns["time"]), 0.15))
     with pytest.raises(InputError, match=r"'vf' .* no two alike: a distance, not a velocity"):
@@ -474,7 +468,7 @@ def test_distances_in_the_place_of_velocities_are_refused(tmp_path: Path) -> Non
         sailfish(tmp_path, vf=np.zeros(len(run)))
 
 
-def test_a_minute_of_track_is_enough_to_refuse_a_distance(tmp_path: Path) -> None:
+def test_a_minute_of_track_is_enough_to_refuse_a_distance(tmp_path):
     columns = sailfish_columns()
     minute = columns["time"] < columns["time"][0] + 70.0
     short = {name: values[minute] for name, values in columns.items()}
@@ -482,7 +476,7 @@ def test_a_minute_of_track_is_enough_to_refuse_a_distance(tmp_path: Path) -> Non
         sailfish(tmp_path, **(short | {"vf": np.full(int(minute.sum()), 0.15)}))
 
 
-def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path: Path) -> None:
+def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path):
     columns = sailfish_columns()
     slow = np.where(columns["vf"] == -SENTINEL, -SENTINEL, 0.4 + 0.02 * np.sin(columns["time"]))
     _, report = sailfish(tmp_path, vf=slow)
@@ -491,7 +485,7 @@ def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path: Path) -> None:
         sailfish(tmp_path, vf=np.where(slow == -SENTINEL, -SENTINEL, 10.0 * slow))
 
 
-def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_path: Path) -> None:
+def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_path):
     turned = sailfish_columns()["vl"]
     turned = np.where(turned == SENTINEL, turned, -turned)
     dataset, report = sailfish(tmp_path, vl=turned)
@@ -503,7 +497,7 @@ def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_pa
 
 
 @pytest.mark.skipif(not SAILFISH.is_dir(), reason="needs the shared Sailfish files")
-def test_the_sailfish_files(tmp_path: Path) -> None:
+def test_the_sailfish_files(tmp_path):
     dataset, report = import_logs("csv", [SAILFISH], mapping="sailfish")
     assert report.rows == 12
     assert report.count("removed", "vf") == 3847  # 45 % of the first run

@@ -1,15 +1,10 @@
 """Positions that a log itself calls no fix: each kind of log has its own flag."""
 
-from __future__ import annotations
-
 import csv
-from collections.abc import Callable
-from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
-import xarray as xr
 from logs import (
     Flight,
     gps_columns,
@@ -23,19 +18,18 @@ from logs import (
 
 from factory.importing import import_logs
 from factory.importing.gps_fixes import has_fix
-from factory.importing.tally import ImportReport
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
 OFF = 0.004
 """[degree] north of its place by which what is no fix is wrong: 445 m"""
 
 
-def end_of(number: int) -> np.ndarray:
+def end_of(number):
     """Where the vehicle comes up from a dive, latitude and longitude [degree]."""
     return np.array(FLIGHT.position(np.array([FLIGHT.dive_times(number)[1] + 60.0]))).ravel()
 
 
-def check(dataset: xr.Dataset, *, rows: int = FLIGHT.dives, metres: float = 40.0) -> None:
+def check(dataset, *, rows=FLIGHT.dives, metres=40.0):
     """Every dive begins and ends where the vehicle was, to what it drifts in some minutes."""
     assert dataset.sizes["mission"] == rows
     for number in range(rows):
@@ -45,19 +39,19 @@ def check(dataset: xr.Dataset, *, rows: int = FLIGHT.dives, metres: float = 40.0
         assert dataset["displacement_north"].values[number] == pytest.approx(moved, abs=metres)
 
 
-def rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
+def rows_of(path):
     with path.open() as file:
         names, *rows = csv.reader(file)
     return names, rows
 
 
-def surfaced(time: np.ndarray) -> np.ndarray:
+def surfaced(time):
     """Whether a time is within the first 30 s after a dive."""
     ends = np.array([FLIGHT.dive_times(k)[1] for k in range(FLIGHT.dives)])
     return ((time[:, None] >= ends) & (time[:, None] < ends + 30.0)).any(axis=1)
 
 
-def seaexplorer(folder: Path, flags: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> None:
+def seaexplorer(folder, flags):
     """Its first rows at the surface hold the reckoned place; flags of state and `surfaced`."""
     path = write_seaexplorer(folder / "sea009_M3_gli.csv", FLIGHT)
     names, rows = rows_of(path)
@@ -72,7 +66,7 @@ def seaexplorer(folder: Path, flags: Callable[[np.ndarray, np.ndarray], np.ndarr
     write_csv(path, columns)
 
 
-def test_a_seaexplorers_flag_says_what_a_fix_is(tmp_path: Path) -> None:
+def test_a_seaexplorers_flag_says_what_a_fix_is(tmp_path):
     seaexplorer(tmp_path, lambda state, old: np.where((state == 116) & ~old, 0, 1))
     dataset, report = import_logs("seaexplorer", [tmp_path])
     check(dataset)
@@ -83,7 +77,7 @@ def test_a_seaexplorers_flag_says_what_a_fix_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("constant", [0, 1])
-def test_a_flag_that_never_changes_adds_no_fix(tmp_path: Path, constant: int) -> None:
+def test_a_flag_that_never_changes_adds_no_fix(tmp_path, constant):
     """Of 1 throughout nothing is a fix; of 0 throughout nobody kept it, and the state decides."""
     seaexplorer(tmp_path, lambda state, old: np.full(len(state), constant))
     _, report = import_logs("seaexplorer", [tmp_path])
@@ -96,9 +90,7 @@ def test_a_flag_that_never_changes_adds_no_fix(tmp_path: Path, constant: int) ->
     ("name", "good", "bad"),
     [("quality", 1, 6), ("fix_quality", 2, 0), ("hdop", 0.9, 99.9), ("num_satellites", 7, 0)],
 )
-def test_what_a_receiver_says_beside_its_places(
-    tmp_path: Path, name: str, good: float, bad: float
-) -> None:
+def test_what_a_receiver_says_beside_its_places(tmp_path, name, good, bad):
     write_csv(tmp_path / "unit1_flight.csv", slocum_columns(FLIGHT))
     gps = gps_columns(FLIGHT)
     old = surfaced(gps["time"])
@@ -111,7 +103,7 @@ def test_what_a_receiver_says_beside_its_places(
     assert removed == [int(old.sum())]
 
 
-def test_columns_of_a_receiver() -> None:
+def test_columns_of_a_receiver():
     quality = np.array([0.0, 1.0, 2.0, 6.0, 7.0, 8.0, np.nan])
     assert has_fix({"Quality": quality}, 7).tolist() == [False, True, True] + [False] * 3 + [True]
     assert has_fix({"hdop": np.array([0.8, 99.0, 99.9])}, 3).tolist() == [True, False, False]
@@ -122,7 +114,7 @@ def test_columns_of_a_receiver() -> None:
 
 
 @pytest.mark.parametrize("flag", ["hdop", "qc"])
-def test_a_seaglider_without_a_fix(tmp_path: Path, flag: str) -> None:
+def test_a_seaglider_without_a_fix(tmp_path, flag):
     """The receiver's HDOP of 99, or the base station's flag: the fix after the first dive is none,
     and the one before the second dive ends it."""
     first, *_ = write_basestation(tmp_path, FLIGHT)
@@ -138,7 +130,7 @@ def test_a_seaglider_without_a_fix(tmp_path: Path, flag: str) -> None:
 
 
 @pytest.mark.parametrize("flag", ["number", "letter", "reckoned"])
-def test_og1_flags_of_a_fix(tmp_path: Path, flag: str) -> None:
+def test_og1_flags_of_a_fix(tmp_path, flag):
     path = write_og1(tmp_path / "deployment.nc", FLIGHT)
     old = surfaced(FLIGHT.time)
     with netCDF4.Dataset(path, "a") as file:
@@ -157,7 +149,7 @@ def test_og1_flags_of_a_fix(tmp_path: Path, flag: str) -> None:
     check(dataset)
 
 
-def test_pyglider_keeps_a_seaexplorers_flag(tmp_path: Path) -> None:
+def test_pyglider_keeps_a_seaexplorers_flag(tmp_path):
     path = write_pyglider(tmp_path / "series.nc", FLIGHT)
     under = FLIGHT.state(FLIGHT.time)["under"] > 0
     old = surfaced(FLIGHT.time)
@@ -172,7 +164,7 @@ def test_pyglider_keeps_a_seaexplorers_flag(tmp_path: Path) -> None:
     assert any("fixes by DeadReckoning" in entry.detail for entry in report.entries)
 
 
-def test_a_mapping_names_the_column_that_says_a_fix(tmp_path: Path) -> None:
+def test_a_mapping_names_the_column_that_says_a_fix(tmp_path):
     time = FLIGHT.time
     state = FLIGHT.state(time)
     latitude, longitude = FLIGHT.position(time)
@@ -198,5 +190,5 @@ def test_a_mapping_names_the_column_that_says_a_fix(tmp_path: Path) -> None:
     assert said(report, "the receiver says that it has none") == int((~seen | old).sum())
 
 
-def said(report: ImportReport, why: str) -> int:
+def said(report, why):
     return sum(e.count for e in report.entries if e.subject == "GPS fixes" and e.detail == why)

@@ -1,10 +1,5 @@
 """The accounts of an import: names, soundness, and times and fixes against the raw files."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 from logs import (
@@ -34,9 +29,7 @@ FLIGHT = Flight(depth=100.0, surface=600.0)
         ("ngdac", write_ngdac, 0),
     ],
 )
-def test_an_import_keeps_times_and_fixes_of_the_raw_files(
-    kind: str, write: Callable[[Path, Flight], object], fixes: int, tmp_path: Path
-) -> None:
+def test_an_import_keeps_times_and_fixes_of_the_raw_files(kind, write, fixes, tmp_path):
     if kind == "slocum":
         pytest.importorskip("dbdreader")
     write(tmp_path, FLIGHT)
@@ -62,9 +55,7 @@ def test_an_import_keeps_times_and_fixes_of_the_raw_files(
         ("og1", lambda f, flight: write_og1(f / "deployment.nc", flight)),
     ],
 )
-def test_every_fix_that_was_read_is_kept_removed_or_left_out(
-    kind: str, write: Callable[[Path, Flight], object], tmp_path: Path
-) -> None:
+def test_every_fix_that_was_read_is_kept_removed_or_left_out(kind, write, tmp_path):
     if kind == "slocum":
         pytest.importorskip("dbdreader")
     write(tmp_path, FLIGHT)
@@ -76,7 +67,7 @@ def test_every_fix_that_was_read_is_kept_removed_or_left_out(
     assert counts["kept"] == len(ends)
 
 
-def test_fixes_of_a_long_stay_are_left_out_and_counted(tmp_path: Path) -> None:
+def test_fixes_of_a_long_stay_are_left_out_and_counted(tmp_path):
     import netCDF4
 
     path = write_og1(tmp_path / "deployment.nc", FLIGHT)
@@ -91,7 +82,7 @@ def test_fixes_of_a_long_stay_are_left_out_and_counted(tmp_path: Path) -> None:
     assert report.count("left out", FIXES) == total - kept - report.count("removed", FIXES)
 
 
-def test_what_the_raw_files_contradict_is_told(tmp_path: Path) -> None:
+def test_what_the_raw_files_contradict_is_told(tmp_path):
     path = write_og1(tmp_path / "deployment.nc", FLIGHT)
     dataset, _ = import_logs("og1", [path])
     time = FLIGHT.time
@@ -105,7 +96,7 @@ def test_what_the_raw_files_contradict_is_told(tmp_path: Path) -> None:
     assert fixes_apart(dataset, Raw(time, right[:5]))[0] == np.inf
 
 
-def test_a_refused_log_has_its_reason(tmp_path: Path) -> None:
+def test_a_refused_log_has_its_reason(tmp_path):
     (tmp_path / "a.nc").write_bytes(b"nothing")
     found = account("ngdac", tmp_path, None)
     assert "a.nc" in found.refused

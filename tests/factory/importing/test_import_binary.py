@@ -1,9 +1,5 @@
 """Import of a Slocum's binary files: compressed, unclosed, cut, undecodable, among others."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from logs import SHARED, Flight, gps_columns, pack, write_dbd, write_seaexplorer
@@ -20,12 +16,12 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 
 @pytest.fixture
-def dbd(tmp_path: Path) -> Path:
+def dbd(tmp_path):
     pytest.importorskip("dbdreader")
     return write_dbd(tmp_path, FLIGHT)[0]
 
 
-def test_compressed_files_are_those_that_they_were(dbd: Path, tmp_path: Path) -> None:
+def test_compressed_files_are_those_that_they_were(dbd, tmp_path):
     right, _ = import_logs("slocum", [dbd])
     packed = tmp_path / "packed"
     packed.mkdir()
@@ -39,7 +35,7 @@ def test_compressed_files_are_those_that_they_were(dbd: Path, tmp_path: Path) ->
     assert not [e for e in report.entries if "truncated" in e.detail]
 
 
-def test_a_compressed_file_that_is_cut_is_read_up_to_there(dbd: Path, tmp_path: Path) -> None:
+def test_a_compressed_file_that_is_cut_is_read_up_to_there(dbd, tmp_path):
     cut = tmp_path / "01230000.dcd"
     whole = pack(dbd.read_bytes())
     cut.write_bytes(whole[: len(whole) * 2 // 3])
@@ -53,7 +49,7 @@ def test_a_compressed_file_that_is_cut_is_read_up_to_there(dbd: Path, tmp_path: 
         import_logs("slocum", [cut])
 
 
-def test_a_file_without_the_closing_byte_is_whole_when_its_last_cycle_is(dbd: Path) -> None:
+def test_a_file_without_the_closing_byte_is_whole_when_its_last_cycle_is(dbd):
     whole = dbd.read_bytes()
     right, _ = import_logs("slocum", [dbd])
     assert whole.endswith(b"X")
@@ -68,7 +64,7 @@ def test_a_file_without_the_closing_byte_is_whole_when_its_last_cycle_is(dbd: Pa
     assert said.detail == f"truncated: goes to {utc_minute(FLIGHT.time[-2])} UTC"
 
 
-def test_of_files_that_cannot_be_read_every_reason_is_said_once(dbd: Path) -> None:
+def test_of_files_that_cannot_be_read_every_reason_is_said_once(dbd):
     (dbd.parent / "0badcafe.cac").unlink()
     (dbd.parent / "aaa.dbd").write_bytes(b"junk")
     (dbd.parent / "bbb.dbd").write_bytes(dbd.read_bytes() + b"X")
@@ -78,7 +74,7 @@ def test_of_files_that_cannot_be_read_every_reason_is_said_once(dbd: Path) -> No
         assert str(told.value).count(words) == 1, told.value
 
 
-def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
+def test_one_bad_file_is_left_out_and_told(dbd, tmp_path):
     right, _ = import_logs("slocum", [dbd])
     bad = {
         "a.dbd": b"",
@@ -106,14 +102,14 @@ def test_one_bad_file_is_left_out_and_told(dbd: Path, tmp_path: Path) -> None:
             import_logs("slocum", [tmp_path / name])
 
 
-def test_half_of_the_files_unreadable_is_a_failure(dbd: Path, tmp_path: Path) -> None:
+def test_half_of_the_files_unreadable_is_a_failure(dbd, tmp_path):
     (tmp_path / "a.dbd").write_bytes(b"no header of any Slocum\n" * 20)
     with pytest.raises(InputError, match=r"^1 files cannot be read, half or more"):
         import_logs("slocum", [tmp_path], keep_going=False)
     assert import_logs("slocum", [tmp_path])[1].files == (dbd.name,)
 
 
-def test_files_with_the_same_reason_are_told_once(dbd: Path, tmp_path: Path) -> None:
+def test_files_with_the_same_reason_are_told_once(dbd, tmp_path):
     caches = tmp_path.parent / "caches"
     caches.mkdir(exist_ok=True)
     (caches / "11111111.cac").write_text("")
@@ -128,9 +124,7 @@ def test_files_with_the_same_reason_are_told_once(dbd: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("compressed", [False, True])
-def test_a_log_that_lists_its_sensors_makes_the_cache_of_the_others(
-    dbd: Path, tmp_path: Path, compressed: bool
-) -> None:
+def test_a_log_that_lists_its_sensors_makes_the_cache_of_the_others(dbd, tmp_path, compressed):
     """Whatever its place among them: here the last by name."""
     right, _ = import_logs("slocum", [dbd])
     other = tmp_path / "other"
@@ -153,7 +147,7 @@ def test_a_log_that_lists_its_sensors_makes_the_cache_of_the_others(
     assert report.files == ("a.dbd",)
 
 
-def test_a_list_of_sensors_that_is_cut_or_anothers_is_told(dbd: Path, tmp_path: Path) -> None:
+def test_a_list_of_sensors_that_is_cut_or_anothers_is_told(dbd, tmp_path):
     dbd.with_name("0badcafe.cac").unlink()
     folder = tmp_path / "satellite"
     folder.mkdir()
@@ -171,7 +165,7 @@ def test_a_list_of_sensors_that_is_cut_or_anothers_is_told(dbd: Path, tmp_path: 
         import_logs("slocum", [cut])
 
 
-def test_satellite_files_of_a_real_glider_need_no_cache_file() -> None:
+def test_satellite_files_of_a_real_glider_need_no_cache_file():
     """72 of the 84 refer to a list of sensors that only the other twelve have."""
     folder = SHARED / "slocum_seus_2017" / "salacia-20170710T1942"
     if not folder.is_dir():
@@ -184,9 +178,7 @@ def test_satellite_files_of_a_real_glider_need_no_cache_file() -> None:
     assert np.isfinite(dataset["measured_depth"]).sum() > 5000
 
 
-def test_science_and_flight_of_one_vehicle_are_joined_whatever_their_names(
-    dbd: Path, tmp_path: Path
-) -> None:
+def test_science_and_flight_of_one_vehicle_are_joined_whatever_their_names(dbd, tmp_path):
     """A vehicle numbers its files 01230000; who they are of stands inside."""
     state = FLIGHT.state(FLIGHT.time + 1.0)
     water = {
@@ -211,7 +203,7 @@ def test_science_and_flight_of_one_vehicle_are_joined_whatever_their_names(
     assert {"measured_salinity", "measured_density", "measured_pitch"} <= set(report.channels)
 
 
-def test_a_log_without_variation_takes_that_of_its_place_and_date(tmp_path: Path) -> None:
+def test_a_log_without_variation_takes_that_of_its_place_and_date(tmp_path):
     pytest.importorskip("dbdreader")
     gps = gps_columns(FLIGHT)
     del gps["mag_var_rad"]
@@ -232,9 +224,7 @@ def test_a_log_without_variation_takes_that_of_its_place_and_date(tmp_path: Path
         ("2024-05-27", 12.11, 85.89, -1.2),  # SG171
     ],
 )
-def test_the_reference_field_agrees_with_base_stations(
-    day: str, latitude: float, longitude: float, logged: float
-) -> None:
+def test_the_reference_field_agrees_with_base_stations(day, latitude, longitude, logged):
     """What Seagliders' base stations put into their files, to a tenth of a degree."""
     time = np.array([np.datetime64(day, "s").astype(float)])
     place = LoggedFixes(time, np.array([latitude]), np.array([longitude]))
@@ -242,6 +232,6 @@ def test_the_reference_field_agrees_with_base_stations(
     assert found.values == pytest.approx([logged], abs=0.1)
 
 
-def test_no_place_no_reference_field() -> None:
+def test_no_place_no_reference_field():
     nothing = np.zeros(0)
     assert not len(reference_declination(LoggedFixes(nothing, nothing, nothing), "log", Tally()))

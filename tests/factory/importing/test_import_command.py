@@ -1,7 +1,5 @@
 """`factory import`: what it says, writes and refuses; and the tools of cleaning and reading."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -26,15 +24,13 @@ from twin.records.store import open_store
 FLIGHT = Flight()
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+def run(capsys, *words):
     code = PROGRAM.main([str(word) for word in words])
     said = capsys.readouterr()
     return code, said.out, said.err
 
 
-def test_the_command_writes_a_store_and_prints_the_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_a_store_and_prints_the_report(tmp_path, capsys):
     write_slocum(tmp_path, FLIGHT)
     out = tmp_path / "real.zarr"
     code, said, err = run(capsys, "import", "slocum", tmp_path, "--out", out)
@@ -68,12 +64,12 @@ def test_the_command_writes_a_store_and_prints_the_report(
     ],
 )
 def test_bad_requests_are_one_line(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    message: str,
-) -> None:
+    tmp_path,
+    capsys,
+    monkeypatch,
+    words,
+    message,
+):
     monkeypatch.chdir(tmp_path)
     code, _, err = run(capsys, "import", *words, "--out", "real.zarr")
     assert code == 2
@@ -82,7 +78,7 @@ def test_bad_requests_are_one_line(
     assert not Path("real.zarr").exists()
 
 
-def test_shallow_logs_and_unknown_kinds_are_told(tmp_path: Path) -> None:
+def test_shallow_logs_and_unknown_kinds_are_told(tmp_path):
     paths = write_slocum(tmp_path, Flight(depth=4.0, speed=0.1))
     with pytest.raises(InputError, match=r"no dive deeper than 5 m.*--min-depth"):
         import_logs("slocum", paths)
@@ -92,7 +88,7 @@ def test_shallow_logs_and_unknown_kinds_are_told(tmp_path: Path) -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_tidy_sorts_and_keeps_each_value_once(seed: int) -> None:
+def test_tidy_sorts_and_keeps_each_value_once(seed):
     rng = np.random.default_rng(seed)
     times = 1e9 + rng.integers(0, 40, 60).astype(float)
     values = np.where(rng.random(60) < 0.3, np.nan, rng.normal(size=60))
@@ -107,7 +103,7 @@ def test_tidy_sorts_and_keeps_each_value_once(seed: int) -> None:
 
 
 @given(st.integers(2, 57), st.floats(8.0, 60.0), st.booleans())
-def test_a_single_spike_is_found_and_a_step_is_kept(at: int, size: float, down: bool) -> None:
+def test_a_single_spike_is_found_and_a_step_is_kept(at, size, down):
     time = np.arange(60.0)
     values = np.linspace(0.0, 30.0, 60)
     assert not spikes(time, values, rate=3.0, jump=2.0).any()
@@ -119,11 +115,11 @@ def test_a_single_spike_is_found_and_a_step_is_kept(at: int, size: float, down: 
 
 
 @given(st.floats(-89.0, 89.0))
-def test_nmea_positions_round_trip(degrees: float) -> None:
+def test_nmea_positions_round_trip(degrees):
     assert degrees_minutes(nmea(np.array([degrees])))[0] == pytest.approx(degrees, abs=1e-9)
 
 
-def test_times_of_every_kind() -> None:
+def test_times_of_every_kind():
     unix = np.array([1.7e9, 1.7e9 + 1.5])
     for given_time in (unix * 1e3, unix * 1e6, unix * 1e9, unix / 86400.0 + 719529.0):
         tally = Tally()
@@ -134,7 +130,7 @@ def test_times_of_every_kind() -> None:
     assert np.isnan(parse_stamps(words)[2])
 
 
-def test_a_drift_needs_a_minute() -> None:
+def test_a_drift_needs_a_minute():
     time = np.array([0.0, 30.0, 59.0])
     fixes = LoggedFixes(time, 49.0 + time * 1e-6, np.full(3, 10.0))
     assert np.isnan(surface_drift(fixes)).all()
@@ -143,16 +139,14 @@ def test_a_drift_needs_a_minute() -> None:
     assert surface_drift(fixes)[0] == pytest.approx(0.1112, abs=1e-3)
 
 
-def test_channels_cut_with_both_ends() -> None:
+def test_channels_cut_with_both_ends():
     channel = Channel(np.arange(10.0), np.arange(10.0) ** 2)
     assert channel.within(2.0, 4.0).time.tolist() == [2.0, 3.0, 4.0]
     assert channel.within(2.5, 4.5).time.tolist() == [3.0, 4.0]
     assert len(channel.within(20.0, 30.0)) == 0
 
 
-def test_a_store_of_logs_can_be_described_and_drawn(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_store_of_logs_can_be_described_and_drawn(tmp_path, capsys):
     from twin.__main__ import PROGRAM as TWIN
 
     write_slocum(tmp_path, FLIGHT)
@@ -167,9 +161,7 @@ def test_a_store_of_logs_can_be_described_and_drawn(
     assert picture.stat().st_size > 10_000
 
 
-def test_imports_and_exports_of_one_moment_are_the_same_bytes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_imports_and_exports_of_one_moment_are_the_same_bytes(tmp_path, capsys, monkeypatch):
     (tmp_path / "logs").mkdir()
     write_slocum(tmp_path / "logs", FLIGHT)
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")

@@ -1,11 +1,7 @@
 """Import of SeaExplorer, OG1.0 and LRAUV logs, on written and on real files."""
 
-from __future__ import annotations
-
 import gzip
-from collections.abc import Callable
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,7 +32,7 @@ ONBOARD = SHARED / "lrauv_onboard_sim_2021"
 
 
 @pytest.mark.parametrize("delimiter", [",", ";"])
-def test_seaexplorer_navigation_logs_come_back(tmp_path: Path, delimiter: str) -> None:
+def test_seaexplorer_navigation_logs_come_back(tmp_path, delimiter):
     path = write_seaexplorer(tmp_path / "sea009_M3_gli.csv", FLIGHT, delimiter)
     dataset, report = import_logs("seaexplorer", [path])
     assert report.deployments == ("SEA009_M3",)
@@ -58,7 +54,7 @@ def test_seaexplorer_navigation_logs_come_back(tmp_path: Path, delimiter: str) -
     assert report.count("removed", "DesiredH") == report.count("read", path.name)
 
 
-def test_a_seaexplorer_s_reckoned_place_gives_its_variation(tmp_path: Path) -> None:
+def test_a_seaexplorer_s_reckoned_place_gives_its_variation(tmp_path):
     """Without a row at the surface no position is a fix; the field is known all the same."""
     path = write_seaexplorer(tmp_path / "sea009_M3_gli.csv", FLIGHT)
     rows = [line.split(",") for line in path.read_text().splitlines()]
@@ -72,7 +68,7 @@ def test_a_seaexplorer_s_reckoned_place_gives_its_variation(tmp_path: Path) -> N
     assert dataset["magnetic_variation"].values == pytest.approx(-18.05, abs=0.1)
 
 
-def test_seaexplorer_refusals(tmp_path: Path) -> None:
+def test_seaexplorer_refusals(tmp_path):
     path = write_seaexplorer(tmp_path / "sea009_M3_gli.csv", FLIGHT)
     payload = write_csv(
         tmp_path / "sea010_M1_pld.csv",
@@ -90,7 +86,7 @@ def test_seaexplorer_refusals(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not EXPLORER.is_dir(), reason="needs the shared SeaExplorer logs")
-def test_seaexplorer_dives_of_four_vehicles() -> None:
+def test_seaexplorer_dives_of_four_vehicles():
     dataset, report = import_logs("seaexplorer", [EXPLORER])
     assert report.deployments == ("SEA035_M10", "SEA035_M12", "SEA046_M45", "SEA063_M22")
     assert report.count("left out", "AD2CP") > 300
@@ -113,16 +109,14 @@ def test_seaexplorer_dives_of_four_vehicles() -> None:
 
 
 @pytest.fixture(scope="module")
-def exported(
-    field_store: Path, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[GeneratedStore, Path]:
+def exported(field_store, tmp_path_factory):
     run = GeneratedStore(field_store)
     return run, export_og1(run, 0, tmp_path_factory.mktemp("og1"))
 
 
 def test_og1_files_of_our_own_come_back_sample_for_sample(
-    exported: tuple[GeneratedStore, Path],
-) -> None:
+    exported,
+):
     run, path = exported
     dataset, report = import_logs("og1", [path], period=0.5)
     assert report.count("note", path.name) == 1  # it says that it is simulated
@@ -150,7 +144,7 @@ def test_og1_files_of_our_own_come_back_sample_for_sample(
     assert checked == dataset.sizes["mission"] > 0
 
 
-def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path: Path) -> None:
+def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path):
     path = write_og1(tmp_path / "magnetic.nc", FLIGHT)
     dataset, report = import_logs("og1", [path], variation_deg=FLIGHT.variation)
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
@@ -172,8 +166,8 @@ def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path: 
 
 
 def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_own(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     """As converters of Seaglider files write it: integer nanoseconds since an odd moment."""
     import netCDF4
 
@@ -191,13 +185,16 @@ def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_ow
         file.createVariable("TIME", "i8", ("N_MEASUREMENTS",))[:] = since
         file["TIME"].units = f"nanoseconds since {moment}"
         for name, values in (
-            ("DEPTH", state["depth"]), ("PITCH", state["pitch"]), ("HEADING", state["heading"]),
+            ("DEPTH", state["depth"]),
+            ("PITCH", state["pitch"]),
+            ("HEADING", state["heading"]),
             ("LATITUDE_GPS", np.where(under, np.nan, latitude)),
             ("LONGITUDE_GPS", np.where(under, np.nan, longitude)),
-            ("TEMP_QC", np.ones(len(time))), ("divenum", state["dive"] + 7),
+            ("TEMP_QC", np.ones(len(time))),
+            ("divenum", state["dive"] + 7),
             ("DAVG_CURR_NORTH", np.full(len(time), FLIGHT.north)),
             ("DAVG_CURR_EAST", np.full(len(time), FLIGHT.east)),
-        ):  # fmt: skip
+        ):
             file.createVariable(name, "f8", ("N_MEASUREMENTS",))[:] = values
         file.id = "sg999_20231114T221318"
     dataset, report = import_logs("og1", [path])
@@ -215,7 +212,7 @@ def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_ow
     ("log", "kind"),
     [("slocum_unit334_2023", "slocum"), ("seaglider_apl_basestation3", "seaglider")],
 )
-def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind: str) -> None:
+def test_real_logs_come_back_from_their_og1_files(tmp_path, log, kind):
     """Fixes just below the surface, and silent logs around them, make the same rows again."""
     from factory.exporting.og1.deployments import export_og1_logs
     from twin.records.logged import LogStore
@@ -234,7 +231,7 @@ def test_real_logs_come_back_from_their_og1_files(tmp_path: Path, log: str, kind
     assert np.allclose(*moved, atol=1.0)
 
 
-def test_ngdac_profiles_make_one_log_with_its_currents(tmp_path: Path) -> None:
+def test_ngdac_profiles_make_one_log_with_its_currents(tmp_path):
     paths = write_ngdac(tmp_path, FLIGHT)
     dataset, report = import_logs("ngdac", paths)
     assert report.deployments == ("unit-23",)
@@ -267,7 +264,7 @@ def test_ngdac_profiles_make_one_log_with_its_currents(tmp_path: Path) -> None:
         assert float(dataset["displacement_north"][dive]) == pytest.approx(moved[0], abs=1.0)
 
 
-def test_seaexplorer_offloads_hold_events_and_other_files(tmp_path: Path) -> None:
+def test_seaexplorer_offloads_hold_events_and_other_files(tmp_path):
     """The rest is read; a CTD of the payload and its oxygen come with it."""
     right, _ = import_logs("seaexplorer", [write_seaexplorer(tmp_path / "a_gli.csv", FLIGHT)])
     folder = tmp_path / "offload"
@@ -304,9 +301,7 @@ def test_seaexplorer_offloads_hold_events_and_other_files(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("write", [write_mat, write_nc4])
-def test_lrauv_logs_have_a_time_for_each_variable(
-    tmp_path: Path, write: Callable[[Path, Flight], Path]
-) -> None:
+def test_lrauv_logs_have_a_time_for_each_variable(tmp_path, write):
     path = write(tmp_path / ("log.mat" if write is write_mat else "log.nc4"), FLIGHT)
     dataset, report = import_logs("lrauv", [path])
     assert report.rows == FLIGHT.dives
@@ -324,7 +319,7 @@ def test_lrauv_logs_have_a_time_for_each_variable(
         assert np.allclose(dataset["measured_pump"].values[1, :n][steady], truth["pump"][steady])
 
 
-def test_lrauv_units_in_text(tmp_path: Path) -> None:
+def test_lrauv_units_in_text(tmp_path):
     time = FLIGHT.time
     state = FLIGHT.state(time)
     columns = {
@@ -359,7 +354,7 @@ def test_lrauv_units_in_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not SHORE.is_dir(), reason="needs the shared LRAUV logs")
-def test_lrauv_shore_logs_and_simulator() -> None:
+def test_lrauv_shore_logs_and_simulator():
     dataset, report = import_logs("lrauv", [SHORE])
     assert report.rows == 24
     assert report.rows_with_fixes == 23
@@ -382,7 +377,7 @@ def test_lrauv_shore_logs_and_simulator() -> None:
     assert report.rows_with_fixes == 0
 
 
-def test_lrauv_refusals(tmp_path: Path) -> None:
+def test_lrauv_refusals(tmp_path):
     path = write_mat(tmp_path / "log.mat", FLIGHT)
     cut = tmp_path / "cut.mat"
     cut.write_bytes(path.read_bytes()[:3000])

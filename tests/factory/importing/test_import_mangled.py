@@ -1,10 +1,7 @@
 """Logs as real life mangles them: each comes in whole, or one line says what is wrong."""
 
-from __future__ import annotations
-
 import gc
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import netCDF4
@@ -21,7 +18,7 @@ FLIGHT = Flight(dives=2)
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "howto" / "import_tables.md").read_text()
 
 
-def with_semicolons(content: bytes) -> bytes:
+def with_semicolons(content):
     """As a spreadsheet writes it where the decimal is a comma."""
     return content.replace(b",", b";").replace(b".", b",")
 
@@ -38,16 +35,14 @@ def with_semicolons(content: bytes) -> bytes:
     ],
     ids=["utf-16", "bom and crlf", "its header again", "decimal commas", "cut", "empty lines"],
 )
-def test_tables_of_other_programs_come_in_whole(
-    mangle: Callable[[bytes], bytes], tmp_path: Path
-) -> None:
+def test_tables_of_other_programs_come_in_whole(mangle, tmp_path):
     (table,) = write_table(tmp_path, FLIGHT, PAGE)
     table.write_bytes(mangle(table.read_bytes()))
     _, report = import_logs("csv", [table], mapping=tmp_path / "mine.toml")
     assert report.rows == FLIGHT.dives
 
 
-def test_a_table_without_a_value_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_a_table_without_a_value_is_refused_in_one_line(tmp_path):
     (table,) = write_table(tmp_path, FLIGHT, PAGE)
     header, *rows = table.read_text().splitlines()
     bare = [",".join([row.split(",")[0], *["nan"] * header.count(",")]) for row in rows]
@@ -64,9 +59,7 @@ def test_a_table_without_a_value_is_refused_in_one_line(tmp_path: Path) -> None:
         ("seaglider", lambda folder: write_basestation(folder, FLIGHT)),
     ],
 )
-def test_copies_in_another_folder_are_read_once(
-    kind: str, write: Callable[[Path], list[Path]], tmp_path: Path
-) -> None:
+def test_copies_in_another_folder_are_read_once(kind, write, tmp_path):
     files = write(tmp_path)
     (tmp_path / "backup").mkdir()
     copies = [Path(shutil.copy(path, tmp_path / "backup" / path.name)) for path in files]
@@ -75,7 +68,7 @@ def test_copies_in_another_folder_are_read_once(
     assert report.count("left out", "files") == len(copies)
 
 
-def test_a_spoilt_row_of_a_table_of_dives_is_left_out(tmp_path: Path) -> None:
+def test_a_spoilt_row_of_a_table_of_dives_is_left_out(tmp_path):
     write_seaglider(tmp_path, FLIGHT)
     (dives,) = tmp_path.glob("*_dives.csv")
     lines = dives.read_text().splitlines()
@@ -85,7 +78,7 @@ def test_a_spoilt_row_of_a_table_of_dives_is_left_out(tmp_path: Path) -> None:
     assert report.count("left out", "S?999") == 1
 
 
-def test_a_failed_import_names_what_could_not_be_read(tmp_path: Path) -> None:
+def test_a_failed_import_names_what_could_not_be_read(tmp_path):
     write_seaglider(tmp_path, FLIGHT)
     (dives,) = tmp_path.glob("*_dives.csv")
     dives.write_text("")
@@ -93,7 +86,7 @@ def test_a_failed_import_names_what_could_not_be_read(tmp_path: Path) -> None:
         import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
 
 
-def test_what_is_wrong_with_the_only_file_is_said_once(tmp_path: Path) -> None:
+def test_what_is_wrong_with_the_only_file_is_said_once(tmp_path):
     (tmp_path / "zero.dbd").touch()
     with pytest.raises(InputError, match=r"^\S*zero\.dbd is empty$"):
         import_logs("slocum", [tmp_path / "zero.dbd"])

@@ -1,9 +1,5 @@
 """Import: what becomes of each name in a file, the pump that is taken, and payloads by name."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from logs import Flight, slocum_columns, write_csv, write_slocum
@@ -16,7 +12,7 @@ FLIGHT = Flight(depth=100.0, surface=600.0)
 
 
 @pytest.mark.parametrize("column", sorted(set(slocum_columns(FLIGHT)) - {"time"}))
-def test_a_name_that_is_read_makes_a_difference(column: str, tmp_path: Path) -> None:
+def test_a_name_that_is_read_makes_a_difference(column, tmp_path):
     """What the report calls read is in the store: without it something is missing or otherwise."""
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     assert column in report.names["flight table"]["read"]
@@ -30,8 +26,8 @@ def test_a_name_that_is_read_makes_a_difference(column: str, tmp_path: Path) -> 
 
 
 def test_what_is_known_and_not_used_is_left_out_and_what_is_empty_is_missing(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     count = len(FLIGHT.time)
     paths = write_slocum(
         tmp_path,
@@ -51,7 +47,7 @@ def test_what_is_known_and_not_used_is_left_out_and_what_is_empty_is_missing(
 
 
 @pytest.mark.parametrize("rows", ["one", "every"])
-def test_of_two_pumps_the_one_that_moves_is_taken(rows: str, tmp_path: Path) -> None:
+def test_of_two_pumps_the_one_that_moves_is_taken(rows, tmp_path):
     """A deep Slocum writes a 0 of the ballast pump that it has not, and its oil bladder."""
     columns = slocum_columns(FLIGHT)
     oil = columns["m_ballast_pumped"] + 60.0
@@ -69,13 +65,13 @@ def test_of_two_pumps_the_one_that_moves_is_taken(rows: str, tmp_path: Path) -> 
     assert "not m_ballast_pumped" in notes[0]
 
 
-def test_a_log_without_any_pump_says_that_it_is_missing(tmp_path: Path) -> None:
+def test_a_log_without_any_pump_says_that_it_is_missing(tmp_path):
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_ballast_pumped=None))
     assert "measured_pump" not in dataset
     assert report.count("missing", "measured_pump") == 1
 
 
-def test_payload_comes_by_known_names_and_by_those_that_the_user_maps(tmp_path: Path) -> None:
+def test_payload_comes_by_known_names_and_by_those_that_the_user_maps(tmp_path):
     depth = slocum_columns(FLIGHT)["m_depth"]
     oxygen, nitrate = 200.0 + depth, 3.0 + 0.1 * depth
     oxygen[::2] = np.nan  # every 8 s
@@ -105,13 +101,13 @@ def test_payload_comes_by_known_names_and_by_those_that_the_user_maps(tmp_path: 
         ("nitrate=sci_suna_no", r"no file has the column 'sci_suna_no'; is it sci_suna_no3"),
     ],
 )
-def test_a_wrong_mapping_is_refused(word: str, message: str, tmp_path: Path) -> None:
+def test_a_wrong_mapping_is_refused(word, message, tmp_path):
     paths = write_slocum(tmp_path, FLIGHT, sci_suna_no3=np.ones(len(FLIGHT.time)))
     with pytest.raises(InputError, match=message):
         import_logs("slocum", paths, payload=[word])
 
 
-def test_what_a_store_says_of_a_name_does_not_stop_an_import(tmp_path: Path) -> None:
+def test_what_a_store_says_of_a_name_does_not_stop_an_import(tmp_path):
     """A store with a sensor of one's own was opened before in this process."""
     VARIABLES.pop("measured_turbidity", None)
     declare_stored("measured_turbidity", {"units": "NTU", "long_name": "turbidity"})
@@ -120,7 +116,7 @@ def test_what_a_store_says_of_a_name_does_not_stop_an_import(tmp_path: Path) -> 
     assert dataset["measured_turbidity"].attrs["units"] == "1"
 
 
-def test_a_sensor_s_own_meaning_of_a_name_is_kept_and_said(tmp_path: Path) -> None:
+def test_a_sensor_s_own_meaning_of_a_name_is_kept_and_said(tmp_path):
     VARIABLES.pop("measured_turbidity", None)
     declare(Variable("measured_turbidity", "m", "of another kind"))
     paths = write_slocum(tmp_path, FLIGHT, sci_flntu_turb_units=np.ones(len(FLIGHT.time)))
@@ -131,7 +127,7 @@ def test_a_sensor_s_own_meaning_of_a_name_is_kept_and_said(tmp_path: Path) -> No
         import_logs("slocum", paths, payload=["turbidity=sci_flntu_turb_units"])
 
 
-def test_folders_below_are_named_and_searched_on_request(tmp_path: Path) -> None:
+def test_folders_below_are_named_and_searched_on_request(tmp_path):
     folders = [tmp_path / "parent" / name for name in ("2016", "2017")]
     for number, folder in enumerate(folders):
         folder.mkdir(parents=True)
@@ -145,7 +141,7 @@ def test_folders_below_are_named_and_searched_on_request(tmp_path: Path) -> None
         import_logs("slocum", [tmp_path / "empty"])
 
 
-def test_what_a_log_holds_from_before_its_clock_was_set_goes(tmp_path: Path) -> None:
+def test_what_a_log_holds_from_before_its_clock_was_set_goes(tmp_path):
     """Hours on the deck in 1990: no fix, no dive; another deployment's dives stay."""
     right, _ = import_logs("slocum", write_slocum(tmp_path, Flight()))
     table = slocum_columns(Flight())

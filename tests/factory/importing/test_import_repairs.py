@@ -1,10 +1,6 @@
 """Import: what sensors do wrong, and what the import makes of it. Small written files."""
 
-from __future__ import annotations
-
 import gzip
-from collections.abc import Callable
-from pathlib import Path
 
 import gsw
 import netCDF4
@@ -28,15 +24,9 @@ from factory.importing import import_logs
 from factory.importing.angles import in_degrees
 from factory.importing.cleaning import counts_upward
 from factory.importing.columns import column_names, read_table, tidy
-from factory.importing.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
-)
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, LoggedFixes
 from factory.importing.plausibility import unreachable
-from factory.importing.seawater import pressure_of, with_depth
+from factory.importing.pressures import pressure_of, with_depth
 from factory.importing.tally import Tally
 from twin.errors import InputError
 
@@ -44,7 +34,7 @@ FLIGHT = Flight()
 SIGNALS = ("measured_pitch", "measured_heading", "measured_roll", "measured_depth")
 
 
-def with_sentinels(columns: dict[str, np.ndarray], share: float) -> dict[str, np.ndarray]:
+def with_sentinels(columns, share):
     """Pitch, depth and pressure as a Slocum writes them where a sensor was silent."""
     bad = np.random.default_rng(5).random(len(columns["time"])) < share
     changed = {name: columns[name].copy() for name in ("m_pitch", "m_depth", "m_pressure")}
@@ -54,9 +44,7 @@ def with_sentinels(columns: dict[str, np.ndarray], share: float) -> dict[str, np
 
 
 @pytest.mark.parametrize("factor", [1.0, 180.0 / np.pi])
-def test_sentinels_neither_turn_the_unit_nor_leave_depth_behind(
-    tmp_path: Path, factor: float
-) -> None:
+def test_sentinels_neither_turn_the_unit_nor_leave_depth_behind(tmp_path, factor):
     right, whole = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     changed = with_sentinels(slocum_columns(FLIGHT), 0.05)
     changed["m_pitch"] = np.where(changed["m_pitch"] == -999.0, -999.0, changed["m_pitch"] * factor)
@@ -75,7 +63,7 @@ def test_sentinels_neither_turn_the_unit_nor_leave_depth_behind(
     assert np.nanpercentile(apart, 90.0) < 0.01
 
 
-def test_runs_of_impossible_depth_go_and_the_dive_stays(tmp_path: Path) -> None:
+def test_runs_of_impossible_depth_go_and_the_dive_stays(tmp_path):
     columns = slocum_columns(FLIGHT)
     depth, pressure = columns["m_depth"].copy(), columns["m_pressure"].copy()
     run = slice(90, 102)
@@ -89,7 +77,7 @@ def test_runs_of_impossible_depth_go_and_the_dive_stays(tmp_path: Path) -> None:
 
 
 @given(st.integers(0, 150), st.integers(1, 20), st.floats(60.0, 9000.0))
-def test_only_the_run_is_out_of_reach(start: int, length: int, value: float) -> None:
+def test_only_the_run_is_out_of_reach(start, length, value):
     time = 4.0 * np.arange(200.0)
     values = 30.0 + 20.0 * np.sin(time / 100.0)
     assert not unreachable(time, values, rate=2.0, jump=4.0).any()
@@ -99,7 +87,7 @@ def test_only_the_run_is_out_of_reach(start: int, length: int, value: float) -> 
     assert np.flatnonzero(bad).tolist() == list(range(start, start + length))
 
 
-def test_a_roll_in_degrees_is_not_taken_for_radian(tmp_path: Path) -> None:
+def test_a_roll_in_degrees_is_not_taken_for_radian(tmp_path):
     """A few degrees of roll would be half a turn in radian; they are in no other angle's unit."""
     wobble = 3.0 + 2.0 * np.sin(FLIGHT.time / 50.0)
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_roll=wobble))
@@ -107,7 +95,7 @@ def test_a_roll_in_degrees_is_not_taken_for_radian(tmp_path: Path) -> None:
     assert np.nanmax(np.abs(dataset["measured_roll"])) == pytest.approx(5.0, abs=0.1)
 
 
-def test_a_slight_roll_follows_the_unit_of_pitch_and_heading(tmp_path: Path) -> None:
+def test_a_slight_roll_follows_the_unit_of_pitch_and_heading(tmp_path):
     """0.1 to 0.5: a roll that could be either."""
     either = 0.3 + 0.2 * np.sin(FLIGHT.time / 50.0)
     assert in_degrees("roll", either) is None
@@ -121,7 +109,7 @@ def test_a_slight_roll_follows_the_unit_of_pitch_and_heading(tmp_path: Path) -> 
     assert np.nanmax(dataset["measured_roll"]) == pytest.approx(0.5, abs=0.01)
 
 
-def test_a_heading_sentinel_is_no_heading(tmp_path: Path) -> None:
+def test_a_heading_sentinel_is_no_heading(tmp_path):
     heading = slocum_columns(FLIGHT)["m_heading"]
     heading[30:34] = -999.0
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_heading=heading))
@@ -133,12 +121,12 @@ def test_a_heading_sentinel_is_no_heading(tmp_path: Path) -> None:
     )
 
 
-def details(report: object, action: str) -> dict[str, str]:
+def details(report, action):
     """Subject and reason of each entry of an action."""
     return {e.subject: e.detail for e in report.entries if e.action == action}  # type: ignore[attr-defined]
 
 
-def test_a_roll_of_half_a_turn_is_suspect(tmp_path: Path) -> None:
+def test_a_roll_of_half_a_turn_is_suspect(tmp_path):
     """Radian by its small values, and yet the vehicle would lie on its side."""
     samples, dives = write_seaglider(tmp_path, Flight(depth=150.0))
     table = read_table(samples)
@@ -152,9 +140,7 @@ def test_a_roll_of_half_a_turn_is_suspect(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("column", "subject"), [("m_heading", "measured_heading"), ("m_pitch", "measured_pitch")]
 )
-def test_a_sensor_that_stands_still_for_a_dive_is_suspect(
-    tmp_path: Path, column: str, subject: str
-) -> None:
+def test_a_sensor_that_stands_still_for_a_dive_is_suspect(tmp_path, column, subject):
     moving = slocum_columns(FLIGHT)
     for name in ("m_heading", "m_pitch"):
         moving[name] = moving[name] + 1e-3 * np.sin(FLIGHT.time)
@@ -169,7 +155,7 @@ def test_a_sensor_that_stands_still_for_a_dive_is_suspect(
     assert "same value for a whole dive" in details(report, "suspect")[subject]
 
 
-def test_a_depth_that_stands_still_while_pitched_is_suspect(tmp_path: Path) -> None:
+def test_a_depth_that_stands_still_while_pitched_is_suspect(tmp_path):
     flight = Flight(depth=120.0)
     depth = slocum_columns(flight)["m_depth"]
     start, _ = flight.dive_times(1)
@@ -182,7 +168,7 @@ def test_a_depth_that_stands_still_while_pitched_is_suspect(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(25.4, "mm"), (2.54 * 3.0, "cm"), (0.0254, "metres")])
-def test_the_batterys_unit_is_told_by_its_travel(tmp_path: Path, factor: float, unit: str) -> None:
+def test_the_batterys_unit_is_told_by_its_travel(tmp_path, factor, unit):
     """0.8 inch of travel; in cm only with three times as much, since 2 cm could be 2 inches."""
     inches = slocum_columns(FLIGHT)["m_battpos"]
     dataset, report = import_logs(
@@ -195,13 +181,13 @@ def test_the_batterys_unit_is_told_by_its_travel(tmp_path: Path, factor: float, 
         assert np.nanmax(dataset[name]) == pytest.approx(size, rel=1e-3), name
 
 
-def test_a_batterys_travel_that_is_no_gliders_is_suspect(tmp_path: Path) -> None:
+def test_a_batterys_travel_that_is_no_gliders_is_suspect(tmp_path):
     counts = 4000.0 * slocum_columns(FLIGHT)["m_battpos"]
     _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_battpos=counts))
     assert "in no unit" in details(report, "suspect")["measured_shift"]
 
 
-def test_what_is_not_read_is_named_and_what_is_missing_looked_for(tmp_path: Path) -> None:
+def test_what_is_not_read_is_named_and_what_is_missing_looked_for(tmp_path):
     columns = slocum_columns(FLIGHT)
     renamed = {
         "pitch": columns["m_pitch"],
@@ -219,7 +205,7 @@ def test_what_is_not_read_is_named_and_what_is_missing_looked_for(tmp_path: Path
     assert "measured_rotation" not in details(report, "missing")
 
 
-def test_a_deployment_without_a_dive_does_not_vanish(tmp_path: Path) -> None:
+def test_a_deployment_without_a_dive_does_not_vanish(tmp_path):
     paths = write_slocum(tmp_path, FLIGHT)
     paths += write_slocum(tmp_path, Flight(depth=3.0, speed=0.1, heading=90.0), name="zeta")
     _, report = import_logs("slocum", paths)
@@ -227,13 +213,13 @@ def test_a_deployment_without_a_dive_does_not_vanish(tmp_path: Path) -> None:
     assert details(report, "left out")["zeta"].startswith("no dive: deepest ")
 
 
-def test_samples_outside_rows_are_split_by_where_they_were(tmp_path: Path) -> None:
+def test_samples_outside_rows_are_split_by_where_they_were(tmp_path):
     _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     why = [e.detail for e in report.entries if e.subject == "depth samples"]
     assert why == ["at the surface between dives (above 1.5 m)"]
 
 
-def test_rows_that_repeat_a_time_are_kept_apart_from_those_that_contradict(tmp_path: Path) -> None:
+def test_rows_that_repeat_a_time_are_kept_apart_from_those_that_contradict(tmp_path):
     right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     columns = slocum_columns(FLIGHT)
     rows = np.concatenate([np.arange(len(FLIGHT.time)), [60, 61, 62, 63]])
@@ -247,7 +233,7 @@ def test_rows_that_repeat_a_time_are_kept_apart_from_those_that_contradict(tmp_p
     assert np.allclose(dataset["measured_pitch"], right["measured_pitch"], equal_nan=True)
 
 
-def test_contradicting_rows_are_not_mixed() -> None:
+def test_contradicting_rows_are_not_mixed():
     time = np.array([1e9, 1e9, 1e9 + 1.0])
     columns = {"a": np.array([1.0, 2.0, 3.0]), "b": np.array([np.nan, 5.0, 6.0])}
     _, out = tidy(time, columns, "x", Tally())
@@ -258,7 +244,7 @@ def test_contradicting_rows_are_not_mixed() -> None:
     assert out["b"].tolist() == [5.0, 6.0]
 
 
-def test_the_index_that_pandas_writes_is_no_column(tmp_path: Path) -> None:
+def test_the_index_that_pandas_writes_is_no_column(tmp_path):
     right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     paths = write_slocum(tmp_path, FLIGHT)
     lines = paths[0].read_text().splitlines()
@@ -278,14 +264,14 @@ def test_the_index_that_pandas_writes_is_no_column(tmp_path: Path) -> None:
         ("1\n2\n", "does not begin with a line of column names"),
     ],
 )
-def test_tables_that_are_wrong_are_named(tmp_path: Path, text: str, message: str) -> None:
+def test_tables_that_are_wrong_are_named(tmp_path, text, message):
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(InputError, match=rf"a\.csv.*{message}"):
         read_table(path)
 
 
-def test_cells_of_every_kind(tmp_path: Path) -> None:
+def test_cells_of_every_kind(tmp_path):
     """Separators at the ends of rows, short rows, quotes, words for nothing, and mixed columns."""
     path = tmp_path / "a.csv"
     path.write_text('x,"y",words,z,\n1e-1, 2 ,on,4,\nNaN,N/A,off,bad,\n\n0.30000000000000004\n')
@@ -298,21 +284,21 @@ def test_cells_of_every_kind(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.columns["z"], [4.0, np.nan, np.nan])
 
 
-def test_a_log_of_one_sample_says_so(tmp_path: Path) -> None:
+def test_a_log_of_one_sample_says_so(tmp_path):
     one = {name: values[60:61] for name, values in slocum_columns(FLIGHT).items()}
     path = write_csv(tmp_path / "unit1_flight.csv", one)
     with pytest.raises(InputError, match="holds 1 sample"):
         import_logs("slocum", [path], variation_deg=0.0)
 
 
-def test_files_of_no_log_format_are_named(tmp_path: Path) -> None:
+def test_files_of_no_log_format_are_named(tmp_path):
     write_slocum(tmp_path, FLIGHT)
     (tmp_path / "LICENSE").write_text("free")
     _, report = import_logs("slocum", [tmp_path])
     assert details(report, "left out")["files"] == "no slocum logs: LICENSE"
 
 
-def test_a_truth_in_centimetres_a_second_is_suspect(tmp_path: Path) -> None:
+def test_a_truth_in_centimetres_a_second_is_suspect(tmp_path):
     start, _ = FLIGHT.dive_times(1)
     times = np.arange(start + 20.0, start + 160.0, 1.0)
     paths = write_slocum(tmp_path, FLIGHT)
@@ -324,7 +310,7 @@ def test_a_truth_in_centimetres_a_second_is_suspect(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".csv.gz", ".parquet", ".nc", ".mat"])
-def test_cut_files_are_named_in_one_line(tmp_path: Path, suffix: str) -> None:
+def test_cut_files_are_named_in_one_line(tmp_path, suffix):
     whole = tmp_path / f"whole{suffix}"
     kind = "slocum"
     table = write_slocum(tmp_path, FLIGHT)[0]
@@ -353,7 +339,7 @@ def test_cut_files_are_named_in_one_line(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize(
     "fixes", [NO_FIXES, LoggedFixes(np.zeros(1), np.full(1, 5.0), np.zeros(1))]
 )
-def test_depth_is_of_the_latitude_where_the_log_was_made(fixes: LoggedFixes) -> None:
+def test_depth_is_of_the_latitude_where_the_log_was_made(fixes):
     """Gravity grows toward the poles: by its fixes, without any by the track of the vehicle."""
     time, pressure = np.arange(3.0), np.array([0.0, 500.0, 1000.0])
     log = DeploymentLog(
@@ -381,7 +367,7 @@ measured_depth = { column = "z", unit = "m" }
 """
 
 
-def depth_table(folder: Path, change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Path:
+def depth_table(folder, change):
     """Two dives to 100 m in 40 min, a sample every 5 s."""
     time = np.arange(0.0, 2400.0, 5.0)
     depth = 100.0 * (1.0 - np.abs((time / 1200.0) % 1.0 * 2.0 - 1.0))
@@ -390,7 +376,7 @@ def depth_table(folder: Path, change: Callable[[np.ndarray, np.ndarray], np.ndar
 
 
 @pytest.mark.parametrize("height", [5.5, 8.0, 19.0])
-def test_a_sample_above_the_sea_goes_and_the_dives_stay(tmp_path: Path, height: float) -> None:
+def test_a_sample_above_the_sea_goes_and_the_dives_stay(tmp_path, height):
     path = depth_table(tmp_path, lambda t, z: np.where(t == 1175.0, -height, z))
     dataset, report = import_logs("csv", [path], mapping=tmp_path / "mine.toml")
     assert report.rows == 2
@@ -401,7 +387,7 @@ def test_a_sample_above_the_sea_goes_and_the_dives_stay(tmp_path: Path, height: 
 
 
 @pytest.mark.parametrize("noisy", [False, True])
-def test_a_column_that_counts_upward_is_turned(tmp_path: Path, noisy: bool) -> None:
+def test_a_column_that_counts_upward_is_turned(tmp_path, noisy):
     """A sentinel in every twentieth row, which counts neither way, does not change that."""
     path = depth_table(tmp_path, lambda t, z: np.where(noisy & (t % 100.0 == 50.0), -9999.0, -z))
     dataset, report = import_logs("csv", [path], mapping=tmp_path / "mine.toml")
@@ -410,7 +396,7 @@ def test_a_column_that_counts_upward_is_turned(tmp_path: Path, noisy: bool) -> N
     assert float(dataset["measured_depth"].max()) == pytest.approx(100.0, abs=1.0)
 
 
-def test_an_offset_is_no_column_that_counts_upward(tmp_path: Path) -> None:
+def test_an_offset_is_no_column_that_counts_upward(tmp_path):
     """A sensor that shows 8 m above the sea while it floats; no fix tells that it floats."""
     path = depth_table(tmp_path, lambda t, z: np.maximum(z - 20.0, 0.0) - 8.0)
     dataset, report = import_logs("csv", [path], mapping=tmp_path / "mine.toml")
@@ -432,11 +418,11 @@ def test_an_offset_is_no_column_that_counts_upward(tmp_path: Path) -> None:
         (np.full(50, -12.0), False),
     ],
 )
-def test_which_way_a_column_counts(values: np.ndarray, upward: bool) -> None:
+def test_which_way_a_column_counts(values, upward):
     assert counts_upward(values) is upward
 
 
-def test_the_pressure_above_the_sea_goes_on_as_below(tmp_path: Path) -> None:
+def test_the_pressure_above_the_sea_goes_on_as_below(tmp_path):
     depth = np.array([-20.0, -4.0, -2.0, 0.0, 2.0, 1000.0])
     pressure = pressure_of(depth, 45.0)
     np.testing.assert_allclose(pressure[1:], gsw.p_from_z(-depth[1:], 45.0), rtol=1e-12)
@@ -444,18 +430,18 @@ def test_the_pressure_above_the_sea_goes_on_as_below(tmp_path: Path) -> None:
     np.testing.assert_allclose(slope, slope[-1], rtol=1e-4)
 
 
-def write_slocum_depths(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+def write_slocum_depths(folder, change):
     write_slocum(folder, FLIGHT, m_depth=change(slocum_columns(FLIGHT)["m_depth"]), m_pressure=None)
     return "slocum"
 
 
-def write_og1_depths(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+def write_og1_depths(folder, change):
     with netCDF4.Dataset(write_og1(folder / "one.nc", FLIGHT), "a") as file:
         file["DEPTH"][:] = change(file["DEPTH"][:])
     return "og1"
 
 
-def write_dive_pressures(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+def write_dive_pressures(folder, change):
     for path in write_basestation(folder, FLIGHT):
         with netCDF4.Dataset(path, "a") as file:
             for name in ("depth", "pressure"):
@@ -463,7 +449,7 @@ def write_dive_pressures(folder: Path, change: Callable[[np.ndarray], np.ndarray
     return "seaglider"
 
 
-def write_messages(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> str:
+def write_messages(folder, change):
     pytest.importorskip("rosbags.rosbag2")
     time, state = dives(FLIGHT)
     write_bag(folder / "run", {**state, "depth": change(state["depth"])}, time)
@@ -474,10 +460,8 @@ def write_messages(folder: Path, change: Callable[[np.ndarray], np.ndarray]) -> 
     "write", [write_slocum_depths, write_og1_depths, write_dive_pressures, write_messages]
 )
 @pytest.mark.parametrize("upward", [False, True])
-def test_every_kind_of_log_judges_its_depth_alike(
-    tmp_path: Path, write: Callable[..., str], upward: bool
-) -> None:
-    def change(depth: np.ndarray) -> np.ndarray:
+def test_every_kind_of_log_judges_its_depth_alike(tmp_path, write, upward):
+    def change(depth):
         depth = np.array(depth, float)
         if upward:
             return -depth

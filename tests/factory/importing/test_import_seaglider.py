@@ -1,9 +1,6 @@
 """Import of Seaglider logs: tables and basestation netCDF, truth by the ADCP, refusals."""
 
-from __future__ import annotations
-
 import warnings
-from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -24,7 +21,7 @@ SG171 = [AD2CP / f"sg171_ekamsat_2024_{part}" for part in
 needs_sg171 = pytest.mark.skipif(not AD2CP.is_dir(), reason="needs the shared logs of SG171")
 
 
-def write_adcp(path: Path, flight: Flight) -> Path:
+def write_adcp(path, flight):
     """Velocity through the water every 60 s, up positive, as the inverse solution gives it."""
     time = flight.time[::15]
     state = flight.state(time)
@@ -46,7 +43,7 @@ def write_adcp(path: Path, flight: Flight) -> Path:
     )
 
 
-def test_dives_run_from_the_second_fix_to_the_last(tmp_path: Path) -> None:
+def test_dives_run_from_the_second_fix_to_the_last(tmp_path):
     dataset, report = import_logs("seaglider", write_seaglider(tmp_path, FLIGHT))
     assert report.deployments == ("SG999",)
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
@@ -72,7 +69,7 @@ def test_dives_run_from_the_second_fix_to_the_last(tmp_path: Path) -> None:
     assert dataset["measured_gap"].values[0, n // 4] == 0.0
 
 
-def test_adcp_truth_is_turned_into_body_axes_near_its_samples_only(tmp_path: Path) -> None:
+def test_adcp_truth_is_turned_into_body_axes_near_its_samples_only(tmp_path):
     paths = [*write_seaglider(tmp_path, FLIGHT), write_adcp(tmp_path / "adcp.csv", FLIGHT)]
     dataset, report = import_logs("seaglider", paths)
     n = int(dataset["n_samples"][1])
@@ -92,7 +89,7 @@ def test_adcp_truth_is_turned_into_body_axes_near_its_samples_only(tmp_path: Pat
     assert shallow[0].count > 0
 
 
-def test_body_axes_undo_the_rotation() -> None:
+def test_body_axes_undo_the_rotation():
     rng = np.random.default_rng(3)
     angles = rng.uniform(-1.0, 1.0, (3, 20))
     vectors = rng.normal(size=(3, 20))
@@ -104,7 +101,7 @@ def test_body_axes_undo_the_rotation() -> None:
     assert np.allclose(to_body(down, *angles), expected)
 
 
-def test_without_dives_there_is_no_variation_and_no_fix(tmp_path: Path) -> None:
+def test_without_dives_there_is_no_variation_and_no_fix(tmp_path):
     samples, dives = write_seaglider(tmp_path, FLIGHT)
     with pytest.raises(InputError, match="--variation-deg"):
         import_logs("seaglider", [samples])
@@ -115,7 +112,7 @@ def test_without_dives_there_is_no_variation_and_no_fix(tmp_path: Path) -> None:
         import_logs("seaglider", [dives])
 
 
-def test_radian_and_mixed_gliders(tmp_path: Path) -> None:
+def test_radian_and_mixed_gliders(tmp_path):
     samples, dives = write_seaglider(tmp_path, FLIGHT)
     table = read_table(samples)
     columns = {"glider": ["SG999"] * len(table), **table.columns}
@@ -139,9 +136,7 @@ def test_radian_and_mixed_gliders(tmp_path: Path) -> None:
         ("a.csv", b"m_depth,m_pitch,time\n1,2,3\n", "looks like slocum"),
     ],
 )
-def test_files_that_are_no_seaglider_log_are_named(
-    tmp_path: Path, name: str, content: bytes, message: str
-) -> None:
+def test_files_that_are_no_seaglider_log_are_named(tmp_path, name, content, message):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError, match=message) as caught:
@@ -149,7 +144,7 @@ def test_files_that_are_no_seaglider_log_are_named(
     assert "\n" not in str(caught.value)
 
 
-def test_a_netcdf_file_of_another_kind_is_named(tmp_path: Path) -> None:
+def test_a_netcdf_file_of_another_kind_is_named(tmp_path):
     path = tmp_path / "og1.nc"
     with netCDF4.Dataset(path, "w") as file:
         file.createDimension("N_MEASUREMENTS", 2)
@@ -165,7 +160,7 @@ def test_a_netcdf_file_of_another_kind_is_named(tmp_path: Path) -> None:
 
 
 @needs_sg171
-def test_raw_dive_100_agrees_with_its_table() -> None:
+def test_raw_dive_100_agrees_with_its_table():
     pytest.importorskip("pyarrow")
     table, _ = import_logs("seaglider", SG171)
     raw, report = import_logs("seaglider", [AD2CP / "raw" / "p1710100.nc"])
@@ -194,7 +189,7 @@ def test_raw_dive_100_agrees_with_its_table() -> None:
 
 
 @needs_sg171
-def test_every_dives_displacement_agrees_with_the_basestation() -> None:
+def test_every_dives_displacement_agrees_with_the_basestation():
     pytest.importorskip("pyarrow")
     files = [*SG171[:2], *(p for p in AD2CP.glob("sg265*"))]
     files += [p for p in STATION.iterdir() if p.suffix in (".csv", ".parquet")]
@@ -228,7 +223,7 @@ def test_every_dives_displacement_agrees_with_the_basestation() -> None:
 
 
 @needs_sg171
-def test_sg171_dives_nose_down_with_the_bladder_small_and_moves_along_its_nose() -> None:
+def test_sg171_dives_nose_down_with_the_bladder_small_and_moves_along_its_nose():
     pytest.importorskip("pyarrow")
     dataset, _ = import_logs("seaglider", SG171)
     depth, phase = dataset["measured_depth"].values, dataset["measured_phase"].values
@@ -246,9 +241,7 @@ def test_sg171_dives_nose_down_with_the_bladder_small_and_moves_along_its_nose()
 
 
 @pytest.mark.parametrize("without", ["time", "uttw"])
-def test_an_adcps_solution_that_lacks_its_times_or_velocities_is_no_truth(
-    tmp_path: Path, without: str
-) -> None:
+def test_an_adcps_solution_that_lacks_its_times_or_velocities_is_no_truth(tmp_path, without):
     paths = write_basestation(tmp_path, FLIGHT)
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
@@ -264,7 +257,7 @@ def test_an_adcps_solution_that_lacks_its_times_or_velocities_is_no_truth(
     assert not [name for name in dataset.data_vars if "surge" in str(name)]
 
 
-def test_base_stations_files_say_where_the_glider_was_sent(tmp_path: Path) -> None:
+def test_base_stations_files_say_where_the_glider_was_sent(tmp_path):
     flight = Flight(depth=150.0)
     dataset, report = import_logs("seaglider", write_basestation(tmp_path, flight))
     north = (49.6 - dataset["start_latitude"].values) * 111_230.0
@@ -276,7 +269,7 @@ def test_base_stations_files_say_where_the_glider_was_sent(tmp_path: Path) -> No
     assert "log_TGT_LATLONG" in report.names["basestation file"]["read"]
 
 
-def test_a_number_that_older_basestations_write_letter_by_letter_is_one(tmp_path: Path) -> None:
+def test_a_number_that_older_basestations_write_letter_by_letter_is_one(tmp_path):
     found = {}
     for kind in ("letters", "number", "words"):
         folder = tmp_path / kind
@@ -297,7 +290,7 @@ def test_a_number_that_older_basestations_write_letter_by_letter_is_one(tmp_path
     assert "measured_vacuum" not in found["words"]
 
 
-def test_limits_that_fit_no_value_are_passed_over_without_a_word(tmp_path: Path) -> None:
+def test_limits_that_fit_no_value_are_passed_over_without_a_word(tmp_path):
     """Beyond the variable's own kind: the library's own words name neither file nor variable."""
     path = tmp_path / "a.nc"
     with netcdf_file(path, "w") as file:

@@ -1,10 +1,6 @@
 """Import of Slocum logs: segments, units, repairs and refusals, on written and on real files."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +15,7 @@ FLIGHT = Flight()
 COMET, UNIT334 = SHARED / "slocum_comet_dvl_2016", SHARED / "slocum_unit334_2023"
 
 
-def seconds(dataset: Any) -> np.ndarray:
+def seconds(dataset):
     """Start times as stored, unix seconds."""
     values = dataset["start_time"].values
     return (
@@ -29,7 +25,7 @@ def seconds(dataset: Any) -> np.ndarray:
     )
 
 
-def write_text(path: Path, columns: dict[str, np.ndarray], *, segments: int = 1) -> Path:
+def write_text(path, columns, *, segments=1):
     """A Slocum's data as dbd2asc writes them: header, names, units, sizes, rows."""
     header = {
         "dbd_label": "DBD_ASC(dinkum_binary_data_ascii)file", "encoding_ver": 2,
@@ -49,7 +45,7 @@ def write_text(path: Path, columns: dict[str, np.ndarray], *, segments: int = 1)
 
 
 @pytest.mark.parametrize("name", ["a.dba", "a.asc", "a.txt", "a.dbd"])
-def test_data_as_text_are_read_whatever_they_are_called(tmp_path: Path, name: str) -> None:
+def test_data_as_text_are_read_whatever_they_are_called(tmp_path, name):
     columns = slocum_columns(FLIGHT)
     gps = gps_columns(FLIGHT)
     at = np.isin(columns["time"], gps["time"])
@@ -79,7 +75,7 @@ def test_data_as_text_are_read_whatever_they_are_called(tmp_path: Path, name: st
         import_logs("slocum", [path])
 
 
-def test_a_saw_tooth_comes_back_with_its_dives_displacements_and_units(tmp_path: Path) -> None:
+def test_a_saw_tooth_comes_back_with_its_dives_displacements_and_units(tmp_path):
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
     for dive in range(FLIGHT.dives):
@@ -121,7 +117,7 @@ def test_a_saw_tooth_comes_back_with_its_dives_displacements_and_units(tmp_path:
     assert report.count("missing", "measured_density") == 1
 
 
-def test_phases_follow_the_dive(tmp_path: Path) -> None:
+def test_phases_follow_the_dive(tmp_path):
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     phase = dataset["measured_phase"].values[0, : int(dataset["n_samples"][0])]
     time = float(seconds(dataset)[0]) + dataset["time"].values[: len(phase)]
@@ -134,8 +130,8 @@ def test_phases_follow_the_dive(tmp_path: Path) -> None:
 
 
 def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     columns = slocum_columns(FLIGHT)
     clean, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     n = len(columns["time"])
@@ -177,9 +173,7 @@ def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(
         ("time", 1e3, "milliseconds"),
     ],
 )
-def test_swapped_units_are_repaired_and_counted(
-    tmp_path: Path, column: str, factor: float, why: str
-) -> None:
+def test_swapped_units_are_repaired_and_counted(tmp_path, column, factor, why):
     right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     changed = {column: slocum_columns(FLIGHT)[column] * factor}
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
@@ -191,7 +185,7 @@ def test_swapped_units_are_repaired_and_counted(
         assert np.allclose(dataset[name], right[name], atol=2e-4, equal_nan=True), name
 
 
-def test_a_pressure_alone_is_scaled_by_the_speed_that_it_gives(tmp_path: Path) -> None:
+def test_a_pressure_alone_is_scaled_by_the_speed_that_it_gives(tmp_path):
     right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_depth=None))
     dbar = slocum_columns(FLIGHT)["m_pressure"] * 10.0
     paths = write_slocum(tmp_path, FLIGHT, m_depth=None, m_pressure=dbar)
@@ -204,9 +198,7 @@ def test_a_pressure_alone_is_scaled_by_the_speed_that_it_gives(tmp_path: Path) -
     ("column", "subject"),
     [("m_pitch", "measured_pitch"), ("m_ballast_pumped", "measured_pump")],
 )
-def test_a_sign_that_contradicts_the_dives_is_suspect(
-    tmp_path: Path, column: str, subject: str
-) -> None:
+def test_a_sign_that_contradicts_the_dives_is_suspect(tmp_path, column, subject):
     columns = slocum_columns(FLIGHT)
     # a heading that never changes is suspect by itself
     wobble = {"m_heading": columns["m_heading"] + 1e-3 * np.sin(FLIGHT.time)}
@@ -217,7 +209,7 @@ def test_a_sign_that_contradicts_the_dives_is_suspect(
     assert report.count("suspect", subject) == report.count("suspect") == len(FLIGHT.time)
 
 
-def test_litres_infinities_and_swapped_positions(tmp_path: Path) -> None:
+def test_litres_infinities_and_swapped_positions(tmp_path):
     right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     columns = slocum_columns(FLIGHT)
     latitude, longitude = FLIGHT.position(FLIGHT.time)
@@ -242,13 +234,13 @@ def test_litres_infinities_and_swapped_positions(tmp_path: Path) -> None:
     assert np.allclose(dataset["displacement_north"], right["displacement_north"])
 
 
-def test_a_pressure_that_fits_no_unit_is_refused(tmp_path: Path) -> None:
+def test_a_pressure_that_fits_no_unit_is_refused(tmp_path):
     paths = write_slocum(tmp_path, FLIGHT, m_pressure=slocum_columns(FLIGHT)["m_pressure"] * 37.0)
     with pytest.raises(InputError, match=r"m_pressure: pressure and depth do not belong together"):
         import_logs("slocum", paths)
 
 
-def test_a_log_without_gps_is_split_by_its_depth(tmp_path: Path) -> None:
+def test_a_log_without_gps_is_split_by_its_depth(tmp_path):
     flight_table, _ = write_slocum(tmp_path, FLIGHT)
     with pytest.raises(InputError, match="--variation-deg"):
         import_logs("slocum", [flight_table])
@@ -261,7 +253,7 @@ def test_a_log_without_gps_is_split_by_its_depth(tmp_path: Path) -> None:
     assert np.nanmedian(dataset["measured_heading"]) == pytest.approx(FLIGHT.heading, abs=1e-3)
 
 
-def test_bad_and_stray_fixes_are_counted(tmp_path: Path) -> None:
+def test_bad_and_stray_fixes_are_counted(tmp_path):
     flight_table, _ = write_slocum(tmp_path, FLIGHT)
     gps = gps_columns(FLIGHT)
     gps["status"][3] = 2.0
@@ -284,7 +276,7 @@ def test_bad_and_stray_fixes_are_counted(tmp_path: Path) -> None:
     assert report.rows == FLIGHT.dives
 
 
-def test_truth_and_reported_current_arrive_where_they_belong(tmp_path: Path) -> None:
+def test_truth_and_reported_current_arrive_where_they_belong(tmp_path):
     paths = write_slocum(tmp_path, FLIGHT)
     start, end = FLIGHT.dive_times(1)
     times = np.arange(start + 20.0, start + 60.0, 1.0)
@@ -311,7 +303,7 @@ def test_truth_and_reported_current_arrive_where_they_belong(tmp_path: Path) -> 
     assert np.isnan(dataset["vehicle_dac_north"].values[[0, 2]]).all()
 
 
-def test_two_vehicles_in_one_call_stay_apart(tmp_path: Path) -> None:
+def test_two_vehicles_in_one_call_stay_apart(tmp_path):
     other = Flight(dives=2, heading=200.0)
     paths = write_slocum(tmp_path, FLIGHT) + write_slocum(tmp_path, other, name="zeta")
     dataset, report = import_logs("slocum", paths)
@@ -320,7 +312,7 @@ def test_two_vehicles_in_one_call_stay_apart(tmp_path: Path) -> None:
     assert headings == pytest.approx([40.0] * 3 + [200.0] * 2, abs=1e-3)
 
 
-def test_another_vehicles_gps_is_refused(tmp_path: Path) -> None:
+def test_another_vehicles_gps_is_refused(tmp_path):
     time = FLIGHT.time
     latitude, longitude = FLIGHT.position(time)
     flight_table, gps_table = write_slocum(tmp_path, FLIGHT, m_lat=latitude + 3.0, m_lon=longitude)
@@ -333,7 +325,7 @@ def test_another_vehicles_gps_is_refused(tmp_path: Path) -> None:
         import_logs("slocum", [flight_table, gps_table])
 
 
-def test_a_store_of_logs_opens_like_a_store_of_missions(tmp_path: Path) -> None:
+def test_a_store_of_logs_opens_like_a_store_of_missions(tmp_path):
     dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     path = write_store(dataset, tmp_path / "real.zarr")
     stored = open_store(path)
@@ -364,9 +356,7 @@ def test_a_store_of_logs_opens_like_a_store_of_missions(tmp_path: Path) -> None:
         ("a.csv", b"time,m_depth,m_pitch\n5,1,1\n", "is not a unix time"),
     ],
 )
-def test_files_that_are_no_slocum_log_are_named_in_one_line(
-    tmp_path: Path, name: str, content: bytes, message: str
-) -> None:
+def test_files_that_are_no_slocum_log_are_named_in_one_line(tmp_path, name, content, message):
     if name.endswith(".parquet"):
         pytest.importorskip("pyarrow")
     path = tmp_path / name
@@ -378,9 +368,7 @@ def test_files_that_are_no_slocum_log_are_named_in_one_line(
     assert "\n" not in str(caught.value)
 
 
-def test_without_dbdreader_the_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_dbdreader_the_extra_is_named(tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "dbdreader", None)
@@ -390,7 +378,7 @@ def test_without_dbdreader_the_extra_is_named(
         import_logs("slocum", [path])
 
 
-def header(crc: str = "abcd1234", total: int = 3, used: int = 2) -> bytes:
+def header(crc="abcd1234", total=3, used=2):
     lines = {
         "dbd_label": "DBD(dinkum_binary_data)file", "encoding_ver": 5, "num_ascii_tags": 14,
         "all_sensors": "F", "the8x3_filename": "00000000",
@@ -402,7 +390,7 @@ def header(crc: str = "abcd1234", total: int = 3, used: int = 2) -> bytes:
     return "".join(f"{k}:    {v}\n" for k, v in lines.items()).encode() + b"sa\x10"
 
 
-def test_missing_and_wrong_cache_files_are_told_before_decoding(tmp_path: Path) -> None:
+def test_missing_and_wrong_cache_files_are_told_before_decoding(tmp_path):
     pytest.importorskip("dbdreader")
     path = tmp_path / "a.dbd"
     path.write_bytes(header())
@@ -419,7 +407,7 @@ needs_comet = pytest.mark.skipif(not COMET.is_dir(), reason="needs the shared lo
 
 
 @needs_unit334
-def test_unit334_has_the_published_segments() -> None:
+def test_unit334_has_the_published_segments():
     pytest.importorskip("pyarrow")
     dataset, report = import_logs("slocum", [UNIT334])
     table = np.genfromtxt(UNIT334 / "unit334_segments.csv", delimiter=",", names=True)
@@ -435,7 +423,7 @@ def test_unit334_has_the_published_segments() -> None:
 
 
 @needs_unit334
-def test_unit334_flies_as_gliders_do() -> None:
+def test_unit334_flies_as_gliders_do():
     pytest.importorskip("pyarrow")
     dataset, _ = import_logs("slocum", [UNIT334])
     rate = np.gradient(dataset["measured_depth"].values, 2.0, axis=1)
@@ -457,7 +445,7 @@ def test_unit334_flies_as_gliders_do() -> None:
 
 
 @needs_unit334
-def test_true_heading_brings_the_track_nearest_to_the_displacement() -> None:
+def test_true_heading_brings_the_track_nearest_to_the_displacement():
     """Turning the headings by any angle makes the dead reckoning worse: the sign is right."""
     pytest.importorskip("pyarrow")
     dataset, _ = import_logs("slocum", [UNIT334])
@@ -475,7 +463,7 @@ def test_true_heading_brings_the_track_nearest_to_the_displacement() -> None:
 
 
 @needs_comet
-def test_every_finite_truth_sample_of_comet_lies_in_a_row() -> None:
+def test_every_finite_truth_sample_of_comet_lies_in_a_row():
     pytest.importorskip("pyarrow")
     _, report = import_logs("slocum", [COMET])
     assert report.count("read", "U_dvl_ms") == 2504
@@ -485,7 +473,7 @@ def test_every_finite_truth_sample_of_comet_lies_in_a_row() -> None:
 
 @needs_unit334
 @needs_comet
-def test_binary_files_agree_with_the_tables(tmp_path: Path) -> None:
+def test_binary_files_agree_with_the_tables(tmp_path):
     pytest.importorskip("dbdreader")
     pytest.importorskip("pyarrow")
     table, _ = import_logs("slocum", [COMET])

@@ -1,9 +1,5 @@
 """Import: what happens at the surface: fixes, offsets of depth, drift, and the dive's current."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from logs import (
@@ -31,12 +27,12 @@ METRES = 1.0 / 111_200.0
 """[degree] of latitude in a metre"""
 
 
-def why(report: object, action: str, word: str) -> int:
+def why(report, action, word):
     """Count of the entries of an action whose detail holds a word."""
     return sum(e.count for e in report.entries if e.action == action and word in e.detail)  # type: ignore[attr-defined]
 
 
-def with_late_fixes(flight: Flight, dive: int, speed: float, count: int) -> dict[str, np.ndarray]:
+def with_late_fixes(flight, dive, speed, count):
     """Fixes that a receiver goes on with, north at `speed`, after the glider has dived."""
     gps = gps_columns(flight)
     start, _ = flight.dive_times(dive)
@@ -53,7 +49,7 @@ def with_late_fixes(flight: Flight, dive: int, speed: float, count: int) -> dict
     return {name: np.insert(values, last + 1, late[name]) for name, values in gps.items()}
 
 
-def test_a_receiver_that_races_on_under_water_gives_no_fix(tmp_path: Path) -> None:
+def test_a_receiver_that_races_on_under_water_gives_no_fix(tmp_path):
     right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
     write_csv(gps_table, with_late_fixes(FLIGHT, 1, 5.7, 5))
@@ -65,7 +61,7 @@ def test_a_receiver_that_races_on_under_water_gives_no_fix(tmp_path: Path) -> No
     assert float(dataset["measured_depth"][1, 0]) < 1.0
 
 
-def test_a_slow_receiver_under_water_is_counted_or_refused(tmp_path: Path) -> None:
+def test_a_slow_receiver_under_water_is_counted_or_refused(tmp_path):
     flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
     write_csv(gps_table, with_late_fixes(FLIGHT, 1, 0.5, 6))
     dataset, report = import_logs("slocum", [flight_table, gps_table])
@@ -80,7 +76,7 @@ def test_a_slow_receiver_under_water_is_counted_or_refused(tmp_path: Path) -> No
     assert report.rows == FLIGHT.dives
 
 
-def test_most_fixes_under_water_mean_another_clock(tmp_path: Path) -> None:
+def test_most_fixes_under_water_mean_another_clock(tmp_path):
     flight = Flight(dives=12)
     flight_table, gps_table = write_slocum(tmp_path, flight)
     gps = gps_columns(flight)
@@ -96,7 +92,7 @@ def test_most_fixes_under_water_mean_another_clock(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("offset", [6.2, -1.4])
-def test_an_offset_at_the_surface_is_taken_off(tmp_path: Path, offset: float) -> None:
+def test_an_offset_at_the_surface_is_taken_off(tmp_path, offset):
     right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_pressure=None))
     depth = slocum_columns(FLIGHT)["m_depth"] + offset
     paths = write_slocum(tmp_path, FLIGHT, m_pressure=None, m_depth=depth)
@@ -107,7 +103,7 @@ def test_an_offset_at_the_surface_is_taken_off(tmp_path: Path, offset: float) ->
         assert np.allclose(dataset[name], right[name], atol=0.05, equal_nan=True), name
 
 
-def test_an_offset_that_drifts_is_followed_and_a_wild_one_is_left(tmp_path: Path) -> None:
+def test_an_offset_that_drifts_is_followed_and_a_wild_one_is_left(tmp_path):
     flight = Flight(dives=8)
     time = flight.time
     depth = slocum_columns(flight)["m_depth"]
@@ -123,7 +119,7 @@ def test_an_offset_that_drifts_is_followed_and_a_wild_one_is_left(tmp_path: Path
     assert why(report, "repaired", "depth offset") == 0
 
 
-def test_small_waves_and_a_hanging_seaglider_have_no_offset(tmp_path: Path) -> None:
+def test_small_waves_and_a_hanging_seaglider_have_no_offset(tmp_path):
     waves = 0.3 * np.abs(np.sin(FLIGHT.time))
     depth = slocum_columns(FLIGHT)["m_depth"] + waves
     _, report = import_logs(
@@ -143,7 +139,7 @@ def test_small_waves_and_a_hanging_seaglider_have_no_offset(tmp_path: Path) -> N
     assert (dataset["measured_phase"].values[:, 0] == 0.0).all()
 
 
-def test_seaexplorers_say_themselves_that_they_float(tmp_path: Path) -> None:
+def test_seaexplorers_say_themselves_that_they_float(tmp_path):
     flight = Flight(depth=100.0, variation=17.0, surface=600.0)
     path = write_seaexplorer(tmp_path / "sea009_M3_gli.csv", flight)
     table = read_table(path)
@@ -159,7 +155,7 @@ def test_seaexplorers_say_themselves_that_they_float(tmp_path: Path) -> None:
     assert np.nanmax(dataset["measured_depth"]) == pytest.approx(100.0, abs=1.5)
 
 
-def test_holes_of_the_ctd_are_filled_from_the_vehicles_own_pressure(tmp_path: Path) -> None:
+def test_holes_of_the_ctd_are_filled_from_the_vehicles_own_pressure(tmp_path):
     """Above 5 m the CTD is off; the vehicle's sensor is coarser and shows 3 dbar more."""
     columns = slocum_columns(FLIGHT)
     rng = np.random.default_rng(1)
@@ -181,7 +177,7 @@ def test_holes_of_the_ctd_are_filled_from_the_vehicles_own_pressure(tmp_path: Pa
         assert np.nansum(dataset["measured_gap"].values[row, :n]) == 0.0
 
 
-def test_a_carried_glider_has_no_drift(tmp_path: Path) -> None:
+def test_a_carried_glider_has_no_drift(tmp_path):
     flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
     gps = gps_columns(FLIGHT)
     start, _ = FLIGHT.dive_times(0)
@@ -194,7 +190,7 @@ def test_a_carried_glider_has_no_drift(tmp_path: Path) -> None:
     assert dataset["surface_drift_north"].values[1:] == pytest.approx(FLIGHT.north, abs=1e-3)
 
 
-def test_a_log_that_pauses_for_days_says_so(tmp_path: Path) -> None:
+def test_a_log_that_pauses_for_days_says_so(tmp_path):
     flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
     pause = 3.0 * 86400.0
     after = FLIGHT.dive_times(1)[0] - 150.0
@@ -208,7 +204,7 @@ def test_a_log_that_pauses_for_days_says_so(tmp_path: Path) -> None:
     assert float(dataset["surface_duration"][1]) < 300.0
 
 
-def test_the_current_between_fixes_is_what_the_flight_does_not_explain(tmp_path: Path) -> None:
+def test_the_current_between_fixes_is_what_the_flight_does_not_explain(tmp_path):
     """The imaginary glider moves along its nose: 3 degree less than the method takes it for."""
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     rate = FLIGHT.speed * np.sin(np.radians(FLIGHT.pitch))
@@ -224,7 +220,7 @@ def test_the_current_between_fixes_is_what_the_flight_does_not_explain(tmp_path:
     assert "dac_north" not in without
 
 
-def test_a_log_that_ends_below_says_so_and_has_no_current(tmp_path: Path) -> None:
+def test_a_log_that_ends_below_says_so_and_has_no_current(tmp_path):
     columns = slocum_columns(FLIGHT)
     start, end = FLIGHT.dive_times(1)
     keep = (columns["time"] < start + 0.4 * (end - start)) | (columns["time"] > end + 1.0)
@@ -246,7 +242,7 @@ def test_a_log_that_ends_below_says_so_and_has_no_current(tmp_path: Path) -> Non
 
 
 @pytest.mark.skipif(not UNIT334.is_dir(), reason="needs the shared logs of unit334")
-def test_unit334_ends_at_the_surface_in_the_vehicles_current() -> None:
+def test_unit334_ends_at_the_surface_in_the_vehicles_current():
     pytest.importorskip("pyarrow")
     dataset, _ = import_logs("slocum", [UNIT334])
     last = dataset["n_samples"].values - 1
@@ -263,7 +259,7 @@ def test_unit334_ends_at_the_surface_in_the_vehicles_current() -> None:
 
 
 @pytest.mark.skipif(not COMET.is_dir(), reason="needs the shared logs of comet")
-def test_comets_racing_receiver_is_dropped() -> None:
+def test_comets_racing_receiver_is_dropped():
     pytest.importorskip("pyarrow")
     dataset, report = import_logs("slocum", [COMET])
     assert why(report, "removed", "constant velocity") == 6
@@ -276,7 +272,7 @@ def test_comets_racing_receiver_is_dropped() -> None:
 
 
 @pytest.mark.skipif(not EXPLORER.is_dir(), reason="needs the shared SeaExplorer logs")
-def test_real_seaexplorers_float_at_their_own_zero() -> None:
+def test_real_seaexplorers_float_at_their_own_zero():
     for name, rows in (("sea046_M45", 5), ("sea035_M10", 61)):
         dataset, report = import_logs("seaexplorer", [EXPLORER / f"{name}_gli.csv.gz"])
         assert why(report, "repaired", "depth offset") > 0
@@ -288,9 +284,7 @@ def test_real_seaexplorers_float_at_their_own_zero() -> None:
 
 
 @pytest.mark.parametrize("zero", [(6.0, 14.0), (14.0, 14.0), (0.0, 0.0)])
-def test_stays_at_the_surface_are_no_dives_whatever_the_vehicles_own_sensor_shows(
-    tmp_path: Path, zero: tuple[float, float]
-) -> None:
+def test_stays_at_the_surface_are_no_dives_whatever_the_vehicles_own_sensor_shows(tmp_path, zero):
     """The CTD is silent there, and the other sensor was never zeroed and drifts."""
     flight = Flight(dives=8, depth=120.0, surface=5000.0)
     columns, time = slocum_columns(flight), flight.time
@@ -315,9 +309,7 @@ def test_stays_at_the_surface_are_no_dives_whatever_the_vehicles_own_sensor_show
 
 
 @pytest.mark.parametrize(("again", "word"), [(False, "no value yet"), (True, "no new one yet")])
-def test_what_a_restarted_sensor_writes_first_is_removed_and_so_are_spikes(
-    again: bool, word: str, tmp_path: Path
-) -> None:
+def test_what_a_restarted_sensor_writes_first_is_removed_and_so_are_spikes(again, word, tmp_path):
     """After a restart it is 0 or an old value; with a hole on both sides it parted the log."""
     flight = Flight(dives=6, depth=180.0, speed=0.5, pitch=40.0)
     columns, time = slocum_columns(flight), flight.time
@@ -353,8 +345,8 @@ def test_what_a_restarted_sensor_writes_first_is_removed_and_so_are_spikes(
 
 
 def test_a_log_that_is_silent_for_hours_between_two_fixes_is_no_dive_of_hours(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     """Files are missing: nobody knows whether it surfaced, and one row of all is no dive."""
     flight = Flight(dives=12, depth=90.0)
     start, end = flight.dive_times(2)[0] + 200.0, flight.dive_times(9)[0] + 200.0
@@ -371,7 +363,7 @@ def test_a_log_that_is_silent_for_hours_between_two_fixes_is_no_dive_of_hours(
     assert why(report, "note", "neither depth nor attitude is known for 3600 s") == 1
 
 
-def test_regular_sparse_sampling_at_depth_is_no_gap_and_a_hole_is_one(tmp_path: Path) -> None:
+def test_regular_sparse_sampling_at_depth_is_no_gap_and_a_hole_is_one(tmp_path):
     flight = Flight(dives=2, depth=150.0)
     columns = slocum_columns(flight)
     since = (columns["time"] - columns["time"][0]).astype(int)
@@ -389,7 +381,7 @@ def test_regular_sparse_sampling_at_depth_is_no_gap_and_a_hole_is_one(tmp_path: 
     assert 120 < np.nansum(dataset["measured_gap"][1]) < 260
 
 
-def test_raw_times_stand_beside_the_grid(tmp_path: Path) -> None:
+def test_raw_times_stand_beside_the_grid(tmp_path):
     flight = Flight(dives=1, step=7.0)
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, flight))
     n = int(dataset["n_samples"][0])
@@ -405,7 +397,7 @@ def test_raw_times_stand_beside_the_grid(tmp_path: Path) -> None:
     assert np.abs(dataset["measured_depth"].values[0, :n][exact] - truth).max() < 0.5
 
 
-def test_waypoints_and_the_current_that_the_vehicle_uses_are_signals(tmp_path: Path) -> None:
+def test_waypoints_and_the_current_that_the_vehicle_uses_are_signals(tmp_path):
     time = FLIGHT.time
     there = np.full(len(time), np.nan)
     latitude, longitude, east, north = (there.copy() for _ in range(4))
@@ -429,7 +421,7 @@ def test_waypoints_and_the_current_that_the_vehicle_uses_are_signals(tmp_path: P
     assert first < second
 
 
-def test_single_depths_of_a_noisy_sensor_at_the_surface_are_no_dive(tmp_path: Path) -> None:
+def test_single_depths_of_a_noisy_sensor_at_the_surface_are_no_dive(tmp_path):
     """Air and waves pass it: some samples show 5 to 13 m, which neighbours can just reach."""
     flight = Flight(dives=6, depth=60.0, surface=2000.0)
     depth = slocum_columns(flight)["m_depth"].copy()
@@ -448,7 +440,7 @@ def test_single_depths_of_a_noisy_sensor_at_the_surface_are_no_dive(tmp_path: Pa
     assert why(report, "left out", "deeper than 5 m for less than 30 s") == 5 * flight.dives
 
 
-def test_two_depths_of_a_restarted_sensor_are_no_dive() -> None:
+def test_two_depths_of_a_restarted_sensor_are_no_dive():
     """Every 15 s, with 40 min before and behind them, as modena wrote in 2016; not every 60 s."""
     surface = np.arange(0.0, 60.0, 15.0)
     time = np.concatenate([surface, 2400.0 + np.arange(0.0, 60.0, 15.0), 5000.0 + surface])
@@ -462,8 +454,8 @@ def test_two_depths_of_a_restarted_sensor_are_no_dive() -> None:
 
 
 def test_dives_without_science_are_filled_from_the_depth_of_a_satellite_file(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     """It has no pressure of the vehicle's own; the CTD wakes once and shows what it had last."""
     flight = Flight(dives=12)
     columns = slocum_columns(flight)
@@ -485,7 +477,7 @@ def test_dives_without_science_are_filled_from_the_depth_of_a_satellite_file(
     assert float(dataset["measured_gap"][1].sum()) == 0.0
 
 
-def test_one_wrong_sample_beside_a_step_takes_no_days_with_it(tmp_path: Path) -> None:
+def test_one_wrong_sample_beside_a_step_takes_no_days_with_it(tmp_path):
     """A spike that the sample after it can reach parted the log: the shorter part was removed."""
     flight = Flight(dives=6, depth=60.0, surface=600.0)
     columns = slocum_columns(flight)

@@ -1,7 +1,5 @@
 """Every registered importer: complete, documented, told from the others; and a user's own one."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import re
@@ -19,7 +17,7 @@ from logs import Flight, example, write_csv
 from message_logs import topics_of
 from written_logs import LAYOUTS, WRITERS, mapping, variation, write
 
-from factory.importing import IMPORTERS, Importer, import_logs, sniff
+from factory.importing import IMPORTERS, import_logs, sniff
 from factory.importing.columns import column_names
 from factory.importing.netcdf import holds_arrays
 from twin.errors import InputError
@@ -38,11 +36,11 @@ OWN_PERIODS = {("dorado", 2): 1.0}
 """[s] of files that were resampled"""
 
 
-def test_every_importer_has_logs_that_these_tests_write() -> None:
+def test_every_importer_has_logs_that_these_tests_write():
     assert set(WRITERS) == set(IMPORTERS.names())
 
 
-def test_every_format_that_lies_in_the_folder_is_registered() -> None:
+def test_every_format_that_lies_in_the_folder_is_registered():
     """A format is a folder, or files that begin with its name; its reader lies there."""
     folder = ROOT / "factory" / "importing" / "formats"
     files = {path.stem for path in folder.glob("*.py")} - {"__init__", "base", "kinds"}
@@ -53,7 +51,7 @@ def test_every_format_that_lies_in_the_folder_is_registered() -> None:
 
 
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
-def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> None:
+def test_logs_come_back_dive_by_dive(kind, layout, tmp_path):
     importer = IMPORTERS[kind]
     paths = write(kind, layout, tmp_path / "logs", FLIGHT)
     assert all(importer.accepts(path) for path in paths)
@@ -81,7 +79,7 @@ def test_logs_come_back_dive_by_dive(kind: str, layout: int, tmp_path: Path) -> 
             assert float(dataset["displacement_east"][dive]) == pytest.approx(moved[1], abs=3.0)
 
 
-def names_in(path: Path) -> set[str]:
+def names_in(path):
     """Every name of a file, found without the importers."""
     if path.suffix in (".mcap", ".db3", ".BIN"):
         return topics_of(path)
@@ -95,8 +93,8 @@ def names_in(path: Path) -> set[str]:
     if not holds_arrays(path):
         return set(column_names(path))
 
-    def inside(group: netCDF4.Group) -> set[str]:
-        found: set[str] = set()
+    def inside(group):
+        found = set()
         for name, one in group.groups.items():
             found |= {name} if {"time", "value"} <= set(one.variables) else inside(one)
         return found | (set(group.variables) if not group.parent or not found else set())
@@ -106,7 +104,7 @@ def names_in(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
-def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_path: Path) -> None:
+def test_each_name_of_a_file_is_accounted_for_once(kind, layout, tmp_path):
     paths = write(kind, layout, tmp_path / "logs", FLIGHT)
     given = mapping(kind, tmp_path / "logs")
     _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation, mapping=given)
@@ -122,9 +120,7 @@ def test_each_name_of_a_file_is_accounted_for_once(kind: str, layout: int, tmp_p
 
 
 @pytest.mark.parametrize(("kind", "layout"), [one for one in LAYOUTS if one[0] != "csv"])
-def test_logs_are_told_from_those_of_every_other_kind(
-    kind: str, layout: int, tmp_path: Path
-) -> None:
+def test_logs_are_told_from_those_of_every_other_kind(kind, layout, tmp_path):
     paths = [p for p in write(kind, layout, tmp_path / "logs", FLIGHT) if p.suffix != ".cac"]
     for path in paths:
         assert sniff(path) == sniff(str(path)) == kind, path.name
@@ -138,7 +134,7 @@ def test_logs_are_told_from_those_of_every_other_kind(
                 assert f"looks like {kind}: use `factory import {kind}`" in str(caught.value)
 
 
-def what_is_wrong(kind: str, path: Path) -> str:
+def what_is_wrong(kind, path):
     try:
         import_logs(kind, [path], variation_deg=0.0)
     except InputError as error:
@@ -150,7 +146,7 @@ def what_is_wrong(kind: str, path: Path) -> str:
     ("kind", "layout"),
     [("ngdac", 0), ("og1", 0), ("spray", 0), ("seaglider", 1), ("lrauv", 1), ("dorado", 2)],
 )
-def test_advice_never_goes_in_a_circle(kind: str, layout: int, tmp_path: Path) -> None:
+def test_advice_never_goes_in_a_circle(kind, layout, tmp_path):
     """A file that lost what its kind needs: the kind that an error names takes it, or says why."""
     path = write(kind, layout, tmp_path / "logs", FLIGHT)[0]
     with netCDF4.Dataset(path) as file:
@@ -167,13 +163,13 @@ def test_advice_never_goes_in_a_circle(kind: str, layout: int, tmp_path: Path) -
                 assert "is not a log of the kind" not in said, (asked, lost)
 
 
-def test_a_folder_of_other_logs_names_their_kind(tmp_path: Path) -> None:
+def test_a_folder_of_other_logs_names_their_kind(tmp_path):
     write("seaglider", 1, tmp_path / "logs", FLIGHT)
     with pytest.raises(InputError, match=r"p9990001\.nc looks like seaglider: use"):
         import_logs("slocum", [tmp_path / "logs"])
 
 
-def test_a_file_that_looks_like_no_log(tmp_path: Path) -> None:
+def test_a_file_that_looks_like_no_log(tmp_path):
     path = write_csv(tmp_path / "prices.csv", {"fish": [1, 2], "price": [3, 4]})
     assert sniff(path) is None
     with pytest.raises(InputError, match=r"prices\.csv is not a log of the kind slocum .* fish"):
@@ -181,7 +177,7 @@ def test_a_file_that_looks_like_no_log(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
-def test_the_page_has_a_row_of_each_importer(importer: Importer) -> None:
+def test_the_page_has_a_row_of_each_importer(importer):
     row = (
         f"| `{importer.name}` | {importer.vehicle} | {importer.files} | {importer.channels} | "
         f"{importer.period:g} s |"
@@ -191,7 +187,7 @@ def test_the_page_has_a_row_of_each_importer(importer: Importer) -> None:
 
 
 @pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
-def test_channels_and_extras_exist(importer: Importer) -> None:
+def test_channels_and_extras_exist(importer):
     assert importer.held | importer.lacks <= set(VARIABLES)
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     known = extras["optional-dependencies"]
@@ -199,19 +195,19 @@ def test_channels_and_extras_exist(importer: Importer) -> None:
 
 
 @pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
-def test_marks_belong_to_one_kind(importer: Importer) -> None:
+def test_marks_belong_to_one_kind(importer):
     for other in IMPORTERS.values():
         assert other is importer or not importer.marks & other.marks
 
 
 @pytest.mark.parametrize("kind", [i.name for i in IMPORTERS.values() if not i.takes_cache])
-def test_a_cache_is_refused_where_nothing_reads_it(kind: str, tmp_path: Path) -> None:
+def test_a_cache_is_refused_where_nothing_reads_it(kind, tmp_path):
     with pytest.raises(InputError, match=f"{kind} logs have no cache files.*for slocum"):
         import_logs(kind, [tmp_path], cache=tmp_path)
 
 
 @pytest.mark.parametrize("kind", [i.name for i in IMPORTERS.values() if not i.takes_mapping])
-def test_a_mapping_is_refused_where_names_are_known(kind: str, tmp_path: Path) -> None:
+def test_a_mapping_is_refused_where_names_are_known(kind, tmp_path):
     with pytest.raises(InputError, match=f"{kind} logs have names of their own.*csv"):
         import_logs(kind, [tmp_path], mapping=tmp_path)
 
@@ -227,12 +223,12 @@ def test_a_mapping_is_refused_where_names_are_known(kind: str, tmp_path: Path) -
         ({"read": "a string"}, "read must be a function"),
     ],
 )
-def test_half_an_importer_is_refused(change: dict[str, object], message: str) -> None:
+def test_half_an_importer_is_refused(change, message):
     with pytest.raises(InputError, match=message):
         dataclasses.replace(IMPORTERS["og1"], **change)
 
 
-def test_an_importer_of_ones_own_is_one_file_outside_the_package(tmp_path: Path) -> None:
+def test_an_importer_of_ones_own_is_one_file_outside_the_package(tmp_path):
     """The example of the page, as it stands there."""
     (tmp_path / "my_logs.py").write_text(example(TABLES, "my_logs.py"))
     state = FLIGHT.state(FLIGHT.time)
@@ -241,7 +237,7 @@ def test_an_importer_of_ones_own_is_one_file_outside_the_package(tmp_path: Path)
         {"time": FLIGHT.time, "my_depth": state["depth"], "my_pitch": state["pitch"]},
     )
 
-    def call(*words: str) -> subprocess.CompletedProcess[str]:
+    def call(*words):
         environment = {**os.environ, "GLIDER_TWIN_PLUGINS": str(tmp_path / "my_logs.py")}
         out = ["--out", str(tmp_path / "own.zarr")]
         return subprocess.run(

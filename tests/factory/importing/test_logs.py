@@ -1,7 +1,5 @@
 """Stores of logs in the factory's commands: export and back, verify, replay, plot, info."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import shutil
@@ -20,14 +18,7 @@ from factory.exporting.flat_table import export_parquet
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
-from factory.logs_page import (
-    OURS,
-    THEIRS,
-    averaged,
-    current_errors,
-    deployment_page,
-    dive_figures,
-)
+from factory.logs_page import OURS, THEIRS, averaged, current_errors, deployment_page, dive_figures
 from factory.soundness import verify_logs
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
@@ -39,29 +30,29 @@ PERIOD = 4.0
 
 
 @pytest.fixture(scope="module")
-def imported(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+def imported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
     return import_logs("slocum", write_slocum(folder, FLIGHT), period=PERIOD)[0]
 
 
 @pytest.fixture(scope="module")
-def store(imported: xr.Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(imported, tmp_path_factory):
     return write_store(imported, tmp_path_factory.mktemp("store") / "real.zarr")
 
 
 @pytest.fixture(scope="module")
-def og1(store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def og1(store, tmp_path_factory):
     (path,) = export_og1_logs(LogStore(store), range(3), tmp_path_factory.mktemp("og1"))
     return path
 
 
-def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+def call(capsys, *words):
     code = PROGRAM.main([str(word) for word in words])
     out = capsys.readouterr()
     return code, out.out, out.err
 
 
-def test_time_and_place_of_the_export_are_real(og1: Path, store: Path) -> None:
+def test_time_and_place_of_the_export_are_real(og1, store):
     logs = LogStore(store)
     with netCDF4.Dataset(og1) as file:
         time = np.asarray(file["TIME"][:])
@@ -93,7 +84,7 @@ def test_time_and_place_of_the_export_are_real(og1: Path, store: Path) -> None:
         assert float(file["POSITION_SD"][:].max()) > float(file["POSITION_SD"][:][fixed].max())
 
 
-def test_an_exported_log_comes_back(og1: Path, imported: xr.Dataset) -> None:
+def test_an_exported_log_comes_back(og1, imported):
     again, report = import_logs("og1", [og1], period=PERIOD)
     assert report.rows == 3
     for name in ("n_samples", "dive_duration", "displacement_north", "split"):
@@ -111,9 +102,7 @@ def test_an_exported_log_comes_back(og1: Path, imported: xr.Dataset) -> None:
     assert compared >= 10
 
 
-def test_what_a_profiler_measured_stays_as_sparse_as_it_was(
-    imported: xr.Dataset, tmp_path: Path
-) -> None:
+def test_what_a_profiler_measured_stays_as_sparse_as_it_was(imported, tmp_path):
     sparse = np.full(imported["measured_depth"].shape, np.nan)
     sparse[:, 5:40:7] = 0.3
     data = imported.assign(true_surge=(("mission", "time"), sparse))
@@ -123,16 +112,14 @@ def test_what_a_profiler_measured_stays_as_sparse_as_it_was(
 
 
 @needs_checker
-def test_an_exported_log_passes_the_cf_check(
-    og1: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_exported_log_passes_the_cf_check(og1, tmp_path, monkeypatch):
     report = tmp_path / "report.txt"
     passed, errors = run_checks(og1, ["cf:1.10"], report, monkeypatch)
     assert passed, report.read_text()
     assert not errors
 
 
-def test_what_was_bridged_is_no_measurement(imported: xr.Dataset, tmp_path: Path) -> None:
+def test_what_was_bridged_is_no_measurement(imported, tmp_path):
     holed = imported.copy(deep=True)
     holed["measured_gap"][1, 40:60] = 1.0
     logs = LogStore(write_store(holed, tmp_path / "holed.zarr"))
@@ -144,7 +131,7 @@ def test_what_was_bridged_is_no_measurement(imported: xr.Dataset, tmp_path: Path
         assert set(np.asarray(file["DIVE_NUMBER"][:])) == {int(holed["dive"][1])}
 
 
-def test_water_and_currents_are_exported_by_deployment(tmp_path: Path) -> None:
+def test_water_and_currents_are_exported_by_deployment(tmp_path):
     for name in ("SG1", "SG2"):
         (tmp_path / name).mkdir()
     files = [
@@ -166,7 +153,7 @@ def test_water_and_currents_are_exported_by_deployment(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")
-def test_parquet_of_a_log_says_when_and_where(store: Path, tmp_path: Path) -> None:
+def test_parquet_of_a_log_says_when_and_where(store, tmp_path):
     import pyarrow.parquet as pq
 
     logs = LogStore(store)
@@ -179,7 +166,7 @@ def test_parquet_of_a_log_says_when_and_where(store: Path, tmp_path: Path) -> No
     assert b"Recorded by vehicles" in table.schema.metadata[b"comment"]
 
 
-def test_a_sound_log_is_sound(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sound_log_is_sound(store, capsys):
     code, out, err = call(capsys, "verify", store)
     assert (code, err) == (0, "")
     assert "sound: 3 dives" in out
@@ -202,9 +189,7 @@ def test_a_sound_log_is_sound(store: Path, capsys: pytest.CaptureFixture[str]) -
         (lambda d: d["n_samples"].values.__isub__(3), "metadata", "samples, not"),
     ],
 )
-def test_damage_is_found_and_named(
-    imported: xr.Dataset, tmp_path: Path, damage: object, check: str, words: str
-) -> None:
+def test_damage_is_found_and_named(imported, tmp_path, damage, check, words):
     data = imported.copy(deep=True).pad(time=(0, 1))
     data["time"] = ("time", PERIOD * np.arange(data.sizes["time"]), imported["time"].attrs)
     damage(data)  # type: ignore[operator]
@@ -214,7 +199,7 @@ def test_damage_is_found_and_named(
     assert any(words in problem for problem in found[check]), found
 
 
-def test_an_unreadable_chunk_is_named(imported: xr.Dataset, tmp_path: Path) -> None:
+def test_an_unreadable_chunk_is_named(imported, tmp_path):
     path = write_store(imported, tmp_path / "cut.zarr")
     for chunk in (path / "measured_roll" / "c").rglob("*"):
         if chunk.is_file():
@@ -224,7 +209,7 @@ def test_an_unreadable_chunk_is_named(imported: xr.Dataset, tmp_path: Path) -> N
     assert "measured_roll of mission 0 cannot be read" in chunks.problems[0]
 
 
-def test_a_log_is_not_replayed(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_is_not_replayed(store, capsys):
     code, _, err = call(capsys, "verify", store, "--replay", "0")
     assert code == 2
     assert len(err.strip().splitlines()) == 1
@@ -233,14 +218,12 @@ def test_a_log_is_not_replayed(store: Path, capsys: pytest.CaptureFixture[str]) 
         GeneratedStore(store)
 
 
-def test_both_kinds_of_store_are_opened(store: Path, paper_store: Path) -> None:
+def test_both_kinds_of_store_are_opened(store, paper_store):
     assert isinstance(open_missions(store), LogStore)
     assert isinstance(open_missions(paper_store), GeneratedStore)
 
 
-def test_the_page_shows_where_how_deep_and_how(
-    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_page_shows_where_how_deep_and_how(store, tmp_path, capsys):
     logs = LogStore(store)
     figure = deployment_page(logs, "unit1")
     assert "unit1" in figure.get_suptitle()
@@ -258,9 +241,7 @@ def test_the_page_shows_where_how_deep_and_how(
     assert "page.png" in out
 
 
-def test_currents_are_drawn_and_pages_are_named_by_deployment(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_currents_are_drawn_and_pages_are_named_by_deployment(tmp_path, capsys):
     for name in ("SG1", "SG2"):
         (tmp_path / name).mkdir()
     files = [f for n in ("SG1", "SG2") for f in write_seaglider(tmp_path / n, FLIGHT, n)]
@@ -288,7 +269,7 @@ def test_currents_are_drawn_and_pages_are_named_by_deployment(
     assert sorted(Path(p).name for p in json.loads(out)["pages"]) == ["two-SG1.png", "two-SG2.png"]
 
 
-def test_currents_are_judged_by_the_profiler(imported: xr.Dataset, tmp_path: Path) -> None:
+def test_currents_are_judged_by_the_profiler(imported, tmp_path):
     given = {"dac": (0.1, 0.0), "vehicle_dac": (0.1, 0.3)}
     data = imported.assign(
         {
@@ -310,22 +291,20 @@ def test_currents_are_judged_by_the_profiler(imported: xr.Dataset, tmp_path: Pat
     assert current_errors(LogStore(write_store(imported, tmp_path / "none.zarr")), [0, 1, 2]) == {}
 
 
-def test_info_lists_deployments(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_lists_deployments(store, capsys):
     code, out, _ = call(capsys, "info", store)
     assert code == 0
     assert "unit1" in out
     assert "2023-11-14" in out
 
 
-def test_a_mission_that_is_not_there_is_told(store: Path, tmp_path: Path) -> None:
+def test_a_mission_that_is_not_there_is_told(store, tmp_path):
     with pytest.raises(StoreError, match=r"missions 0 to 2, not 7"):
         export_og1_logs(LogStore(store), [7], tmp_path)
 
 
 @pytest.mark.parametrize("words", [["info"], ["plot"], ["export", "--to", "parquet"]])
-def test_an_array_that_is_gone_is_named(
-    words: list[str], store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_array_that_is_gone_is_named(words, store, tmp_path, capsys):
     cut = tmp_path / "cut.zarr"
     shutil.copytree(store, cut)
     shutil.rmtree(cut / "measured_pitch")
@@ -342,9 +321,7 @@ def test_an_array_that_is_gone_is_named(
 @pytest.mark.parametrize(
     ("missions", "message"), [(["0", "0"], "mission 0 twice"), ([], "needs a number")]
 )
-def test_each_exported_mission_is_named_once(
-    missions: list[str], message: str, store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_exported_mission_is_named_once(missions, message, store, capsys):
     code, _, err = call(capsys, "export", store, "--to", "parquet", "--mission", *missions)
     assert code == 2
     assert message in err
@@ -357,21 +334,19 @@ def test_each_exported_mission_is_named_once(
         (["generate", "--resume", "--out", "STORE"], "holds logs of real vehicles"),
     ],
 )
-def test_what_a_log_cannot_be_asked_is_told(
-    words: list[str], message: str, store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_a_log_cannot_be_asked_is_told(words, message, store, capsys):
     code, _, err = call(capsys, *(store if word == "STORE" else word for word in words))
     assert code == 2
     assert message in err
     assert len(err.splitlines()) == 1
 
 
-def test_a_log_is_no_file_of_tracks(store: Path) -> None:
+def test_a_log_is_no_file_of_tracks(store):
     with pytest.raises(InputError, match=r"is a store of missions, not a file of dead-reckoned"):
         read_tracks(store)
 
 
-def test_verify_names_an_array_that_is_gone(store: Path, tmp_path: Path) -> None:
+def test_verify_names_an_array_that_is_gone(store, tmp_path):
     cut = tmp_path / "cut.zarr"
     shutil.copytree(store, cut)
     shutil.rmtree(cut / "measured_pitch")

@@ -1,13 +1,9 @@
 """Memory of an import: small files, made to fill it, take less than 1 GB."""
 
-from __future__ import annotations
-
 import gzip
 import struct
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,7 +34,7 @@ print(1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read()
 """
 
 
-def imported(kind: str, path: Path, mapping: Path | str = "") -> tuple[str, int]:
+def imported(kind, path, mapping=""):
     """What a process of its own says of a file, and its largest memory [byte]."""
     assert path.stat().st_size < SMALL
     done = subprocess.run(
@@ -49,7 +45,7 @@ def imported(kind: str, path: Path, mapping: Path | str = "") -> tuple[str, int]
     return "\n".join(said), int(most)
 
 
-def gzip_table(folder: Path) -> tuple[str, Path]:
+def gzip_table(folder):
     path = folder / "sea009_M3_gli.csv.gz"
     with gzip.open(path, "wb") as file:
         file.write(b"Timestamp,Depth\n")
@@ -58,13 +54,13 @@ def gzip_table(folder: Path) -> tuple[str, Path]:
     return "seaexplorer", path
 
 
-def long_line(folder: Path) -> tuple[str, Path]:
+def long_line(folder):
     path = folder / "sea009_M3_gli.csv"
     path.write_text("Timestamp,Depth\n" + "1," * 4_000_000 + "\n")
     return "seaexplorer", path
 
 
-def packets(folder: Path) -> tuple[str, Path]:
+def packets(folder):
     path = folder / "Data.lsf.gz"
     packet = struct.pack("<HHHdHBHB", 0xFE54, 1, 0, 1.7e9, 1, 1, 1, 1) + b"\0\0"
     with gzip.open(path, "wb") as file:
@@ -73,7 +69,7 @@ def packets(folder: Path) -> tuple[str, Path]:
     return "lsf", path
 
 
-def lz4_blocks(folder: Path) -> tuple[str, Path]:
+def lz4_blocks(folder):
     lz4 = pytest.importorskip("lz4.block")
     path = folder / "a.dcd"
     block = lz4.compress(bytes(32 * 1024), store_size=False)
@@ -81,7 +77,7 @@ def lz4_blocks(folder: Path) -> tuple[str, Path]:
     return "slocum", path
 
 
-def deflated(folder: Path) -> tuple[str, Path]:
+def deflated(folder):
     import netCDF4
 
     path = folder / "a.nc"
@@ -93,7 +89,7 @@ def deflated(folder: Path) -> tuple[str, Path]:
     return "ngdac", path
 
 
-def empty_hdf5(folder: Path) -> tuple[str, Path]:
+def empty_hdf5(folder):
     """Chunks that were never written."""
     import netCDF4
 
@@ -106,14 +102,14 @@ def empty_hdf5(folder: Path) -> tuple[str, Path]:
     return "lrauv", path
 
 
-def endless_line(folder: Path) -> tuple[str, Path]:
+def endless_line(folder):
     path = folder / "Data.lsf.gz"
     with gzip.open(path, "wb") as file:
         file.write(bytes(2**25))
     return "lsf", path
 
 
-def parquet(folder: Path) -> tuple[str, Path]:
+def parquet(folder):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
@@ -124,7 +120,7 @@ def parquet(folder: Path) -> tuple[str, Path]:
     return "slocum", path
 
 
-def parquet_of_zeros(folder: Path) -> tuple[str, Path]:
+def parquet_of_zeros(folder):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
@@ -142,9 +138,7 @@ def parquet_of_zeros(folder: Path) -> tuple[str, Path]:
         (endless_line, "first line of more than"), (parquet_of_zeros, "unpacks to"), (parquet, ""),
     ],
 )  # fmt: skip
-def test_a_small_file_fills_no_memory(
-    make: Callable[[Path], tuple[str, Path]], told: str, tmp_path: Path
-) -> None:
+def test_a_small_file_fills_no_memory(make, told, tmp_path):
     kind, path = make(tmp_path)
     said, most = imported(kind, path)
     assert most < MOST
@@ -170,7 +164,7 @@ longitude = {{ column = "lon", unit = "deg" }}
 """
 
 
-def write_jump(path: Path, jump: float, rows: int = 1) -> None:
+def write_jump(path, jump, rows=1):
     """Two dives to 20 m of a vehicle that goes east; in the middle, rows whose clock is wrong."""
     time = np.arange(2400.0)
     depth = 20.0 * (1.0 - np.abs((time / 1200.0 % 1.0) * 2.0 - 1.0))
@@ -181,7 +175,7 @@ def write_jump(path: Path, jump: float, rows: int = 1) -> None:
 
 
 @pytest.mark.parametrize("rows", ["dives", "gaps", "file"])
-def test_a_clock_that_jumps_once_costs_its_row_alone(tmp_path: Path, rows: str) -> None:
+def test_a_clock_that_jumps_once_costs_its_row_alone(tmp_path, rows):
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows=rows))
     write_jump(tmp_path / "right.csv", 0.0)
@@ -198,9 +192,7 @@ def test_a_clock_that_jumps_once_costs_its_row_alone(tmp_path: Path, rows: str) 
 
 
 @pytest.mark.parametrize("jump", [2e7, 1e8, 1e9])
-def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(
-    tmp_path: Path, jump: float
-) -> None:
+def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(tmp_path, jump):
     """So many rows that nobody can say which clock is right: both parts stay."""
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows="dives").replace("gap_s = 1e12\n", ""))
@@ -212,7 +204,7 @@ def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(
     assert found.sizes["mission"] == 2
 
 
-def test_a_row_that_is_a_hole_is_left_out(tmp_path: Path) -> None:
+def test_a_row_that_is_a_hole_is_left_out(tmp_path):
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows="file"))
     write_jump(tmp_path / "jump.csv", 2e7)
@@ -226,7 +218,7 @@ def test_a_row_that_is_a_hole_is_left_out(tmp_path: Path) -> None:
     assert any("231.5 days" in e.detail and e.action == "left out" for e in report.entries)
 
 
-def test_rows_without_a_time_near_the_others() -> None:
+def test_rows_without_a_time_near_the_others():
     time = np.concatenate([1.7e9 + np.arange(1000.0), [1.2e9, 2.4e9]])
     tally = Tally()
     kept, columns = tidy(time, {"a": time.copy()}, "x", tally)
@@ -236,19 +228,19 @@ def test_rows_without_a_time_near_the_others() -> None:
     assert len(tidy(two, {"a": two.copy()}, "x", Tally())[0]) == 1000
 
 
-def test_rows_of_minutes_hold_samples() -> None:
+def test_rows_of_minutes_hold_samples():
     found = _divided(np.array([0.0, 100.0, 6_000_000.0]), 60.0)
     assert found == [(0.0, 60.0), (60.0, 120.0), (5_999_940.0, 6_000_000.0)]
 
 
-def test_a_file_may_unpack_to_what_logs_have() -> None:
+def test_a_file_may_unpack_to_what_logs_have():
     check_unpacked(UNPACKED_BYTES, 1, "a")
     check_unpacked(MOST_UNPACKED * 10**9, 10**9, "a")
     with pytest.raises(InputError, match=r"^a unpacks to 33.6 MB of values or more from 1 bytes"):
         check_unpacked(UNPACKED_BYTES + 1, 1, "a")
 
 
-def test_a_table_of_text_is_what_it_was(tmp_path: Path) -> None:
+def test_a_table_of_text_is_what_it_was(tmp_path):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
@@ -263,7 +255,7 @@ def test_a_table_of_text_is_what_it_was(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_packed_log_of_a_vehicle_is_read(tmp_path: Path) -> None:
+def test_a_packed_log_of_a_vehicle_is_read(tmp_path):
     """Plain dives compress by far less than the bound."""
     from logs import pack
 

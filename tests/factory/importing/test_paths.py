@@ -1,7 +1,5 @@
 """Paths: no text of a foreign file becomes one, so that nothing is written but what was asked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -23,13 +21,13 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def header_with(content: bytes, crc: bytes) -> bytes:
+def header_with(content, crc):
     """A log that lists its sensors itself, with another number of the list."""
     return content.replace(b"sensor_list_crc: 0badcafe", b"sensor_list_crc: " + crc, 1)
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Path:
+def place(tmp_path):
     """A folder below others, so that a path that leads out of it stays in the test's own."""
     pytest.importorskip("dbdreader")
     found = tmp_path / "one" / "two" / "logs"
@@ -38,7 +36,7 @@ def place(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def own(place: Path) -> bytes:
+def own(place):
     """Content of a log that lists its sensors itself."""
     path, cache = write_dbd(place, FLIGHT, factored=False)
     content = path.read_bytes()
@@ -47,15 +45,13 @@ def own(place: Path) -> bytes:
     return content
 
 
-def tree(folder: Path) -> dict[str, bytes]:
+def tree(folder):
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("crc", HOSTILE)
-def test_the_number_of_a_list_of_sensors_is_no_path(
-    place: Path, own: bytes, tmp_path: Path, crc: str, packed: bool
-) -> None:
+def test_the_number_of_a_list_of_sensors_is_no_path(place, own, tmp_path, crc, packed):
     content = header_with(own, crc.encode())
     log = place / ("a.dcd" if packed else "a.dbd")
     log.write_bytes(pack(content) if packed else content)
@@ -67,9 +63,7 @@ def test_the_number_of_a_list_of_sensors_is_no_path(
     assert not Path("/tmp/glider-twin-absolute.cac").exists()
 
 
-def test_a_second_number_behind_the_first_is_no_way_around(
-    place: Path, own: bytes, tmp_path: Path
-) -> None:
+def test_a_second_number_behind_the_first_is_no_way_around(place, own, tmp_path):
     """The decoder takes the last line of a name, wherever among the lines of the header it is."""
     good = b"sensor_list_crc: 0badcafe\n"
     bad = b"sensor_list_crc: ../../beside\n"
@@ -100,9 +94,7 @@ def test_a_second_number_behind_the_first_is_no_way_around(
         ("num_ascii_tags", b"99"),
     ],
 )  # fmt: skip
-def test_a_count_of_a_header_that_is_none_is_told(
-    place: Path, own: bytes, key: str, value: bytes
-) -> None:
+def test_a_count_of_a_header_that_is_none_is_told(place, own, key, value):
     start = own.index(key.encode()) + len(key) + 2
     content = own[:start] + value + own[own.index(b"\n", start) :]
     (place / "a.dbd").write_bytes(content)
@@ -110,7 +102,7 @@ def test_a_count_of_a_header_that_is_none_is_told(
         import_logs("slocum", [place / "a.dbd"])
 
 
-def test_names_of_files_are_plain_and_one_text_has_one() -> None:
+def test_names_of_files_are_plain_and_one_text_has_one():
     texts = ["../../x", "a/b", "a-b", "A-B", "", "...", "é", "unit_334.x", "x" * 999, "a\0\x1b[2J"]
     found = file_names(texts, "deployment")
     assert list(found) == texts
@@ -129,9 +121,7 @@ def test_names_of_files_are_plain_and_one_text_has_one() -> None:
 
 
 @pytest.mark.parametrize("name", ["../../beside", "/tmp/glider-twin-export", "a\0b", "é" * 200])
-def test_exports_stay_in_their_folder(
-    place: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_exports_stay_in_their_folder(place, tmp_path, name, monkeypatch):
     dataset, _ = import_logs("slocum", write_slocum(place, FLIGHT))
     store = write_store(dataset, tmp_path / "one" / "real.zarr")
     with LogStore(store) as run:

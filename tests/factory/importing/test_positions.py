@@ -1,9 +1,5 @@
 """Positions of logged rows: dead-reckoned, corrected at the fixes, and said how."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -22,13 +18,13 @@ STEP = 2.0
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("positions")
     dataset, _ = import_logs("slocum", write_slocum(folder, FLIGHT))
     return write_store(dataset, folder / "real.zarr")
 
 
-def signals(samples: int = 400, **extra: np.ndarray) -> dict[str, np.ndarray]:
+def signals(samples=400, **extra):
     """A row with a fix at both ends, 300 m apart to the north."""
     gps = np.full(samples, np.nan)
     gps[0], gps[-1] = 0.0, 300.0
@@ -37,11 +33,11 @@ def signals(samples: int = 400, **extra: np.ndarray) -> dict[str, np.ndarray]:
     return {"measured_gap": gap, "measured_gps_north": gps, "measured_gps_east": east, **extra}
 
 
-def metres(found: object) -> tuple[np.ndarray, np.ndarray]:
+def metres(found):
     return offset(found.latitude, found.longitude, *ORIGIN)  # type: ignore[attr-defined]
 
 
-def test_dives_are_where_the_vehicle_was_and_met_their_fixes(store: Path) -> None:
+def test_dives_are_where_the_vehicle_was_and_met_their_fixes(store):
     logs = LogStore(store)
     for mission in range(len(logs)):
         latitude, longitude, method = logs.positions(mission)
@@ -54,7 +50,7 @@ def test_dives_are_where_the_vehicle_was_and_met_their_fixes(store: Path) -> Non
             assert np.hypot(*offset(latitude[k], longitude[k], *fix)) < 0.1
 
 
-def test_they_are_coordinates_with_a_word_of_how_they_were_found(store: Path) -> None:
+def test_they_are_coordinates_with_a_word_of_how_they_were_found(store):
     data = xr.open_zarr(store)
     assert {"datetime", "latitude", "longitude", "start_time"} <= set(data.coords)
     assert "position_method" in data["latitude"].attrs["comment"]
@@ -64,7 +60,7 @@ def test_they_are_coordinates_with_a_word_of_how_they_were_found(store: Path) ->
     np.testing.assert_allclose(seconds, data["time"].values[: len(seconds)], atol=1e-3)
 
 
-def test_without_anything_else_it_is_the_straight_line() -> None:
+def test_without_anything_else_it_is_the_straight_line():
     found = row_positions(signals(), ORIGIN, STEP)
     north, east = metres(found)
     assert found.method == "straight_line"
@@ -72,7 +68,7 @@ def test_without_anything_else_it_is_the_straight_line() -> None:
     np.testing.assert_allclose(east, 0.0, atol=0.05)
 
 
-def test_beyond_its_last_fix_a_straight_line_is_nowhere() -> None:
+def test_beyond_its_last_fix_a_straight_line_is_nowhere():
     given = signals()
     given["measured_gps_north"][-1] = given["measured_gps_east"][-1] = np.nan
     found = row_positions(given, ORIGIN, STEP)
@@ -80,7 +76,7 @@ def test_beyond_its_last_fix_a_straight_line_is_nowhere() -> None:
     assert np.isnan(found.latitude[1:]).all()
 
 
-def test_the_vehicles_own_track_is_bent_to_the_fixes() -> None:
+def test_the_vehicles_own_track_is_bent_to_the_fixes():
     share = np.linspace(0.0, 1.0, 400)
     own = {"measured_onboard_north": 200.0 * share, "measured_onboard_east": 80.0 * share**2}
     found = row_positions(signals(**own), ORIGIN, STEP)
@@ -90,7 +86,7 @@ def test_the_vehicles_own_track_is_bent_to_the_fixes() -> None:
     np.testing.assert_allclose(east, 80.0 * share**2 - 80.0 * share, atol=0.5)
 
 
-def test_without_a_fix_nobody_knows() -> None:
+def test_without_a_fix_nobody_knows():
     found = row_positions({"measured_gap": np.zeros(10)}, None, STEP)
     assert found.method == "unknown"
     assert np.isnan(found.latitude).all()

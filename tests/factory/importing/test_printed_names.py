@@ -1,11 +1,7 @@
 """Printed names: what stands in a log, or is a file's name, moves no cursor of who reads it."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from types import SimpleNamespace
 
-import pytest
 from logs import Flight, write_slocum
 
 from factory.__main__ import PROGRAM
@@ -15,13 +11,11 @@ from twin.show.figures.page_layout import Page
 MARKS = "\x1b]0;owned\x07\x9b2J\u202e"
 
 
-def readable(text: str) -> bool:
+def readable(text):
     return all(one.isprintable() or one == "\n" for one in text)
 
 
-def test_names_of_files_and_deployments_are_shown_and_do_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_names_of_files_and_deployments_are_shown_and_do_nothing(tmp_path, capsys):
     folder = tmp_path / f"logs{MARKS}"
     folder.mkdir()
     for path in write_slocum(folder, Flight(depth=50.0)):
@@ -30,10 +24,12 @@ def test_names_of_files_and_deployments_are_shown_and_do_nothing(
     (folder / f"y{MARKS}.dbd").write_bytes(b"no log")
     store = tmp_path / f"s{MARKS}.zarr"
     for words in (
-        ["import", "slocum", folder, "--out", store], ["info", store], ["verify", store],
-        ["import", "slocum", folder, "--out", store], ["import", "slocum", folder / f"{MARKS}.csv",
-        "--out", tmp_path / "o"],
-    ):  # fmt: skip
+        ["import", "slocum", folder, "--out", store],
+        ["info", store],
+        ["verify", store],
+        ["import", "slocum", folder, "--out", store],
+        ["import", "slocum", folder / f"{MARKS}.csv", "--out", tmp_path / "o"],
+    ):
         code = PROGRAM.main([str(word) for word in words])
         said = capsys.readouterr()
         assert code in (0, 1, 2)
@@ -43,7 +39,7 @@ def test_names_of_files_and_deployments_are_shown_and_do_nothing(
         assert "\\x1b]0;owned\\x07\\x9b2J\\u202e" in said.out + said.err
 
 
-def test_the_mail_of_a_watch_is_lines_that_can_be_read() -> None:
+def test_the_mail_of_a_watch_is_lines_that_can_be_read():
     said = SimpleNamespace(
         verdict=f"attention{MARKS}\nall is well", dives=(), legs=(), last_fix=None, dialogue=None,
         surfacings=None, used=None, missing=[f"file{MARKS}.dbd: cut"], deployment="x",
@@ -54,7 +50,7 @@ def test_the_mail_of_a_watch_is_lines_that_can_be_read() -> None:
     assert len(text.splitlines()) == 3
 
 
-def test_a_page_and_what_lies_beside_it_show_the_marks(tmp_path: Path) -> None:
+def test_a_page_and_what_lies_beside_it_show_the_marks(tmp_path):
     page = Page(tmp_path / "page", f"title{MARKS}<b>", MARKS)
     page.facts({MARKS: MARKS})
     page.code(MARKS)

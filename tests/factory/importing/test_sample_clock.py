@@ -1,16 +1,10 @@
 """Clocks that stand for a whole profile, the layouts that public tables have, and each profile's
 current."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import netCDF4
 import numpy as np
 import pytest
 from logs import write_csv
-from numpy.typing import NDArray
 
 from factory.importing import import_logs, sniff
 from factory.importing.columns import tidy
@@ -18,7 +12,6 @@ from factory.importing.sample_clock import NoClock, sample_clock, standing
 from factory.importing.tally import Tally
 from twin.errors import InputError
 
-Array = NDArray[np.float64]
 SINCE = "seconds since 1970-01-01T00:00:00Z"
 START, STEP, EACH, PROFILES = 1.7e9, 10.0, 60, 6
 LENGTH = 700.0
@@ -28,7 +21,7 @@ CURRENTS = (0.1, 0.1, 0.2, 0.2, 0.3, 0.3)
 """[m/s] eastward, of the segment of each profile"""
 
 
-def profiles() -> dict[str, Array]:
+def profiles():
     """Samples of three dives, (profile, sample) each; `profile_*` of a profile, (profile,)."""
     number = np.arange(PROFILES)
     time = START + LENGTH * number[:, None] + STEP * np.arange(EACH)
@@ -45,7 +38,7 @@ def profiles() -> dict[str, Array]:
     }
 
 
-def put(file: netCDF4.Dataset, name: str, values: Array, units: str, dims: tuple[str, ...]) -> None:
+def put(file, name, values, units, dims):
     kind = "i4" if units == "count" else "f8"
     variable = file.createVariable(name, kind, dims)
     variable.units = units
@@ -62,7 +55,7 @@ OF_PROFILE = {
 """Variables that it has of a profile, and their units"""
 
 
-def at_samples(file: netCDF4.Dataset, dims: tuple[str, ...], shape: Callable[[Array], Array]):
+def at_samples(file, dims, shape):
     known = profiles()
     for name, source in SAMPLES.items():
         units = {"time": SINCE, "depth": "m", "north": "degrees_north"}[source]
@@ -72,7 +65,7 @@ def at_samples(file: netCDF4.Dataset, dims: tuple[str, ...], shape: Callable[[Ar
     put(file, "salinity", shape(34.0 + 0.005 * known["depth"]), "1", dims)
 
 
-def flat(file: netCDF4.Dataset, dimension: str) -> None:
+def flat(file, dimension):
     """A row a sample, in which what is the profile's is repeated."""
     file.createDimension(dimension, PROFILES * EACH)
     file.createDimension("trajectory_strlen", 4)
@@ -83,22 +76,22 @@ def flat(file: netCDF4.Dataset, dimension: str) -> None:
     file.createVariable("trajectory", "S1", (dimension, "trajectory_strlen"))[:] = list("ru00")
 
 
-def row(file: netCDF4.Dataset) -> None:
+def row(file):
     flat(file, "row")
 
 
-def obs(file: netCDF4.Dataset) -> None:
+def obs(file):
     flat(file, "obs")
 
 
-def of_profiles(file: netCDF4.Dataset) -> None:
+def of_profiles(file):
     file.createDimension("profile", PROFILES)
     for name, (source, units) in OF_PROFILE.items():
         put(file, name, profiles()[source], units, ("profile",))
     put(file, "longitude", np.full(PROFILES, -70.0), "degrees_east", ("profile",))
 
 
-def counted(file: netCDF4.Dataset) -> None:
+def counted(file):
     """Contiguous ragged arrays, as ERDDAP's .ncCF has them."""
     of_profiles(file)
     file.createDimension("obs", PROFILES * EACH)
@@ -111,7 +104,7 @@ def counted(file: netCDF4.Dataset) -> None:
     file.createVariable("trajectory", str, ("trajectory",))[:] = np.array(["ru00"], object)
 
 
-def counted_by_name(file: netCDF4.Dataset) -> None:
+def counted_by_name(file):
     of_profiles(file)
     file.createDimension("obs", PROFILES * EACH)
     at_samples(file, ("obs",), np.ravel)
@@ -119,7 +112,7 @@ def counted_by_name(file: netCDF4.Dataset) -> None:
     file.id = "ru00"
 
 
-def indexed(file: netCDF4.Dataset) -> None:
+def indexed(file):
     of_profiles(file)
     file.createDimension("obs", PROFILES * EACH)
     at_samples(file, ("obs",), np.ravel)
@@ -128,7 +121,7 @@ def indexed(file: netCDF4.Dataset) -> None:
     file.id = "ru00"
 
 
-def padded(file: netCDF4.Dataset) -> None:
+def padded(file):
     """Arrays of profiles by samples with a missing end, as ERDDAP's .ncCFMA has them."""
     of_profiles(file)
     file.createDimension("obs", EACH + 5)
@@ -137,7 +130,7 @@ def padded(file: netCDF4.Dataset) -> None:
     file.id = "ru00"
 
 
-def samples_first(file: netCDF4.Dataset) -> None:
+def samples_first(file):
     of_profiles(file)
     file.createDimension("obs", EACH)
     at_samples(file, ("obs", "profile"), np.transpose)
@@ -147,14 +140,14 @@ def samples_first(file: netCDF4.Dataset) -> None:
 LAYOUTS = (row, obs, counted, counted_by_name, indexed, padded, samples_first)
 
 
-def table(path: Path, layout: Callable[[netCDF4.Dataset], None]) -> Path:
+def table(path, layout):
     with netCDF4.Dataset(path, "w") as file:
         layout(file)
     return path
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda one: one.__name__)
-def test_a_profile_s_time_gives_way_to_the_sample_s(layout, tmp_path: Path) -> None:
+def test_a_profile_s_time_gives_way_to_the_sample_s(layout, tmp_path):
     path = table(tmp_path / "ru00.nc", layout)
     assert sniff(path) == "ngdac"
     dataset, report = import_logs("ngdac", [path])
@@ -175,7 +168,7 @@ def test_a_profile_s_time_gives_way_to_the_sample_s(layout, tmp_path: Path) -> N
     assert dataset["vehicle_dac_east"].values == pytest.approx([0.1, 0.2, 0.3])
 
 
-def test_a_time_that_is_flagged_bad_is_none(tmp_path: Path) -> None:
+def test_a_time_that_is_flagged_bad_is_none(tmp_path):
     path = table(tmp_path / "ru00.nc", row)
     with netCDF4.Dataset(path, "a") as file:
         file["precise_time"][100] = START + 1e6
@@ -187,10 +180,10 @@ def test_a_time_that_is_flagged_bad_is_none(tmp_path: Path) -> None:
     assert report.hours < 1.5
 
 
-def test_a_profile_s_place_is_one_of_its_track(tmp_path: Path) -> None:
+def test_a_profile_s_place_is_one_of_its_track(tmp_path):
     """Without places of the samples a track goes on between those of the profiles."""
 
-    def without(file: netCDF4.Dataset) -> None:
+    def without(file):
         row(file)
         for name in ("precise_lat", "precise_lon"):
             file.renameVariable(name, f"other_{name}")
@@ -204,7 +197,7 @@ def test_a_profile_s_place_is_one_of_its_track(tmp_path: Path) -> None:
     assert len(inside) > 100
 
 
-def test_variables_are_known_by_their_standard_names(tmp_path: Path) -> None:
+def test_variables_are_known_by_their_standard_names(tmp_path):
     """As other servers of tables have them: a height, positive up, and no number of a profile."""
     known = profiles()
     path = tmp_path / "cp_340.nc"
@@ -234,8 +227,8 @@ def test_variables_are_known_by_their_standard_names(tmp_path: Path) -> None:
     assert np.nanmax(north) - np.nanmin(north) == pytest.approx(111e3 * 1e-6 * 1290.0, abs=3.0)
 
 
-def test_a_table_of_two_deployments_makes_two_logs(tmp_path: Path) -> None:
-    def two(file: netCDF4.Dataset) -> None:
+def test_a_table_of_two_deployments_makes_two_logs(tmp_path):
+    def two(file):
         row(file)
         file["trajectory"][4 * EACH :] = list("ru99")
 
@@ -244,7 +237,7 @@ def test_a_table_of_two_deployments_makes_two_logs(tmp_path: Path) -> None:
     assert report.rows == 3
 
 
-def test_counts_that_do_not_fit_are_damage(tmp_path: Path) -> None:
+def test_counts_that_do_not_fit_are_damage(tmp_path):
     path = table(tmp_path / "ru00.nc", counted)
     with netCDF4.Dataset(path, "a") as file:
         file["rowSize"][2] = 10**9
@@ -252,8 +245,8 @@ def test_counts_that_do_not_fit_are_damage(tmp_path: Path) -> None:
         import_logs("ngdac", [path])
 
 
-def test_no_clock_of_the_samples_is_refused_with_the_cause(tmp_path: Path) -> None:
-    def alone(file: netCDF4.Dataset) -> None:
+def test_no_clock_of_the_samples_is_refused_with_the_cause(tmp_path):
+    def alone(file):
         row(file)
         file.renameVariable("precise_time", "other")
         del file["other"].units  # numbers that nobody calls a time
@@ -263,10 +256,10 @@ def test_no_clock_of_the_samples_is_refused_with_the_cause(tmp_path: Path) -> No
         import_logs("ngdac", [path])
 
 
-def test_a_time_of_too_few_digits_is_refused(tmp_path: Path) -> None:
+def test_a_time_of_too_few_digits_is_refused(tmp_path):
     """Unix time as float32 has steps of 128 s."""
 
-    def coarse(file: netCDF4.Dataset) -> None:
+    def coarse(file):
         row(file)
         file["time"][:] = profiles()["time"].ravel().astype(np.float32)
         file["precise_time"][:] = profiles()["time"].ravel().astype(np.float32)
@@ -288,7 +281,7 @@ measured_temperature = { column = "temperature", unit = "degC" }
 """
 
 
-def test_a_table_s_column_of_time_that_stands_names_the_other(tmp_path: Path) -> None:
+def test_a_table_s_column_of_time_that_stands_names_the_other(tmp_path):
     known = profiles()
     path = write_csv(
         tmp_path / "table.csv",
@@ -306,7 +299,7 @@ def test_a_table_s_column_of_time_that_stands_names_the_other(tmp_path: Path) ->
     assert report.rows == 3
 
 
-def test_a_clock_that_stands_for_a_while_makes_its_rows_suspect() -> None:
+def test_a_clock_that_stands_for_a_while_makes_its_rows_suspect():
     time = START + np.arange(100.0) * 5.0
     time[40:60] = time[40]
     tally = Tally()
@@ -315,7 +308,7 @@ def test_a_clock_that_stands_for_a_while_makes_its_rows_suspect() -> None:
     assert (doubt.start, doubt.end) == (time[39], time[60])
 
 
-def test_a_clock_that_stood_before_it_was_set_makes_no_later_row_suspect() -> None:
+def test_a_clock_that_stood_before_it_was_set_makes_no_later_row_suspect():
     time = START + np.arange(100.0) * 5.0
     time[:20] = START - 20.0 * 365.0 * 86400.0
     tally = Tally()
@@ -324,7 +317,7 @@ def test_a_clock_that_stood_before_it_was_set_makes_no_later_row_suspect() -> No
     assert doubt.end < START
 
 
-def test_a_clock_of_whole_seconds_goes_on() -> None:
+def test_a_clock_of_whole_seconds_goes_on():
     time = START + np.floor(np.arange(200) / 10.0)
     assert not standing(time, {"depth": np.arange(200.0)}).any()
     twice = START + 5.0 * np.floor(np.arange(200) / 2.0)
@@ -334,7 +327,7 @@ def test_a_clock_of_whole_seconds_goes_on() -> None:
     assert standing(hanging, {"depth": np.arange(200.0)}).all()
 
 
-def test_the_usual_clock_stays_where_another_has_few_times() -> None:
+def test_the_usual_clock_stays_where_another_has_few_times():
     depth = {"depth": np.arange(100.0)}
     usual = START + np.arange(100.0)
     gps = np.where(np.arange(100) % 20 == 0, usual + 0.5, np.nan)
@@ -347,7 +340,7 @@ def test_the_usual_clock_stays_where_another_has_few_times() -> None:
     assert sample_clock({"time": still, "precise": usual}, depth, "log", tally) == "precise"
 
 
-def test_each_dive_has_its_own_segment_s_current(tmp_path: Path) -> None:
+def test_each_dive_has_its_own_segment_s_current(tmp_path):
     """Segments of 20 min, 4 h and 20 min: the middle of a long one is far from its ends."""
     start, number, paths = START, 0, []
     for seconds, east in ((1200.0, 0.11), (14400.0, 0.22), (1200.0, 0.33)):
@@ -365,8 +358,9 @@ def test_each_dive_has_its_own_segment_s_current(tmp_path: Path) -> None:
                 put(file, "profile_id", np.array(number), "1", ())
                 for name, value, units in (
                     ("time_uv", start + 0.5 * seconds, SINCE),
-                    ("u", east, "m s-1"), ("v", -east, "m s-1"),
-                ):  # fmt: skip
+                    ("u", east, "m s-1"),
+                    ("v", -east, "m s-1"),
+                ):
                     put(file, name, np.array(value), units, ())
             paths.append(path)
         start += seconds + 427.0
@@ -375,7 +369,7 @@ def test_each_dive_has_its_own_segment_s_current(tmp_path: Path) -> None:
     assert dataset["vehicle_dac_north"].values == pytest.approx([-0.11, -0.22, -0.33])
 
 
-def test_a_kind_is_named_only_if_its_reader_takes_the_file(tmp_path: Path) -> None:
+def test_a_kind_is_named_only_if_its_reader_takes_the_file(tmp_path):
     """Names of one kind do not make a file one: advice would go in a circle."""
     known = profiles()
     path = tmp_path / "profile.nc"
@@ -400,7 +394,7 @@ def test_a_kind_is_named_only_if_its_reader_takes_the_file(tmp_path: Path) -> No
     assert sniff(path) is None
 
 
-def og1(path: Path, clock: str) -> Path:
+def og1(path, clock):
     """OG1.0 whose TIME is the profile's, beside another time; currents without numbers of dives."""
     known = profiles()
     with netCDF4.Dataset(path, "w") as file:
@@ -417,7 +411,7 @@ def og1(path: Path, clock: str) -> Path:
     return path
 
 
-def test_og1_takes_the_clock_that_goes_and_each_dive_its_current(tmp_path: Path) -> None:
+def test_og1_takes_the_clock_that_goes_and_each_dive_its_current(tmp_path):
     path = og1(tmp_path / "a.nc", "TIME_CTD")
     dataset, report = import_logs("og1", [path])
     assert report.rows == 3
@@ -432,7 +426,7 @@ def test_og1_takes_the_clock_that_goes_and_each_dive_its_current(tmp_path: Path)
 
 
 @pytest.mark.parametrize("kind", ["lrauv", "dorado"])
-def test_other_readers_refuse_a_clock_that_stands(kind: str, tmp_path: Path) -> None:
+def test_other_readers_refuse_a_clock_that_stands(kind, tmp_path):
     known = profiles()
     path = tmp_path / "navigation.nc"
     with netCDF4.Dataset(path, "w") as file:

@@ -1,26 +1,13 @@
 """Logs whose files end early: what is known of a dive then, and what the report blames."""
 
-from __future__ import annotations
-
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
-from logs import (
-    START,
-    Flight,
-    gps_columns,
-    slocum_columns,
-    write_csv,
-    write_dbd,
-    write_seaexplorer,
-)
+from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_dbd, write_seaexplorer
 
 from factory.importing import TRUNCATED, import_logs
 from factory.importing.deployment_log import Channel
-from factory.importing.tally import ImportReport
 from factory.soundness import verify_logs
 from twin.records.logged import LogStore
 from twin.records.store import write_store
@@ -33,7 +20,7 @@ FLIGHT_COMPUTER = (
 )  # fmt: skip
 
 
-def science(flight: Flight) -> dict[str, np.ndarray]:
+def science(flight):
     """A Slocum's science sensors, a computer of their own."""
     time = flight.time
     depth = flight.state(time)["depth"]
@@ -45,7 +32,7 @@ def science(flight: Flight) -> dict[str, np.ndarray]:
     }
 
 
-def row(dataset: xr.Dataset, name: str, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def row(dataset, name, number=0):
     """Unix times and values of a signal in a dive."""
     count = int(dataset["n_samples"][number])
     start = dataset["start_time"].values[number]
@@ -53,12 +40,12 @@ def row(dataset: xr.Dataset, name: str, number: int = 0) -> tuple[np.ndarray, np
     return begin + dataset["time"].values[:count], dataset[name].values[number, :count]
 
 
-def said(report: ImportReport, action: str) -> list[str]:
+def said(report, action):
     return [f"{one.subject}: {one.detail}" for one in report.entries if one.action == action]
 
 
 @pytest.fixture
-def cut(tmp_path: Path) -> tuple[Path, float]:
+def cut(tmp_path):
     """A flight file of which 0.4 are left beside a whole science file, and when it ends."""
     pytest.importorskip("dbdreader")
     path, _ = write_dbd(tmp_path, DEEP)
@@ -69,7 +56,7 @@ def cut(tmp_path: Path) -> tuple[Path, float]:
     return tmp_path, begin + 0.4 * (end - begin)
 
 
-def test_nothing_of_a_flight_file_that_was_cut_is_held(cut: tuple[Path, float], tmp_path) -> None:
+def test_nothing_of_a_flight_file_that_was_cut_is_held(cut, tmp_path):
     folder, _ = cut
     dataset, _ = import_logs("slocum", [folder])
     ends = {}
@@ -95,7 +82,7 @@ def test_nothing_of_a_flight_file_that_was_cut_is_held(cut: tuple[Path, float], 
         assert verify_logs(logs).ok
 
 
-def test_the_file_that_ends_is_blamed_and_no_sign(cut: tuple[Path, float]) -> None:
+def test_the_file_that_ends_is_blamed_and_no_sign(cut):
     folder, _ = cut
     dataset, report = import_logs("slocum", [folder])
     time, values = row(dataset, "measured_pitch")
@@ -109,7 +96,7 @@ def test_the_file_that_ends_is_blamed_and_no_sign(cut: tuple[Path, float]) -> No
     assert blamed == []
 
 
-def test_a_flight_log_that_begins_late_is_told_and_nothing_is_held_before(tmp_path: Path) -> None:
+def test_a_flight_log_that_begins_late_is_told_and_nothing_is_held_before(tmp_path):
     pytest.importorskip("dbdreader")
     path, _ = write_dbd(tmp_path, DEEP, without=("m_gps_lat", "m_gps_lon", "m_gps_status"))
     begin, end = DEEP.dive_times(0)
@@ -128,7 +115,7 @@ def test_a_flight_log_that_begins_late_is_told_and_nothing_is_held_before(tmp_pa
     assert any("the flight log begins at" in one for one in said(report, "note"))
 
 
-def test_a_science_that_ends_early_leaves_no_water(tmp_path: Path) -> None:
+def test_a_science_that_ends_early_leaves_no_water(tmp_path):
     pytest.importorskip("dbdreader")
     write_dbd(tmp_path, DEEP)
     begin, end = DEEP.dive_times(0)
@@ -146,7 +133,7 @@ def test_a_science_that_ends_early_leaves_no_water(tmp_path: Path) -> None:
     assert np.isfinite(row(dataset, "measured_pitch")[1]).mean() > 0.95
 
 
-def test_a_navigation_log_that_ends_early_holds_nothing(tmp_path: Path) -> None:
+def test_a_navigation_log_that_ends_early_holds_nothing(tmp_path):
     """A SeaExplorer's payload goes on with a pressure of its own: it is no depth of the vehicle."""
     path = write_seaexplorer(tmp_path / "sea009_M3_gli.csv", DEEP)
     lines = path.read_text().splitlines(keepends=True)
@@ -157,7 +144,7 @@ def test_a_navigation_log_that_ends_early_holds_nothing(tmp_path: Path) -> None:
     assert time[-1] <= START + 0.4 * (DEEP.time[-1] - START) + 30.0
 
 
-def test_a_depth_that_ends_deep_rises_to_the_fix(tmp_path: Path) -> None:
+def test_a_depth_that_ends_deep_rises_to_the_fix(tmp_path):
     """Nobody knows the way; the fix knows the depth."""
     flight = Flight(dives=1, depth=100.0, surface=600.0)
     columns = slocum_columns(flight)
@@ -175,7 +162,7 @@ def test_a_depth_that_ends_deep_rises_to_the_fix(tmp_path: Path) -> None:
     assert np.interp(half, time, row(dataset, "measured_gap")[1]) == 1.0
 
 
-def test_a_topic_or_column_that_stops_is_not_held(tmp_path: Path) -> None:
+def test_a_topic_or_column_that_stops_is_not_held(tmp_path):
     time = START + np.arange(0.0, 1200.0, 1.0)
     depth = 20.0 * (1.0 - np.abs(((time - START) / 600.0) % 1.0 * 2.0 - 1.0))
     pitch = np.where(time < START + 400.0, -10.0, np.nan)
@@ -197,7 +184,7 @@ def test_a_topic_or_column_that_stops_is_not_held(tmp_path: Path) -> None:
     assert np.isfinite(values).all()
 
 
-def test_a_row_ends_where_its_depth_ends(tmp_path: Path) -> None:
+def test_a_row_ends_where_its_depth_ends(tmp_path):
     time = START + np.arange(0.0, 1200.0, 1.0)
     depth = np.where(time < START + 600.0, 10.0 + 0.01 * (time - START), np.nan)
     path = write_csv(tmp_path / "run.csv", {"t": time, "z": depth, "roll": np.sin(time / 50.0)})
@@ -222,16 +209,14 @@ def test_a_row_ends_where_its_depth_ends(tmp_path: Path) -> None:
         ([], [1.0], [False]),
     ],
 )
-def test_a_channel_covers_what_its_spacing_says(
-    times: list[float], asked: list[float], covered: list[bool]
-) -> None:
+def test_a_channel_covers_what_its_spacing_says(times, asked, covered):
     channel = Channel(np.array(times), np.zeros(len(times)))
     assert channel.covers(np.array(asked)).tolist() == covered
     known = channel.known(np.array(asked))
     assert np.isfinite(known).tolist() == covered
 
 
-def test_two_computers_of_the_same_end_lose_nothing(tmp_path: Path) -> None:
+def test_two_computers_of_the_same_end_lose_nothing(tmp_path):
     """The usual log: a row without a hole stays without one."""
     pytest.importorskip("dbdreader")
     flight = dataclasses.replace(DEEP, depth=100.0)

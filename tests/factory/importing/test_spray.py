@@ -1,9 +1,5 @@
 """Spray: binned files in the published layout, and its profiles and OG1.0 by the other kinds."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import netCDF4
 import numpy as np
 import pytest
@@ -17,7 +13,7 @@ from twin.records.store import write_store
 FLIGHT = Flight(dives=4, depth=400.0, speed=0.3, surface=900.0)
 
 
-def test_dives_are_made_again_of_their_middles(tmp_path: Path) -> None:
+def test_dives_are_made_again_of_their_middles(tmp_path):
     path = write_spray(tmp_path / "CUGN_line_90.nc", FLIGHT)
     dataset, report = import_logs("spray", [path])
     assert sniff(path) == "spray"
@@ -44,10 +40,10 @@ def test_dives_are_made_again_of_their_middles(tmp_path: Path) -> None:
     assert any("made again" in note for note in notes)
 
 
-def write_rows(path: Path, *, upper: bool = False) -> Path:
+def write_rows(path, *, upper=False):
     """OG1.0 of the Spray data center: a row a sample of the climb, deepest first, with the times of
     its profile and dive."""
-    columns: dict[str, list[np.ndarray]] = {}
+    columns = {}
     for dive in range(FLIGHT.dives):
         start, end = FLIGHT.dive_times(dive)
         deep = np.arange(FLIGHT.depth, 2.0, -4.0)
@@ -77,7 +73,7 @@ def write_rows(path: Path, *, upper: bool = False) -> Path:
 
 
 @pytest.mark.parametrize("upper", [False, True], ids=["small", "capital"])
-def test_profiles_without_times_are_read_as_bins_are(tmp_path: Path, upper: bool) -> None:
+def test_profiles_without_times_are_read_as_bins_are(tmp_path, upper):
     path = write_rows(tmp_path / "sp028.nc", upper=upper)
     assert sniff(path) == "spray"
     dataset, report = import_logs("spray", [path])
@@ -109,7 +105,7 @@ def test_profiles_without_times_are_read_as_bins_are(tmp_path: Path, upper: bool
             import_logs("og1", [path])
 
 
-def test_missions_of_one_file_are_deployments_and_empty_profiles_go(tmp_path: Path) -> None:
+def test_missions_of_one_file_are_deployments_and_empty_profiles_go(tmp_path):
     path = write_spray(tmp_path / "GoM.nc", FLIGHT, missions=(3, 12))
     with netCDF4.Dataset(path, "a") as file:
         file["lat"][0] = np.nan
@@ -124,7 +120,7 @@ def test_missions_of_one_file_are_deployments_and_empty_profiles_go(tmp_path: Pa
     )
 
 
-def test_other_files_and_shapes_are_refused(tmp_path: Path) -> None:
+def test_other_files_and_shapes_are_refused(tmp_path):
     path = write_spray(tmp_path / "a.nc", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         file["time_uv"][:] = np.nan
@@ -137,7 +133,7 @@ def test_other_files_and_shapes_are_refused(tmp_path: Path) -> None:
         import_logs("spray", [good], payload=("oxygen=doxy",))
 
 
-def test_a_spray_s_og1_file_in_the_published_layout_is_read(tmp_path: Path) -> None:
+def test_a_spray_s_og1_file_in_the_published_layout_is_read(tmp_path):
     """OG1.0 of a glider without attitude: CTD, its fixes and its own depth-averaged currents.
 
     The layout: one dimension, names in capitals, a sensor each with its variables, the platform by

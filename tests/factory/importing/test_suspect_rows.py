@@ -1,11 +1,6 @@
 """Rows that hold what no ocean and no vehicle allows: marked, told, and never called sound."""
 
-from __future__ import annotations
-
 import dataclasses
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +8,11 @@ import zarr
 
 from factory.__main__ import PROGRAM
 from factory.importing import IMPORTERS, Importer, import_logs
+from factory.importing.cleaning import within_limits
 from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes
 from factory.importing.dives import dive_store
 from factory.importing.dives.dive_checks import keep_possible
 from factory.importing.dives.dive_store import rows_of
-from factory.importing.log_limits import within_limits
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from factory.soundness import verify_logs
@@ -31,16 +26,16 @@ from twin.version import IMPORT_VERSION
 FLIGHT = Flight()
 
 
-def suspect(dataset: Any) -> list[str]:
+def suspect(dataset):
     return [str(why) for why in dataset["suspect"].values]
 
 
-def test_a_sound_log_has_no_suspect_row(tmp_path: Path) -> None:
+def test_a_sound_log_has_no_suspect_row(tmp_path):
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     assert suspect(dataset) == ["", "", ""]
 
 
-def currents(tmp_path: Path, **reported: list[float]) -> list[str]:
+def currents(tmp_path, **reported):
     """Why each of three dives is suspect whose vehicle reported these currents [m/s]."""
     ends = np.array([FLIGHT.dive_times(k)[1] + 60.0 for k in range(3)])
     log = dataclasses.replace(
@@ -54,7 +49,7 @@ def currents(tmp_path: Path, **reported: list[float]) -> list[str]:
     return [row.suspect for row in rows]
 
 
-def plain_log() -> DeploymentLog:
+def plain_log():
     """Three dives with depth, pitch and fixes."""
     time, state = FLIGHT.time, FLIGHT.state(FLIGHT.time)
     afloat = time[state["under"] == 0.0]
@@ -71,13 +66,13 @@ def plain_log() -> DeploymentLog:
     )
 
 
-def test_a_current_that_no_ocean_has_marks_its_own_dive(tmp_path: Path) -> None:
+def test_a_current_that_no_ocean_has_marks_its_own_dive(tmp_path):
     found = currents(tmp_path, north=[0.1, 3.2, 0.1], east=[0.2, 0.0, 2.9])
     assert [bool(why) for why in found] == [False, True, False]
     assert "a current of more than 3 m/s" in found[1]
 
 
-def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path: Path) -> None:
+def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path):
     ends = plain_ends()
     log = dataclasses.replace(
         plain_log(),
@@ -92,13 +87,13 @@ def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path: P
     assert [bool(row.suspect) for row in rows] == [False, True, False]
 
 
-def plain_ends() -> Any:
+def plain_ends():
     """Times at which the rows of `plain_log` end."""
     rows, _ = rows_of(plain_log(), period=4.0, rules=DiveRules(), tally=Tally())
     return np.array([row.segment.end for row in rows])
 
 
-def test_what_is_made_of_channels_is_within_limits_too() -> None:
+def test_what_is_made_of_channels_is_within_limits_too():
     signals = {"measured_onboard_north": np.array([0.0, 2e7]), "measured_pitch": np.ones(2)}
     ((name, why),) = keep_possible(signals)
     assert name == "measured_onboard_north"
@@ -106,7 +101,7 @@ def test_what_is_made_of_channels_is_within_limits_too() -> None:
     np.testing.assert_array_equal(signals[name], [0.0, np.nan])
 
 
-def test_a_current_that_is_no_number_of_an_ocean_reaches_no_store(tmp_path: Path) -> None:
+def test_a_current_that_is_no_number_of_an_ocean_reaches_no_store(tmp_path):
     log = dataclasses.replace(
         plain_log(), auxiliary={"dac_north": Channel(np.array([START]), np.array([1e308]))}
     )
@@ -115,7 +110,7 @@ def test_a_current_that_is_no_number_of_an_ocean_reaches_no_store(tmp_path: Path
 
 @pytest.mark.parametrize("name", ["measured_pump", "measured_rotation", "commanded_shift"])
 @pytest.mark.parametrize("value", [5e14, -1e308, np.inf])
-def test_a_value_beyond_any_vehicle_never_reaches_a_store(name: str, value: float) -> None:
+def test_a_value_beyond_any_vehicle_never_reaches_a_store(name, value):
     log = plain_log()
     values = np.where(np.arange(len(FLIGHT.time)) % 50 == 7, value, 1.0)
     log = dataclasses.replace(
@@ -129,7 +124,7 @@ def test_a_value_beyond_any_vehicle_never_reaches_a_store(name: str, value: floa
     assert not tally.doubts
 
 
-def test_a_channel_that_is_nearly_always_impossible_is_doubted() -> None:
+def test_a_channel_that_is_nearly_always_impossible_is_doubted():
     log = plain_log()
     kelvin = Channel(FLIGHT.time, 281.0 + 0.01 * np.arange(len(FLIGHT.time)))
     off = Channel(FLIGHT.time, np.full(len(FLIGHT.time), -999.0))
@@ -142,7 +137,7 @@ def test_a_channel_that_is_nearly_always_impossible_is_doubted() -> None:
         assert len(tally.doubts) == doubts
 
 
-def test_a_pitch_that_cannot_make_the_sinking_is_suspect(tmp_path: Path) -> None:
+def test_a_pitch_that_cannot_make_the_sinking_is_suspect(tmp_path):
     radian = np.radians(FLIGHT.state(FLIGHT.time)["pitch"])
     log = plain_log()
     channels = {**log.channels, "measured_pitch": Channel(FLIGHT.time, radian)}
@@ -152,7 +147,7 @@ def test_a_pitch_that_cannot_make_the_sinking_is_suspect(tmp_path: Path) -> None
     assert all("measured_pitch: below 2 degree" in row.suspect for row in rows)
 
 
-def test_fixes_far_from_the_waypoint_and_from_the_own_track_are_suspect() -> None:
+def test_fixes_far_from_the_waypoint_and_from_the_own_track_are_suspect():
     log = plain_log()
     far = LoggedFixes(log.fixes.time, log.fixes.latitude / 60.0, log.fixes.longitude)
     names = ("latitude", "longitude")
@@ -172,7 +167,7 @@ def test_fixes_far_from_the_waypoint_and_from_the_own_track_are_suspect() -> Non
         assert not any(row.suspect for row in rows)
 
 
-def test_a_doubt_of_a_reader_marks_the_rows_of_its_time_alone() -> None:
+def test_a_doubt_of_a_reader_marks_the_rows_of_its_time_alone():
     log = plain_log()
     tally = Tally()
     start, end = FLIGHT.dive_times(1)
@@ -184,9 +179,7 @@ def test_a_doubt_of_a_reader_marks_the_rows_of_its_time_alone() -> None:
     assert [row.suspect for row in rows] == ["", "measured_depth: two sensors disagree", ""]
 
 
-def test_a_store_with_a_suspect_row_is_not_sound(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_store_with_a_suspect_row_is_not_sound(tmp_path, capsys):
     columns = slocum_columns(FLIGHT)
     write_slocum(tmp_path, FLIGHT, m_pitch=-columns["m_pitch"])  # sinks nose up
     out = tmp_path / "log.zarr"
@@ -201,7 +194,7 @@ def test_a_store_with_a_suspect_row_is_not_sound(
     assert "NOT sound" in said
 
 
-def test_a_log_of_older_readers_says_so_wherever_it_is_opened(tmp_path: Path) -> None:
+def test_a_log_of_older_readers_says_so_wherever_it_is_opened(tmp_path):
     dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
     path = write_store(dataset, tmp_path / "log.zarr")
     LogStore(path).close()  # no warning
@@ -214,10 +207,10 @@ def test_a_log_of_older_readers_says_so_wherever_it_is_opened(tmp_path: Path) ->
     assert logs.suspect == ["", "", ""]
 
 
-def fails_at(*names: str) -> Any:
+def fails_at(*names):
     """A reader that fails in its last stage when files of these names are among the given."""
 
-    def read(paths: Any, options: Any, tally: Tally) -> list[DeploymentLog]:
+    def read(paths, options, tally):
         tally.add("read", "rows", len(paths))
         if {path.name for path in paths} >= set(names):
             raise ZeroDivisionError("of a name")
@@ -227,13 +220,13 @@ def fails_at(*names: str) -> Any:
 
 
 @pytest.fixture
-def odd(tmp_path: Path) -> Iterator[Any]:
+def odd(tmp_path):
     """Import three files by a reader that fails at some names."""
     paths = [tmp_path / f"{letter}.odd" for letter in "abc"]
     for number, path in enumerate(paths):
         path.write_text(str(number))
 
-    def bring(*names: str) -> Any:
+    def bring(*names):
         IMPORTERS.add(
             Importer(
                 name="odd", vehicle="v", files="f", channels="c", suffixes=frozenset({".odd"}),
@@ -246,7 +239,7 @@ def odd(tmp_path: Path) -> Iterator[Any]:
     IMPORTERS.unregister("odd")
 
 
-def test_a_file_at_which_a_reader_fails_late_is_left_out_by_name(odd: Any) -> None:
+def test_a_file_at_which_a_reader_fails_late_is_left_out_by_name(odd):
     dataset, report = odd("b.odd")
     assert dataset.sizes["mission"] == 3
     assert report.files == ("a.odd", "c.odd")
@@ -256,20 +249,20 @@ def test_a_file_at_which_a_reader_fails_late_is_left_out_by_name(odd: Any) -> No
     assert report.count("read", "rows") == 2  # the failed try counts nothing
 
 
-def test_files_at_which_a_reader_fails_together_are_told(odd: Any) -> None:
+def test_files_at_which_a_reader_fails_together_are_told(odd):
     with pytest.raises(InputError, match=r"fails at them together.*ZeroDivisionError"):
         odd("a.odd", "b.odd")
 
 
-def test_a_deployment_that_cannot_be_cut_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_deployment_that_cannot_be_cut_leaves_the_others(monkeypatch):
     cut = dive_store.cut
 
-    def failing(log: DeploymentLog, *args: Any) -> Any:
+    def failing(log, *args):
         return cut(log, *args) if log.deployment == "d" else [][0]
 
     monkeypatch.setattr(dive_store, "cut", failing)
     bad = dataclasses.replace(plain_log(), deployment="bad", files=("bad.csv",))
-    options: dict[str, Any] = {"kind": "csv", "period": 4.0, "rules": DiveRules(), "files": ["f"]}
+    options = {"kind": "csv", "period": 4.0, "rules": DiveRules(), "files": ["f"]}
     dataset, report = dive_store.build([bad, plain_log()], tally=Tally(), **options)
     assert dataset.sizes["mission"] == 3
     (lost,) = [e for e in report.entries if e.subject == "unreadable file"]

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any
 
 import gsw
 import netCDF4
 import numpy as np
 import pytest
-import xarray as xr
 from dorado_logs import write_dorado_product
 from logs import (
     Flight,
@@ -30,23 +26,16 @@ from message_logs import Dataflash, write_ardusub
 
 from factory.importing import import_logs
 from factory.importing.angles import LoggedAngle, attitude_degrees
-from factory.importing.cleaning import positions
-from factory.importing.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
-)
+from factory.importing.cleaning import positions, within_limits
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, LoggedFixes
 from factory.importing.formats.csv.mapping import Signal
 from factory.importing.formats.slocum.choices import slocum_pump
 from factory.importing.formats.slocum.native_sensors import in_native_units
-from factory.importing.log_limits import within_limits
 from factory.importing.messages import MessageTable, valued
 from factory.importing.payload import parse_payload, payload_channels
 from factory.importing.plausibility import sinks_in_radian
 from factory.importing.pressures import without_air
-from factory.importing.tally import ImportReport, Tally
+from factory.importing.tally import Tally
 from factory.importing.units import declared, in_unit, known_units
 from twin.errors import InputError
 from twin.physics.true_signals import declare_parts
@@ -54,13 +43,10 @@ from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight()
 SLOW = Flight(depth=90.0, speed=0.36)
-Array = np.ndarray
 KNOT, FOOT, PSI = 1852.0 / 3600.0, 0.3048, 0.689475729
 
 
-def rewritten(
-    paths: Sequence[Path], name: str, unit: str | None, change: Callable[[Array], Array]
-) -> list[Path]:
+def rewritten(paths, name, unit, change):
     """Files whose variable holds other numbers and declares another unit; None: declares none."""
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
@@ -73,7 +59,7 @@ def rewritten(
     return list(paths)
 
 
-def og1(folder: Path, *, flight: Flight = FLIGHT, **more: tuple[Any, str]) -> list[Path]:
+def og1(folder, *, flight=FLIGHT, **more):
     """An OG1.0 file with further variables, each of values and its unit, instead of its own."""
     path = write_og1(folder / "a.nc", flight)
     with netCDF4.Dataset(path, "a") as file:
@@ -85,16 +71,16 @@ def og1(folder: Path, *, flight: Flight = FLIGHT, **more: tuple[Any, str]) -> li
     return [path]
 
 
-def told(report: ImportReport, action: str) -> dict[str, str]:
+def told(report, action):
     return {e.subject: e.detail for e in report.entries if e.action == action}
 
 
-def doubted(report: ImportReport) -> dict[str, str]:
+def doubted(report):
     """What is suspect, but for the heading: the vehicle of these files never turns."""
     return {k: v for k, v in told(report, "suspect").items() if k != "measured_heading"}
 
 
-def largest(dataset: xr.Dataset, name: str) -> float:
+def largest(dataset, name):
     return float(np.nanmax(dataset[name]))
 
 
@@ -116,8 +102,8 @@ def largest(dataset: xr.Dataset, name: str) -> float:
     ],
 )
 def test_what_a_profile_declares_is_converted(
-    tmp_path: Path, name: str, unit: str, change: Any, signal: str, value: float, tolerance: float
-) -> None:
+    tmp_path, name, unit, change, signal, value, tolerance
+):
     paths = rewritten(write_ngdac(tmp_path, FLIGHT), name, unit, change)
     if name == "depth":
         rewritten(paths, "pressure", "dbar", lambda v: v * np.nan)
@@ -129,9 +115,7 @@ def test_what_a_profile_declares_is_converted(
 
 @pytest.mark.parametrize(("unit", "size"), [("bar", 10.0), ("psi", PSI), ("kPa", 0.1)])
 @pytest.mark.parametrize("beside", [True, False])
-def test_a_declared_pressure_is_converted(
-    tmp_path: Path, unit: str, size: float, beside: bool
-) -> None:
+def test_a_declared_pressure_is_converted(tmp_path, unit, size, beside):
     paths = rewritten(write_ngdac(tmp_path, FLIGHT), "pressure", unit, lambda v: v / size)
     if not beside:
         rewritten(paths, "depth", "m", lambda v: v * np.nan)
@@ -141,7 +125,7 @@ def test_a_declared_pressure_is_converted(
 
 
 @pytest.mark.parametrize("depth", [25.0, 90.0, 900.0])
-def test_the_air_in_a_pressure_is_no_other_unit(tmp_path: Path, depth: float) -> None:
+def test_the_air_in_a_pressure_is_no_other_unit(tmp_path, depth):
     """An absolute pressure is one atmosphere more, and the depth of the file stands."""
     flight = dataclasses.replace(FLIGHT, depth=depth, step=10.0)
     paths = rewritten(write_ngdac(tmp_path, flight), "pressure", "dbar", lambda v: v + 10.1325)
@@ -151,7 +135,7 @@ def test_the_air_in_a_pressure_is_no_other_unit(tmp_path: Path, depth: float) ->
     assert "air's pressure" in told(report, "repaired")["pressure"]
 
 
-def test_a_pressure_that_contradicts_its_unit_and_its_depth(tmp_path: Path) -> None:
+def test_a_pressure_that_contradicts_its_unit_and_its_depth(tmp_path):
     """Bar that are called dbar can only be bar; a third of the depth can be nothing."""
     (tmp_path / "a").mkdir()
     paths = rewritten(write_ngdac(tmp_path / "a", FLIGHT), "pressure", "dbar", lambda v: v / 10.0)
@@ -164,7 +148,7 @@ def test_a_pressure_that_contradicts_its_unit_and_its_depth(tmp_path: Path) -> N
     assert "do not belong together" in told(report, "suspect")["pressure"]
 
 
-def test_words_that_are_no_unit_of_the_variable(tmp_path: Path) -> None:
+def test_words_that_are_no_unit_of_the_variable(tmp_path):
     """Another quantity is left out by name, a word that nobody knows makes the log suspect."""
     paths = rewritten(write_ngdac(tmp_path, FLIGHT), "temperature", "m s-1", lambda v: v)
     rewritten(paths, "depth", "smoot", lambda v: v)
@@ -175,9 +159,7 @@ def test_words_that_are_no_unit_of_the_variable(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("speed", [3.5, 10.0, 1e30])
-def test_no_sea_has_a_current_of_more_than_3_metres_per_second(
-    tmp_path: Path, speed: float
-) -> None:
+def test_no_sea_has_a_current_of_more_than_3_metres_per_second(tmp_path, speed):
     paths = rewritten(write_ngdac(tmp_path, FLIGHT), "u", "m s-1", lambda v: v * 0.0 + speed)
     dataset, report = import_logs("ngdac", paths)
     assert "no sea has it" in told(report, "suspect")["dac_north and dac_east"]
@@ -185,7 +167,7 @@ def test_no_sea_has_a_current_of_more_than_3_metres_per_second(
         assert not np.isfinite(dataset["vehicle_dac_east"]).any()
 
 
-def test_kelvin_that_are_called_celsius_are_told(tmp_path: Path) -> None:
+def test_kelvin_that_are_called_celsius_are_told(tmp_path):
     paths = rewritten(
         write_ngdac(tmp_path, FLIGHT), "temperature", "Celsius",
         lambda v: 283.15 - 0.05 * np.arange(v.size),
@@ -195,7 +177,7 @@ def test_kelvin_that_are_called_celsius_are_told(tmp_path: Path) -> None:
     assert "was in K" in told(report, "repaired")["temperature"]
 
 
-def test_values_of_no_unit_are_told(tmp_path: Path) -> None:
+def test_values_of_no_unit_are_told(tmp_path):
     paths = rewritten(
         write_ngdac(tmp_path, FLIGHT), "temperature", "Celsius",
         lambda v: 800.0 + np.arange(v.size),
@@ -208,7 +190,7 @@ def test_values_of_no_unit_are_told(tmp_path: Path) -> None:
     ("name", "values", "unit"),
     [("DAVG_CURR_NORTH", 10.0, "cm/s"), ("DAVG_CURR_NORTH", 0.1 / KNOT, "kt")],
 )
-def test_currents_of_og1_are_converted(tmp_path: Path, name: str, values: float, unit: str) -> None:
+def test_currents_of_og1_are_converted(tmp_path, name, values, unit):
     state = FLIGHT.state(FLIGHT.time)
     size = np.full(len(FLIGHT.time), values)
     paths = og1(
@@ -221,9 +203,7 @@ def test_currents_of_og1_are_converted(tmp_path: Path, name: str, values: float,
 
 
 @pytest.mark.parametrize("depth", [True, False])
-def test_radian_that_are_called_degrees_are_told_by_the_sinking(
-    tmp_path: Path, depth: bool
-) -> None:
+def test_radian_that_are_called_degrees_are_told_by_the_sinking(tmp_path, depth):
     """Roll and heading are of the same software: they follow the pitch."""
     time, state = SLOW.time, SLOW.state(SLOW.time)
     more = {
@@ -242,7 +222,7 @@ def test_radian_that_are_called_degrees_are_told_by_the_sinking(
     assert set(told(report, "repaired")) >= {"PITCH", "ROLL", "GLIDER_HEADING"}
 
 
-def test_a_level_vehicle_is_no_vehicle_in_radian(tmp_path: Path) -> None:
+def test_a_level_vehicle_is_no_vehicle_in_radian(tmp_path):
     """A pitch that says nothing of the sinking stays what the file calls it, and is suspect."""
     swing = 0.5 * np.sin(np.arange(len(SLOW.time)))
     dataset, report = import_logs("og1", og1(tmp_path, flight=SLOW, PITCH=(swing, "deg")))
@@ -250,7 +230,7 @@ def test_a_level_vehicle_is_no_vehicle_in_radian(tmp_path: Path) -> None:
     assert "below 1.5 degree" in told(report, "suspect")["PITCH"]
 
 
-def test_degrees_stay_degrees(tmp_path: Path) -> None:
+def test_degrees_stay_degrees(tmp_path):
     state = SLOW.state(SLOW.time)
     dataset, report = import_logs("og1", og1(tmp_path, flight=SLOW, PITCH=(state["pitch"], "deg")))
     assert largest(dataset, "measured_pitch") == pytest.approx(26.0, abs=0.1)
@@ -266,9 +246,7 @@ def test_degrees_stay_degrees(tmp_path: Path) -> None:
         ("TEMP", "TEMP_ADJUSTED", "measured_temperature", 9.0),
     ],
 )
-def test_a_variable_without_values_hides_no_other(
-    tmp_path: Path, empty: str, full: str, signal: str, value: float
-) -> None:
+def test_a_variable_without_values_hides_no_other(tmp_path, empty, full, signal, value):
     state = FLIGHT.state(FLIGHT.time)
     nothing = np.full(len(FLIGHT.time), np.nan)
     there = {
@@ -284,7 +262,7 @@ def test_a_variable_without_values_hides_no_other(
 
 
 @pytest.mark.parametrize("kind", ["ngdac", "seaglider"])
-def test_an_empty_pressure_hides_no_depth(tmp_path: Path, kind: str) -> None:
+def test_an_empty_pressure_hides_no_depth(tmp_path, kind):
     write = {"ngdac": write_ngdac, "seaglider": write_basestation}[kind]
     paths = rewritten(write(tmp_path, FLIGHT), "pressure", "dbar", lambda v: v * np.nan)
     dataset, report = import_logs(kind, paths)
@@ -292,7 +270,7 @@ def test_an_empty_pressure_hides_no_depth(tmp_path: Path, kind: str) -> None:
     assert largest(dataset, "measured_depth") == pytest.approx(60.0, rel=0.02)
 
 
-def test_an_empty_actuator_hides_no_other_of_its_sensor(tmp_path: Path) -> None:
+def test_an_empty_actuator_hides_no_other_of_its_sensor(tmp_path):
     path = write_pyglider(tmp_path / "a.nc", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         file.renameVariable("ballast", "z_ballast")
@@ -317,9 +295,7 @@ def test_an_empty_actuator_hides_no_other_of_its_sensor(tmp_path: Path) -> None:
         ("lrauv", "platform_buoyancy_position", "l", lambda v: v * 1e3, "measured_pump", 230.0),
     ],
 )  # fmt: skip
-def test_every_reader_of_netcdf_converts(
-    tmp_path: Path, kind: str, name: str, unit: str, change: Any, signal: str, value: float
-) -> None:
+def test_every_reader_of_netcdf_converts(tmp_path, kind, name, unit, change, signal, value):
     paths = {
         "seaglider": lambda: write_basestation(tmp_path, FLIGHT),
         "spray": lambda: [write_spray(tmp_path / "a.nc", FLIGHT)],
@@ -332,7 +308,7 @@ def test_every_reader_of_netcdf_converts(
     assert not doubted(report)
 
 
-def test_a_dorado_product_converts(tmp_path: Path) -> None:
+def test_a_dorado_product_converts(tmp_path):
     paths = write_dorado_product(tmp_path, FLIGHT)
     right, _ = import_logs("dorado", paths)
     paths = rewritten(paths, "depth", "feet", lambda v: v / FOOT)
@@ -340,7 +316,7 @@ def test_a_dorado_product_converts(tmp_path: Path) -> None:
     np.testing.assert_allclose(dataset["measured_depth"], right["measured_depth"], atol=1e-3)
 
 
-def test_the_unit_of_a_matlab_log_is_told_where_it_is_none(tmp_path: Path) -> None:
+def test_the_unit_of_a_matlab_log_is_told_where_it_is_none(tmp_path):
     path = write_mat(tmp_path / "log.mat", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         file["sea_water_temperature"]["units"][:, 0] = [ord("V")]
@@ -353,7 +329,7 @@ def test_the_unit_of_a_matlab_log_is_told_where_it_is_none(tmp_path: Path) -> No
 # --- a CTD that is off ---------------------------------------------------------------------------
 
 
-def test_a_ctd_that_is_off_has_no_temperature(tmp_path: Path) -> None:
+def test_a_ctd_that_is_off_has_no_temperature(tmp_path):
     """It writes 0 for all that it measures; none of the zeros is water."""
     state = FLIGHT.state(FLIGHT.time)
     off = state["depth"] > 40.0
@@ -371,7 +347,7 @@ def test_a_ctd_that_is_off_has_no_temperature(tmp_path: Path) -> None:
         assert report.count("removed", "temperature") == off.sum()
 
 
-def test_cold_fresh_water_is_water(tmp_path: Path) -> None:
+def test_cold_fresh_water_is_water(tmp_path):
     """A lake has next to no salt, and 0 degC under its ice."""
     state = FLIGHT.state(FLIGHT.time)
     warm = np.where(state["depth"] > 30.0, 4.0, 0.0)
@@ -387,7 +363,7 @@ def test_cold_fresh_water_is_water(tmp_path: Path) -> None:
 PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "dbar": 1e4, "bar": 1e5, "psi": 6894.757}
 
 
-def dived(afloat: float = 0.0) -> tuple[Array, Array]:
+def dived(afloat=0.0):
     """Time [s] and gauge pressure [Pa] of a dive to 20 m at 0.2 m/s, with waves of 2 cm."""
     time = np.arange(0.0, 300.0, 0.5)
     depth = np.clip(np.minimum(0.2 * (time - 20.0), 0.2 * (280.0 - time)), afloat, 20.0)
@@ -395,7 +371,7 @@ def dived(afloat: float = 0.0) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("unit", PASCAL)
-def test_air_at_the_surface_tells_the_unit_of_an_absolute_pressure(unit: str) -> None:
+def test_air_at_the_surface_tells_the_unit_of_an_absolute_pressure(unit):
     time, gauge = dived()
     tally = Tally()
     found = without_air(time, (101_900.0 + gauge) / PASCAL[unit], "Pa", "/pressure", tally)
@@ -403,14 +379,14 @@ def test_air_at_the_surface_tells_the_unit_of_an_absolute_pressure(unit: str) ->
     assert [e.action for e in tally.entries()] == ([] if unit == "Pa" else ["repaired"])
 
 
-def test_a_gauge_is_told_by_its_zero() -> None:
+def test_a_gauge_is_told_by_its_zero():
     time, gauge = dived()
     tally = Tally()
     np.testing.assert_array_equal(without_air(time, gauge, "Pa", "/pressure", tally), gauge)
     assert [e.action for e in tally.entries()] == ["repaired"]
 
 
-def test_a_recording_that_begins_under_water_is_left_as_it_is_declared() -> None:
+def test_a_recording_that_begins_under_water_is_left_as_it_is_declared():
     time, gauge = dived(afloat=5.0)
     tally = Tally()
     found = without_air(time, 101_325.0 + gauge, "Pa", "/pressure", tally)
@@ -419,7 +395,7 @@ def test_a_recording_that_begins_under_water_is_left_as_it_is_declared() -> None
 
 
 @pytest.mark.parametrize("size", [1e3, 1e4, 37.0])
-def test_a_pressure_that_can_be_in_no_unit_or_in_several_is_left_out_and_told(size: float) -> None:
+def test_a_pressure_that_can_be_in_no_unit_or_in_several_is_left_out_and_told(size):
     """Of a gauge of unknown unit nothing says how deep it was: never is it a dive of 2 cm."""
     time, gauge = dived()
     tally = Tally()
@@ -431,7 +407,7 @@ def test_a_pressure_that_can_be_in_no_unit_or_in_several_is_left_out_and_told(si
 # --- tables by a mapping -------------------------------------------------------------------------
 
 
-def test_a_mapped_pressure_with_the_air_in_it_beside_a_depth(tmp_path: Path) -> None:
+def test_a_mapped_pressure_with_the_air_in_it_beside_a_depth(tmp_path):
     time, state = FLIGHT.time, FLIGHT.state(FLIGHT.time)
     table = {"t": time, "p": (1.0065 * state["depth"] + 10.1325) / 10.0, "z": state["depth"]}
     path = write_csv(tmp_path / "a.csv", table)
@@ -474,18 +450,18 @@ def test_a_mapped_pressure_with_the_air_in_it_beside_a_depth(tmp_path: Path) -> 
         ("mg L-1", "umol L-1", 1e3 / 31.9988),
     ],
 )
-def test_words_of_vendors_and_of_cf(unit: str, wanted: str, value: float) -> None:
+def test_words_of_vendors_and_of_cf(unit, wanted, value):
     assert in_unit(np.ones(1), unit, wanted, "x")[0] == pytest.approx(value, rel=1e-5)
 
 
-def test_a_plain_number_is_no_angle() -> None:
+def test_a_plain_number_is_no_angle():
     """To UDUNITS a radian is a plain number: a `1` shall not turn degrees by 57."""
     with pytest.raises(InputError, match="unit '1' is not one of degree, it is one of 1"):
         in_unit(np.ones(1), "1", "degree", "a.nc pitch")
 
 
 @pytest.mark.parametrize("unit", ["x" * 1_000_000, "1e999 m", "m" * 99, "\x1b[2J", "@" * 50])
-def test_damaged_words_are_words_that_nobody_knows(unit: str) -> None:
+def test_damaged_words_are_words_that_nobody_knows(unit):
     tally = Tally()
     values = declared(np.ones(3), unit, "m", "depth", tally)
     np.testing.assert_array_equal(values, np.ones(3))
@@ -494,7 +470,7 @@ def test_damaged_words_are_words_that_nobody_knows(unit: str) -> None:
     assert len(entry.detail) < 200
 
 
-def test_every_offered_word_can_be_taken() -> None:
+def test_every_offered_word_can_be_taken():
     for wanted in ("degree", "m", "m s-1", "dbar", "cm3", "S m-1", "degree_Celsius", "psu", "A h"):
         for word in known_units(wanted):
             assert np.isfinite(in_unit(np.ones(1), word, wanted, "x")).all()
@@ -503,7 +479,7 @@ def test_every_offered_word_can_be_taken() -> None:
 # --- sensors and sources -------------------------------------------------------------------------
 
 
-def test_the_sensor_list_of_a_slocum_converts_and_ends_guesses() -> None:
+def test_the_sensor_list_of_a_slocum_converts_and_ends_guesses():
     """A pump that is declared in cc and moves by 2 cc is stuck, not in litres."""
     time = np.arange(200.0)
     small = 1.0 + np.cos(time)
@@ -526,7 +502,7 @@ def test_the_sensor_list_of_a_slocum_converts_and_ends_guesses() -> None:
 
 
 @pytest.mark.parametrize(("ctd", "value"), [("LEGATO", 39.0), ("GPCTD", 3.9), ("GPCTD", 39.0)])
-def test_each_ctd_of_a_seaexplorer_has_its_own_unit(tmp_path: Path, ctd: str, value: float) -> None:
+def test_each_ctd_of_a_seaexplorer_has_its_own_unit(tmp_path, ctd, value):
     """RBR's Legato writes mS/cm and Sea-Bird's GPCTD S/m: 3.9 S/m at 12 degC is a salinity of 34.
 
     The salinity is that of the practical salinity scale (SP_from_C of TEOS-10).
@@ -550,7 +526,7 @@ def test_each_ctd_of_a_seaexplorer_has_its_own_unit(tmp_path: Path, ctd: str, va
     assert float(np.nanmedian(dataset["measured_salinity"])) == pytest.approx(right, abs=0.05)
 
 
-def test_of_several_topics_the_first_with_values_is_taken() -> None:
+def test_of_several_topics_the_first_with_values_is_taken():
     """An Imu without an attitude, -1 in its covariance, hides no Odometry."""
     time = np.arange(3.0)
     tables = {
@@ -563,7 +539,7 @@ def test_of_several_topics_the_first_with_values_is_taken() -> None:
     assert [(e.action, e.subject) for e in tally.entries()] == [("left out", "/imu")]
 
 
-def test_oxygen_per_mass_is_not_taken_for_oxygen_per_volume() -> None:
+def test_oxygen_per_mass_is_not_taken_for_oxygen_per_volume():
     time = np.arange(3.0)
     found = {"AROD_FT_DO": Channel(time, np.full(3, 250.0))}
     tally = Tally()
@@ -578,7 +554,7 @@ def test_oxygen_per_mass_is_not_taken_for_oxygen_per_volume() -> None:
 @pytest.mark.parametrize(
     ("name", "value"), [("latitude", 49500.0), ("measured_rudder", 1e30), ("onboard_north", 9e301)]
 )
-def test_no_kind_of_log_keeps_what_no_vehicle_has(name: str, value: float) -> None:
+def test_no_kind_of_log_keeps_what_no_vehicle_has(name, value):
     """A single value goes; where most are impossible the rest is suspect."""
     declare_parts(load_vehicle("tethys"))
     time = np.arange(10.0)
@@ -599,7 +575,7 @@ def test_no_kind_of_log_keeps_what_no_vehicle_has(name: str, value: float) -> No
 
 
 @pytest.mark.parametrize("unit", ["umol kg-1", "micromoles_per_kilogram", "nmol/kg", "mmol m-3"])
-def test_oxygen_of_og1_is_kept_per_volume(tmp_path: Path, unit: str) -> None:
+def test_oxygen_of_og1_is_kept_per_volume(tmp_path, unit):
     """250 umol/kg in water of 1027 kg/m3 are 257 umol/L; 250 mmol/m3 are 250."""
     per_mass = unit != "mmol m-3"
     count = len(FLIGHT.time)
@@ -614,7 +590,7 @@ def test_oxygen_of_og1_is_kept_per_volume(tmp_path: Path, unit: str) -> None:
     assert float(np.nanmedian(dataset["measured_oxygen"])) == pytest.approx(right, abs=0.05)
 
 
-def test_a_dataflash_log_s_own_table_of_units_is_read(tmp_path: Path) -> None:
+def test_a_dataflash_log_s_own_table_of_units_is_read(tmp_path):
     pytest.importorskip("pymavlink")
     path, mapping = write_ardusub(tmp_path, FLIGHT)[0], tmp_path / "mine.toml"
     right, _ = import_logs("ardusub", [path], mapping=mapping)
@@ -634,7 +610,7 @@ def test_a_dataflash_log_s_own_table_of_units_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("ways", "sinks"), [(1.0, None), (-1.0, True)])
-def test_only_both_ways_tell_radian_by_the_sinking(ways: float, sinks: bool | None) -> None:
+def test_only_both_ways_tell_radian_by_the_sinking(ways, sinks):
     """A vehicle on its thrusters that only goes down can hang nose down by one degree."""
     time = np.arange(400.0)
     rate = np.where(time < 200.0, 0.2, 0.2 * ways)
@@ -642,7 +618,7 @@ def test_only_both_ways_tell_radian_by_the_sinking(ways: float, sinks: bool | No
     assert sinks_in_radian(time, depth, -np.sign(rate) * 0.4) is sinks
 
 
-def test_sentinels_of_a_heading_make_no_heading() -> None:
+def test_sentinels_of_a_heading_make_no_heading():
     heading = np.where(np.arange(90) % 9 == 0, -9999.0, 60.0 + np.sin(np.arange(90.0)))
     one = LoggedAngle(values=heading, unit="degree", subject="HEADING")
     tally = Tally()
@@ -652,7 +628,7 @@ def test_sentinels_of_a_heading_make_no_heading() -> None:
 
 
 @pytest.mark.parametrize("sentinel", [-999.0, 9999.0, 99999.0])
-def test_sentinels_of_places_turn_no_degrees_into_minutes(sentinel: float) -> None:
+def test_sentinels_of_places_turn_no_degrees_into_minutes(sentinel):
     latitude, longitude = 43.0 + 1e-4 * np.arange(60), 7.5 + 1e-4 * np.arange(60)
     off = np.arange(60) % 3 != 0
     latitude[off], longitude[off] = sentinel, sentinel
@@ -662,20 +638,20 @@ def test_sentinels_of_places_turn_no_degrees_into_minutes(sentinel: float) -> No
     assert found[1][0] == pytest.approx(7.5)
 
 
-def test_longitudes_may_be_counted_on_past_greenwich() -> None:
+def test_longitudes_may_be_counted_on_past_greenwich():
     longitude = 359.995 + 1e-3 * np.arange(16)
     _, found = positions(np.full(16, 43.0), longitude, "fixes", Tally())
     assert found[[0, -1]] == pytest.approx([-0.005, 0.01], abs=1e-9)
 
 
-def test_a_place_at_the_origin_is_none_yet() -> None:
+def test_a_place_at_the_origin_is_none_yet():
     latitude, longitude = np.array([0.0, 43.0]), np.array([0.0, 7.5])
     tally = Tally()
     assert np.isnan(positions(latitude, longitude, "fixes", tally)[0]).tolist() == [True, False]
     assert tally.entries()[0].detail == "no position yet (0, 0)"
 
 
-def test_degrees_and_minutes_are_still_told() -> None:
+def test_degrees_and_minutes_are_still_told():
     tally = Tally()
     latitude, longitude = (
         np.array([4330.0, 4331.0, 69696969.0]),
@@ -686,7 +662,7 @@ def test_degrees_and_minutes_are_still_told() -> None:
     assert found[1][:2] == pytest.approx([-7.5, -(7.0 + 31.0 / 60.0)])
 
 
-def test_an_og1_temperature_in_kelvin_is_converted_once(tmp_path: Path) -> None:
+def test_an_og1_temperature_in_kelvin_is_converted_once(tmp_path):
     import netCDF4
 
     path = write_og1(tmp_path / "a.nc", FLIGHT)

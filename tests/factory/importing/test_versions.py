@@ -1,12 +1,9 @@
 """Files that others write in ways of their own: dates, fixes apart, two versions of one deployment,
 parts that end early, libraries that never come back."""
 
-from __future__ import annotations
-
 import dataclasses
 import datetime
 import shutil
-from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -17,7 +14,7 @@ from message_logs import write_mcap
 from factory.importing import import_logs, netcdf
 from factory.importing.netcdf import open_netcdf
 from factory.importing.sample_clock import unix_seconds
-from factory.importing.tally import ImportReport, Tally
+from factory.importing.tally import Tally
 from glider_twin_protocols.ros_messages import unit_quaternions
 from twin.errors import InputError
 
@@ -25,18 +22,18 @@ FLIGHT = Flight()
 DAY = 86400.0
 
 
-def moment_of(time: float) -> datetime.datetime:
+def moment_of(time):
     return datetime.datetime.fromtimestamp(time, datetime.UTC)
 
 
-def told(report: ImportReport, action: str) -> list[str]:
+def told(report, action):
     return [f"{one.subject}: {one.detail}" for one in report.entries if one.action == action]
 
 
 # ---- dates
 
 
-def dated(folder: Path, layout: str, unit: str) -> tuple[Path, Path]:
+def dated(folder, layout, unit):
     """A table whose times are written in a layout, and a mapping that says the unit."""
     time = START + np.arange(0.0, 1200.0, 4.0)
     table = folder / "dated.csv"
@@ -54,7 +51,7 @@ def dated(folder: Path, layout: str, unit: str) -> tuple[Path, Path]:
 
 
 @pytest.mark.parametrize("layout", ["%m/%d/%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%d %b %Y %H:%M:%S"])
-def test_dates_are_read_by_the_layout_that_the_mapping_gives(tmp_path: Path, layout: str) -> None:
+def test_dates_are_read_by_the_layout_that_the_mapping_gives(tmp_path, layout):
     """No month is guessed of a day: written times are ISO 8601, or as the mapping says."""
     table, mapping = dated(tmp_path, layout, layout)
     dataset, report = import_logs("csv", [table], mapping=mapping)
@@ -67,20 +64,20 @@ def test_dates_are_read_by_the_layout_that_the_mapping_gives(tmp_path: Path, lay
 
 
 @pytest.mark.parametrize("unit", ["%H:%M:%S", "%d.%m. %H:%M", "%Q"])
-def test_a_layout_without_a_date_is_refused(tmp_path: Path, unit: str) -> None:
+def test_a_layout_without_a_date_is_refused(tmp_path, unit):
     table, mapping = dated(tmp_path, "%Y-%m-%dT%H:%M:%SZ", unit)
     with pytest.raises(InputError, match=r"no year, month and day|no layout of strptime"):
         import_logs("csv", [table], mapping=mapping)
 
 
-def test_days_without_a_beginning_are_not_of_the_future() -> None:
+def test_days_without_a_beginning_are_not_of_the_future():
     moment = datetime.datetime(2024, 3, 1, tzinfo=datetime.UTC)
     days = (moment - datetime.datetime(1950, 1, 1, tzinfo=datetime.UTC)).days
     read = unix_seconds(np.full(3, float(days)), "TIME", Tally())
     assert read == pytest.approx(moment.timestamp())
 
 
-def test_rows_of_the_future_are_suspect(tmp_path: Path) -> None:
+def test_rows_of_the_future_are_suspect(tmp_path):
     later = datetime.datetime.now(datetime.UTC).timestamp() + 30.0 * DAY
     shifted = tmp_path / "later.nc"
     write_og1(shifted, FLIGHT)
@@ -92,7 +89,7 @@ def test_rows_of_the_future_are_suspect(tmp_path: Path) -> None:
     assert all("later than this computer's clock" in str(why) for why in dataset["suspect"].values)
 
 
-def test_longitudes_up_to_360_are_those_of_a_store(tmp_path: Path) -> None:
+def test_longitudes_up_to_360_are_those_of_a_store(tmp_path):
     table, mapping = dated(tmp_path, "%Y-%m-%dT%H:%M:%SZ", "iso")
     head, *rows = table.read_text().split()
     rows = [f"{row},{35.0 + 1e-5 * k:.5f}" for k, row in enumerate(rows)]
@@ -110,7 +107,7 @@ def test_longitudes_up_to_360_are_those_of_a_store(tmp_path: Path) -> None:
 # ---- OG1
 
 
-def test_fixes_along_a_dimension_of_their_own(tmp_path: Path) -> None:
+def test_fixes_along_a_dimension_of_their_own(tmp_path):
     whole = write_og1(tmp_path / "whole.nc", FLIGHT)
     apart = tmp_path / "apart.nc"
     with netCDF4.Dataset(whole) as source, netCDF4.Dataset(apart, "w") as target:
@@ -130,7 +127,7 @@ def test_fixes_along_a_dimension_of_their_own(tmp_path: Path) -> None:
         np.testing.assert_allclose(other[name].values, one[name].values)
 
 
-def test_two_versions_of_one_deployment_are_one(tmp_path: Path) -> None:
+def test_two_versions_of_one_deployment_are_one(tmp_path):
     """A copy, and a version that ends earlier, add no dive; one that goes on adds its own."""
     whole = write_og1(tmp_path / "a_delayed.nc", FLIGHT)
     short = write_og1(tmp_path / "b_realtime.nc", dataclasses.replace(FLIGHT, dives=1))
@@ -147,7 +144,7 @@ def test_two_versions_of_one_deployment_are_one(tmp_path: Path) -> None:
     np.testing.assert_array_equal(dataset["start_time"].values, alone["start_time"].values)
 
 
-def test_a_reported_current_needs_no_attitude(tmp_path: Path) -> None:
+def test_a_reported_current_needs_no_attitude(tmp_path):
     path = write_og1(tmp_path / "log.nc", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         for name in ("PITCH", "HEADING"):
@@ -162,7 +159,7 @@ def test_a_reported_current_needs_no_attitude(tmp_path: Path) -> None:
     assert not any("DAC_" in one for one in told(report, "left out"))
 
 
-def test_headings_in_radian_that_are_called_degrees_are_told(tmp_path: Path) -> None:
+def test_headings_in_radian_that_are_called_degrees_are_told(tmp_path):
     path = write_og1(tmp_path / "log.nc", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         file["HEADING"].long_name = "true heading"
@@ -175,7 +172,7 @@ def test_headings_in_radian_that_are_called_degrees_are_told(tmp_path: Path) -> 
 # ---- parts that end early
 
 
-def test_a_payload_that_goes_on_alone_is_told(tmp_path: Path) -> None:
+def test_a_payload_that_goes_on_alone_is_told(tmp_path):
     path = write_seaexplorer(tmp_path / "sea035.12.gli.sub.1", FLIGHT)
     time = FLIGHT.time[-1] + np.arange(0.0, 600.0, 10.0)
     write_csv(
@@ -199,7 +196,7 @@ def test_a_payload_that_goes_on_alone_is_told(tmp_path: Path) -> None:
         import_logs("seaexplorer", [tmp_path])
 
 
-def test_a_recording_that_was_cut_is_read_to_its_end(tmp_path: Path) -> None:
+def test_a_recording_that_was_cut_is_read_to_its_end(tmp_path):
     pytest.importorskip("mcap")
     (path,) = write_mcap(tmp_path, Flight(depth=30.0))
     _, whole = import_logs("mcap", [path])
@@ -219,9 +216,7 @@ def test_a_recording_that_was_cut_is_read_to_its_end(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "program", ["import time; input(); time.sleep(600.0)", "import os; input(); os.abort()"]
 )
-def test_a_file_from_which_its_library_does_not_come_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str
-) -> None:
+def test_a_file_from_which_its_library_does_not_come_back(tmp_path, monkeypatch, program):
     path = write_og1(tmp_path / "log.nc", FLIGHT)
     trial = netcdf._Trial()
     monkeypatch.setattr(netcdf, "_trial", trial)
@@ -241,9 +236,7 @@ def test_a_file_from_which_its_library_does_not_come_back(
     trial.end()
 
 
-def test_no_module_of_the_folder_is_imported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_module_of_the_folder_is_imported(tmp_path, monkeypatch):
     """Logs lie in folders of others: a file called numpy.py there is never run."""
     path = write_og1(tmp_path / "log.nc", FLIGHT)
     for name in ("numpy", "netCDF4", "os"):
@@ -259,7 +252,7 @@ def test_no_module_of_the_folder_is_imported(
 # ---- attitudes that are none
 
 
-def test_a_quaternion_is_an_attitude_only_at_length_one() -> None:
+def test_a_quaternion_is_an_attitude_only_at_length_one():
     tally = Tally()
     rows = np.array(
         [[1.0, 0, 0, 0], [0.0, 0, 0, 0], [1.4, 0.2, 0, 0], [-9999.0] * 4, [0.999, 0, 0, 0]]

@@ -11,12 +11,12 @@ from navigation import write_flown_store
 from factory.commands.generate import DEFAULT_OUT
 from learn.__main__ import PROGRAM
 from learn.files import SEAL, write_json, write_sealed
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.run import DEFAULT_STORE, newest_run, open_run
 from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
+from learn.training.optimiser import TrainingConfig
 from learn.training.resources import training_resources
-from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, WriteError
 from twin.navigation.estimators import baselines
 

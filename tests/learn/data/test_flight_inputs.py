@@ -10,7 +10,7 @@ import learn.run
 from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.data.dataset import load_missions
-from learn.data.store_checks import input_groups
+from learn.data.stores import input_groups
 from learn.networks.network_estimator import NetworkVelocity
 from twin.errors import InputError, StoreError
 from twin.navigation.features import FLIGHT, INPUT_SETS, leave_out, select_features

@@ -15,11 +15,11 @@ from learn.data.labels import (
     measured,
 )
 from learn.data.preparation import prepare
-from learn.data.store_checks import few_labels, few_missions, labels_in
-from learn.networks.config import NetworkConfig
+from learn.data.stores import few_labels, few_missions, labels_in
+from learn.networks.base import NetworkConfig
 from learn.training.fit_config import FitConfig, fit_settings
 from learn.training.fitting import fit
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 from twin.errors import InputError, StoreError
 from twin.frames import euler_to_matrix
 from twin.navigation.features import select_features
@@ -254,7 +254,7 @@ def test_settings_of_labels_are_kept_and_refused_where_they_have_no_use(flown_st
 
 
 def test_the_holes_of_a_log_are_not_filled_with_labels():
-    from learn.data.logs import filled
+    from learn.data.dataset import filled
 
     log = np.array([1.0, np.nan, np.nan, 0.7])
     np.testing.assert_array_equal(filled("measured_dvl_surge", log), log)

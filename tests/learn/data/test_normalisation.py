@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from learn.data.normalisation import NormalisationFit
+from learn.data.sequences import NormalisationFit
 
 
 def test_normalisation_gives_unit_inputs_and_leaves_constants_alone():

@@ -14,16 +14,15 @@ from logs import Flight, write_csv, write_slocum
 import learn
 from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
-from learn.data.dataset import MissionSequence, load_missions
+from learn.data.dataset import MissionSequence, filled, load_missions, nearest
 from learn.data.labels import LabelConfig
-from learn.data.logs import filled, nearest
 from learn.data.preparation import prepare
 from learn.evaluation.log_score import LogReference, score_row
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.report.card import RunOrigin
 from learn.training.fit_config import FitConfig, fit_settings
 from learn.training.fitting import fit
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 from twin.errors import InputError, StoreError
 from twin.navigation.estimators.base import Estimate
 from twin.navigation.features import INPUT_SETS, select_features

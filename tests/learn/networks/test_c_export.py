@@ -16,10 +16,9 @@ from navigation import PERIOD, trimmed_mission
 
 from benchmarks import onboard_cortex
 from learn.data.dataset import MissionSequence
-from learn.data.normalisation import Normalisation
-from learn.networks.base import Network, build_network
+from learn.data.sequences import Normalisation
+from learn.networks.base import Network, NetworkConfig, build_network
 from learn.networks.c_export import FLAGS, c_header, export_c, find_compiler, run_c
-from learn.networks.config import NetworkConfig
 from learn.networks.onnx_export import TOLERANCE
 from learn.networks.predictor import Adapted, Ensemble, Predictor
 from learn.seams import NETWORKS

@@ -7,9 +7,8 @@ from navigation import trimmed_mission
 from scipy.signal import lfilter
 
 from learn.data.dataset import MissionSequence
-from learn.data.normalisation import Normalisation
-from learn.networks.base import build_network
-from learn.networks.config import NetworkConfig
+from learn.data.sequences import Normalisation
+from learn.networks.base import NetworkConfig, build_network
 from learn.networks.fixed_memory import BLOCK
 from learn.networks.predictor import Predictor
 from twin.errors import InputError, StoreError

@@ -12,9 +12,8 @@ from navigation import PERIOD, trimmed_mission
 from onnx import helper
 
 from learn.data.dataset import MissionSequence
-from learn.data.normalisation import Normalisation
-from learn.networks.base import build_network
-from learn.networks.config import NetworkConfig
+from learn.data.sequences import Normalisation
+from learn.networks.base import NetworkConfig, build_network
 from learn.networks.onnx_export import (
     INPUTS,
     OUTPUTS,

@@ -14,9 +14,8 @@ from navigation import PERIOD, synthetic_mission
 
 import twin
 from learn.data.dataset import MissionSequence, load_missions
-from learn.data.normalisation import Normalisation
-from learn.networks.base import build_network
-from learn.networks.config import NetworkConfig
+from learn.data.sequences import Normalisation
+from learn.networks.base import NetworkConfig, build_network
 from learn.networks.network_estimator import FASTEST, NetworkVelocity
 from learn.networks.predictor import Ensemble, Predictor
 from learn.run import open_run

@@ -3,8 +3,7 @@
 import pytest
 import torch
 
-from learn.networks.base import build_network
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig, build_network
 from learn.seams import NETWORKS
 from twin.errors import InputError
 

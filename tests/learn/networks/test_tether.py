@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from learn.networks.tether import LASTS_S, Tether
+from learn.networks.familiarity import LASTS_S, Tether
 
 PERIOD = 0.5
 TIME = np.arange(0.0, 1200.0, PERIOD)

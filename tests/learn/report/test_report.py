@@ -13,6 +13,7 @@ from learn.evaluation.deviation import ErrorModel
 from learn.evaluation.evaluation import evaluate
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Showcase
+from learn.report.dot_figures import distribution_figure, dive_figure
 from learn.report.result_tables import (
     comparison_rows,
     dive_rows,
@@ -22,6 +23,8 @@ from learn.report.result_tables import (
     verdicts,
 )
 from learn.report.run_page import build_page
+from learn.report.track_figures import error_figure, track_3d_figure, track_figure, water_lines
+from learn.report.velocity_figures import after_launch, uncertainty_figure, velocity_figure
 from learn.run import Run
 from twin.errors import InputError
 from twin.show.figures.page_layout import Page
@@ -107,10 +110,6 @@ def test_every_figure_is_a_png_beside_the_page(page):
 
 
 def test_every_figure_has_labelled_axes(judged):
-    from learn.report.error_figures import error_figure
-    from learn.report.lines import water_lines
-    from learn.report.track_figures import track_figure
-    from learn.report.velocities import uncertainty_figure, velocity_figure
 
     shown = judged.shown[0]
     drawn = [
@@ -125,7 +124,6 @@ def test_every_figure_has_labelled_axes(judged):
 
 
 def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
-    from learn.report.error_figures import error_figure
 
     figure = error_figure(judged.shown)
     axes = np.reshape(figure.axes, (2, 2))
@@ -141,8 +139,6 @@ def test_the_rows_of_errors_have_one_scale_and_name_their_missions(judged):
 
 
 def test_tracks_tell_methods_apart_and_name_those_without(judged):
-    from learn.report.lines import water_lines
-    from learn.report.track_figures import track_figure
 
     methods = ("network", "pitch_plus_alpha", "steady_flight", "sextant")
     figure = track_figure(judged.shown[0], methods, water_lines(judged.shown[0], methods))
@@ -157,8 +153,6 @@ def test_tracks_tell_methods_apart_and_name_those_without(judged):
 
 
 def test_the_track_in_space_has_ends_and_a_shadow(judged):
-    from learn.report.lines import water_lines
-    from learn.report.track_figures import track_3d_figure
 
     figure = track_3d_figure(judged.shown[0], water_lines(judged.shown[0], ("network",)))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -166,7 +160,6 @@ def test_the_track_in_space_has_ends_and_a_shadow(judged):
 
 
 def test_a_launch_does_not_set_the_scale_of_errors(judged):
-    from learn.report.velocities import after_launch, velocity_figure
 
     time = np.arange(0.0, 4000.0)
     error = np.where(time < 20.0, 500.0, np.sin(time))
@@ -181,8 +174,6 @@ def test_a_launch_does_not_set_the_scale_of_errors(judged):
 
 
 def test_what_dots_and_bars_are_is_in_the_figure(judged):
-    from learn.report.error_figures import distribution_figure
-    from learn.report.velocities import dive_figure
 
     texts = [t.get_text() for t in distribution_figure(judged.evaluation).legends[0].get_texts()]
     assert texts[:2] == ["a mission", "median"]
@@ -195,7 +186,6 @@ def test_what_dots_and_bars_are_is_in_the_figure(judged):
 
 
 def test_dives_have_plain_numbers_and_no_empty_panel():
-    from learn.report.velocities import dive_figure
 
     def errors(*percents):
         return tuple(SimpleNamespace(percent=p, max_percent=p) for p in percents)
@@ -214,7 +204,6 @@ def test_dives_have_plain_numbers_and_no_empty_panel():
 
 
 def test_the_uncertainty_says_whether_the_end_lies_inside(judged):
-    from learn.report.velocities import uncertainty_figure, velocity_figure
 
     shown = judged.shown[0]
     for deviation, place in ((1e6, "inside"), (0.0, "outside")):

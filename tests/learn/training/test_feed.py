@@ -5,10 +5,9 @@ import pytest
 import torch
 
 from learn.data.preparation import prepare
-from learn.networks.base import build_network
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig, build_network
 from learn.training.feed import SampleFeed, WindowFeed, feed_for
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 from learn.training.trainer import mean_squared_error
 from twin.navigation.features import INPUT_SETS, select_features
 

@@ -17,12 +17,12 @@ from patience import HANG_S
 import learn.training.workers
 from learn.__main__ import PROGRAM
 from learn.files import write_sealed
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.run import METRICS, Run, newest_run, open_run, read_description
 from learn.run_folder import training_folder
 from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 from twin.cli.console import to_json
 from twin.errors import InputError, StoreError, WriteError
 

@@ -3,13 +3,13 @@
 import pytest
 import torch
 
-from learn.training.scg import ScaledConjugateGradient, ScgConfig
+from learn.training.scg import ScaledConjugateGradient
 from twin.errors import InputError
 
 
-def minimise(objective, start, *, config=None, max_iterations=1000, stop=None):
+def minimise(objective, start, *, max_iterations=1000, stop=None, **constants):
     """Iterate until converged, `max_iterations`, or `stop(optimiser)` after an iteration."""
-    optimiser = ScaledConjugateGradient(objective, start, config)
+    optimiser = ScaledConjugateGradient(objective, start, **constants)
     while not optimiser.converged and optimiser.iterations < max_iterations:
         optimiser.step()
         if stop is not None and stop(optimiser):
@@ -44,8 +44,7 @@ def test_a_quadratic_is_solved_in_as_many_steps_as_dimensions(n, condition):
     objective, target = quadratic(n, condition=condition)
     start = torch.zeros(n, dtype=torch.float64)
     first, _ = objective(start)
-    config = ScgConfig(sigma=1e-4, lambda_start=1e-12)
-    found = minimise(objective, start, config=config, max_iterations=n)
+    found = minimise(objective, start, lambda_start=1e-12, max_iterations=n)
     assert found.iterations <= n
     assert found.error < 1e-10 * first
     assert torch.allclose(found.parameters, target, atol=1e-4)
@@ -55,8 +54,7 @@ def test_a_quadratic_is_solved_in_as_many_steps_as_dimensions(n, condition):
 def test_rosenbrock(n):
     start = torch.full((n,), -1.2, dtype=torch.float64)
     start[1::2] = 1.0
-    config = ScgConfig(gradient_tolerance=1e-8)
-    found = minimise(rosenbrock, start, config=config, max_iterations=2000)
+    found = minimise(rosenbrock, start, gradient_tolerance=1e-8, max_iterations=2000)
     assert found.converged
     assert found.error < 1e-12
     assert torch.allclose(found.parameters, torch.ones(n, dtype=torch.float64), atol=1e-5)
@@ -86,7 +84,7 @@ def test_negative_curvature_is_left():
     found = minimise(
         saddle,
         torch.tensor([0.05, 0.0], dtype=torch.float64),
-        config=ScgConfig(gradient_tolerance=1e-9),
+        gradient_tolerance=1e-9,
     )
     assert abs(abs(float(found.parameters[0])) - 1.0) < 1e-6
 
@@ -99,7 +97,7 @@ def test_an_infinite_candidate_is_refused_and_the_step_shortened():
     found = minimise(
         walled,
         torch.tensor([-4.0], dtype=torch.float64),
-        config=ScgConfig(gradient_tolerance=1e-9),
+        gradient_tolerance=1e-9,
     )
     assert abs(float(found.parameters[0]) - 1.0) < 1e-6
 
@@ -140,4 +138,4 @@ def test_float32_gradients_are_enough():
 )
 def test_wrong_constants_are_refused(changes, message):
     with pytest.raises(InputError, match=message):
-        ScgConfig(**changes)
+        minimise(rosenbrock, torch.zeros(2), **changes)

@@ -11,14 +11,14 @@ import learn
 from learn.__main__ import PROGRAM
 from learn.data.dataset import Selection, load_missions
 from learn.data.preparation import prepare
-from learn.data.several_stores import open_stores
+from learn.data.stores import open_stores
 from learn.finishing import finish
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.run import FAMILIARITY, MORE_STORES, open_run, read_description, write_description
 from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
+from learn.training.optimiser import TrainingConfig
 from learn.training.resources import choose_residence
-from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError
 from twin.navigation.features import FLIGHT
 from twin.navigation.flight_filter_kernels import CHANNELS

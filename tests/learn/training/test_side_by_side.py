@@ -7,12 +7,12 @@ import pytest
 from learn_missions import write_synthetic_store
 
 import learn.training.workers as side_by_side
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.run import METRICS
 from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
+from learn.training.optimiser import TrainingConfig
 from learn.training.resources import Resources, training_resources
-from learn.training.schedule import TrainingConfig
 from twin.errors import InputError, StoreError, TwinError
 
 

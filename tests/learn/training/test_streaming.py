@@ -12,10 +12,10 @@ from learn_missions import write_synthetic_store
 
 from learn.data.preparation import prepare, training_lengths
 from learn.data.sequences import ahead
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.training.fit_config import FitConfig
+from learn.training.optimiser import TrainingConfig
 from learn.training.resources import choose_residence, free_memory
-from learn.training.schedule import TrainingConfig
 from learn.training.trainer import Trainer, mean_squared_error
 from twin.errors import InputError, StoreError
 from twin.navigation.features import select_features

@@ -14,11 +14,11 @@ import torch
 
 from learn.data.preparation import prepare
 from learn.files import write_sealed
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.networks.predictor import Ensemble, Predictor, free_run, load_predictor
 from learn.seams import NETWORKS
 from learn.training.checkpoint import write_checkpoint
-from learn.training.schedule import TrainingConfig, step_size
+from learn.training.optimiser import TrainingConfig, step_size
 from learn.training.trainer import Trainer, mean_squared_error, pick_device
 from twin.errors import InputError, StoreError
 from twin.navigation.features import DEFAULT_GROUPS, select_features

@@ -16,9 +16,13 @@ from learn.__main__ import PROGRAM
 from learn.data.labels import LabelConfig
 from learn.report import result_tables
 from learn.report.contents import Contents
-from learn.report.error_figures import doppler_error_figure
-from learn.report.lines import BESIDE_DVL, ground_lines, with_bottom_lock
 from learn.report.run_page import FIGURES
+from learn.report.track_figures import (
+    BESIDE_DVL,
+    doppler_error_figure,
+    ground_lines,
+    with_bottom_lock,
+)
 from learn.run import open_run
 
 TORPEDO = Path(__file__).parents[2] / "vehicles" / "torpedo.xml"
@@ -112,10 +116,10 @@ def test_the_papers_figures_are_drawn_where_the_log_saw_the_bottom(
     contents = Contents(title="t", lead="l", test=judged)
     unlogged = dataclasses.replace(judged, shown=())
     for name in ("doppler_track", "doppler_track_3d", "doppler_errors"):
-        figure = FIGURES[name]()
-        assert figure.draw(contents) is not None
-        assert figure.caption(contents)
-        assert figure.draw(Contents(title="t", lead="l", test=unlogged)) is None
+        drawn = FIGURES[name].draw(contents)
+        assert drawn is not None
+        assert drawn[1]
+        assert FIGURES[name].draw(Contents(title="t", lead="l", test=unlogged)) is None
         assert (run.report.parent / f"{name}.png").is_file()
     shown = with_bottom_lock(judged.shown)
     assert shown is not None

@@ -15,10 +15,10 @@ import learn
 from factory.importing import import_logs
 from learn.data.labels import LabelConfig
 from learn.finishing import finish
-from learn.networks.config import NetworkConfig
+from learn.networks.base import NetworkConfig
 from learn.training.fit_config import FitConfig
 from learn.training.fitting import fit
-from learn.training.schedule import TrainingConfig
+from learn.training.optimiser import TrainingConfig
 from twin.navigation.features import select_features
 from twin.records.store import write_store
 

@@ -12,7 +12,7 @@ import learn
 from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.__main__ import PROGRAM
-from learn.data.store_checks import parts_of
+from learn.data.stores import parts_of
 from learn.training.fit_config import fit_settings
 from twin.errors import InputError
 from twin.navigation.features import FEATURES, GLIDER_PARTS, feature, mirror_signs, select_features

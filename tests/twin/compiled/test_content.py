@@ -82,7 +82,7 @@ def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
     kept = {path.name for path in (tmp_path / "twin" / "__pycache__" / "compiled").iterdir()}
     assert versions < kept
     assert {name.partition("-")[0] for name in kept - versions} >= {
-        "twin.navigation.estimators.ekf_kernels",
+        "twin.navigation.estimators.ekf",
         "twin.identify.translation",
     }
     assert run(before) == first

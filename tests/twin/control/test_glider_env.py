@@ -25,26 +25,22 @@ def make(task, **settings):
     return gymnasium.make(environment_id(task), **settings)
 
 
-def test_every_task_of_the_suite_is_registered():
-    assert control.ALL_TASKS == ALL_TASKS
+def run(program):
+    """A Python program in a process of its own."""
+    words = [sys.executable, "-c", program]
+    return subprocess.run(words, capture_output=True, text=True, timeout=120)
 
 
 def test_gymnasium_finds_the_tasks_by_the_package_in_the_name():
-    program = (
+    done = run(
         "import gymnasium, sys; env = gymnasium.make('twin.control:glider_twin/Depth-v0'); "
         "print(env.spec.id)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
     )
     assert done.stdout.split() == ["glider_twin/Depth-v0"], done.stderr
 
 
 def test_the_page_has_the_error_of_a_bare_name_so_that_a_search_finds_it():
-    program = "import gymnasium; gymnasium.make('glider_twin/Depth-v0')"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
-    )
+    done = run("import gymnasium; gymnasium.make('glider_twin/Depth-v0')")
     error = done.stderr.strip().splitlines()[-1]
     assert error.startswith("gymnasium.error.NamespaceNotFound: ")
     page = Path(__file__).parents[3] / "docs" / "howto" / "dm_control.md"
@@ -52,11 +48,11 @@ def test_the_page_has_the_error_of_a_bare_name_so_that_a_search_finds_it():
 
 
 def test_registering_loads_neither_mujoco_nor_dm_control():
-    program = (
+    done = run(
         "import twin.control, sys; "
         "sys.exit(any(n in sys.modules for n in ('mujoco', 'dm_control', 'torch')))"
     )
-    assert subprocess.run([sys.executable, "-c", program], timeout=120).returncode == 0
+    assert done.returncode == 0
 
 
 @every_task
@@ -303,12 +299,7 @@ sys.modules.update(dict.fromkeys(hidden))
 
 def without(packages, program):
     """What a process of its own prints that does not find these packages."""
-    done = subprocess.run(
-        [sys.executable, "-c", f"hidden = {packages!r}{HIDDEN}{program}"],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    done = run(f"hidden = {packages!r}{HIDDEN}{program}")
     assert done.returncode == 0, done.stderr
     return done.stdout
 

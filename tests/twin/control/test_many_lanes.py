@@ -11,7 +11,6 @@ import twin
 from twin.control import GliderEnv, GliderVectorEnv
 from twin.control.registry import ALL_TASKS
 from twin.errors import InputError, VehicleError
-from twin.fossen.lane_block import AT
 from twin.frames import quaternion_to_euler
 from twin.mission.controller import Schedule
 from twin.physics.start import Start
@@ -101,20 +100,6 @@ def test_neither_threads_nor_neighbours_nor_what_was_before_change_a_bit(setting
     alone = flown(1, 1)
     for other in (flown(130, 1), flown(130, 2), flown(3, 1, late=7)):
         np.testing.assert_array_equal(other[:, :1], alone)
-
-
-def test_one_that_goes_unstable_ends_alone():
-    env = in_lanes("depth", 3)
-    seen, _ = env.reset(seed=0)
-    env.physics._rows[0, AT["state"] + 10, 1] = 1e9
-    after, rewards, terminated, truncated, _ = env.step(np.zeros((3, 3), np.float32))
-    assert terminated.tolist() == [False, True, False]
-    assert not truncated.any()
-    assert rewards[1] == 0.0
-    np.testing.assert_array_equal(after[1], seen[1])
-    again, *_ = env.step(np.zeros((3, 3), np.float32))
-    assert np.isfinite(again).all()
-    assert not env.step(np.zeros((3, 3), np.float32))[2].any()
 
 
 def test_vehicles_that_are_not_stepped_stay_where_they_are():

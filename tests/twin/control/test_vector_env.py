@@ -11,10 +11,11 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra 'gym' is not inst
 from gymnasium.vector import AutoresetMode
 
 from twin import control
+from twin.control.observations import normal
 from twin.control.registry import ALL_TASKS, environment_id
 from twin.control.waypoints import RADIUS
-from twin.control.white_noise import normal
 from twin.errors import InputError
+from twin.fossen.lane_block import AT
 
 SEED = 5
 every_task = pytest.mark.parametrize("task", ALL_TASKS)
@@ -167,10 +168,14 @@ def test_an_action_that_is_not_finite_is_named_with_its_vehicle():
         many.step(actions[0])
 
 
-def test_an_unstable_vehicle_ends_alone_and_no_nan_is_shown():
-    env = many("depth", 3)
+@pytest.mark.parametrize("engine", ["mujoco", "lanes"])
+def test_an_unstable_vehicle_ends_alone_and_no_nan_is_shown(engine):
+    env = many("depth", 3, engine=engine)
     seen, _ = env.reset(seed=0)
-    env.physics.batch.bind("qvel")[1, 3] = 1e9
+    if engine == "lanes":
+        env.physics._rows[0, AT["state"] + 10, 1] = 1e9
+    else:
+        env.physics.batch.bind("qvel")[1, 3] = 1e9
     after, rewards, terminated, truncated, _ = env.step(np.zeros((3, 3), np.float32))
     assert terminated.tolist() == [False, True, False]
     assert not truncated.any()

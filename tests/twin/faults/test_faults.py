@@ -8,7 +8,7 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.faults import FAULTS, Condition, condition_at, faults_of, parse_faults
-from twin.faults.ctd_faults import lagged
+from twin.faults.instruments import lagged
 from twin.physics.condition import healthy
 from twin.physics.scenario import scenario_from_dict
 from twin.physics.simulation import Simulation
@@ -112,7 +112,6 @@ def test_growth_is_a_table_over_time():
     fault = FAULTS["fouling"](per_day=0.5, start=3600.0)
     assert fault.at([0.0, 3599.0]).tolist() == [0.0, 0.0]
     assert fault.at(3600.0 + 86400.0) == pytest.approx(0.5)
-    assert fault.later(3600.0).at(86400.0) == pytest.approx(0.5)
 
 
 def test_a_run_that_is_reset_flies_the_same_again():

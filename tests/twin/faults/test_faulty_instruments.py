@@ -8,7 +8,7 @@ import pytest
 
 import twin
 from twin.faults import FAULTS
-from twin.faults.ctd_faults import NAMES, lagged
+from twin.faults.instruments import CTD, lagged
 from twin.mission.controller import MissionController
 from twin.mission.segments.base import surfaced_depth
 from twin.navigation.settings import Navigation
@@ -184,7 +184,7 @@ def test_the_track_on_board_is_that_of_the_compass_as_it_reads():
 def test_under_way_an_instrument_is_as_late_as_in_a_whole_log():
     rng = np.random.default_rng(3)
     n = 300
-    signals = dict(zip(NAMES, (10.0 + rng.random(n), 3.5 + 0.1 * rng.random(n),
+    signals = dict(zip(CTD, (10.0 + rng.random(n), 3.5 + 0.1 * rng.random(n),
                                np.linspace(5.0, 80.0, n)), strict=True))  # fmt: skip
     fault = FAULTS["thermistor_slow"](lag=15.0, start=400.0)
     size = fault.at(4.0 * np.arange(n))

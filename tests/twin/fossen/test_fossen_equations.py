@@ -30,9 +30,9 @@ from twin.fossen.terms import added_mass_coriolis, impulse, rigid_body_coriolis,
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.vehicle.laws.flow_frame import beyond_identified
 from twin.vehicle.vehicle import load_vehicle
-from twin.water.current.geostrophic import Geostrophic
-from twin.water.current.inertial import Inertial
+from twin.water.current.layers import Geostrophic
 from twin.water.current.sampler import sample, sample_gradient
+from twin.water.current.tide import Inertial
 
 DEEP = 100.0
 

@@ -14,10 +14,10 @@ from twin.fossen.forces import damping_wrench
 from twin.frames import euler_to_quaternion, quaternion_to_matrix
 from twin.mission.controller import Schedule
 from twin.vehicle.vehicle import Vehicle, load_vehicle
-from twin.water.current.geostrophic import Geostrophic
-from twin.water.current.inertial import Inertial
+from twin.water.current.layers import Geostrophic
+from twin.water.current.profile import Uniform
 from twin.water.current.sampler import sample_gradient
-from twin.water.current.uniform import Uniform
+from twin.water.current.tide import Inertial
 
 DIVE = Schedule(times=[0.0], commands=[[0.02, math.radians(30), -290.0]])
 CRUISE = FossenState(

@@ -27,10 +27,9 @@ from twin.physics.stiffness import file_timestep
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.grid import Grid
-from twin.water.current.profile import Profile
-from twin.water.current.uniform import Uniform
+from twin.water.current.profile import Profile, Uniform
 from twin.water.density import DensityProfile
-from twin.water.floor.bathymetry import GridFloor
+from twin.water.floor.base import GridFloor
 
 STRAIGHT = Schedule(times=[0.0], commands=[(0.02, 0.0, -200.0)])
 

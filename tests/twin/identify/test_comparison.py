@@ -1,9 +1,8 @@
 """What one dive says adds up to a fit to all; what a pitch offset adds, left-out dives judge."""
 
 import dataclasses
-import importlib.util
-from pathlib import Path
 
+import identify_logs as simulated
 import numpy as np
 import pytest
 
@@ -15,14 +14,11 @@ from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import choose
 from twin.vehicle.vehicle import load_vehicle
 
-_SPEC = importlib.util.spec_from_file_location(
-    "identify_logs", Path(__file__).with_name("identify_logs.py")
-)
-simulated = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(simulated)
-
 OFFSET = 2.5
 PITCHES = ((20.0, 28.0), (28.0, 20.0), (24.0, 34.0), (34.0, 24.0))
+
+
+NOMINAL = load_calibration("glider")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +34,7 @@ def test_a_pitch_offset_is_chosen_where_there_is_one(tmp_path, runs, offset):
     store = simulated.stored(tmp_path / "log.zarr", moved)
     for run in moved:
         simulated.add_pitch_offset(run, -offset)
-    found = identify(load_logs(store), load_calibration("glider"), fixes=False)
+    found = identify(load_logs(store), NOMINAL, fixes=False)
     estimate = found["pitch_offset"]
     assert estimate.determined == (offset > 0.0)
     assert estimate.value == pytest.approx(offset, abs=0.4)
@@ -55,25 +51,23 @@ def test_a_pitch_scale_that_is_asked_for_comes_back(tmp_path, runs):
     logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs))
     for run, pitch in zip(runs, before, strict=True):
         run.signals["measured_pitch"] = pitch
-    nominal = load_calibration("glider")
     asked = ["neutral_density", "drag", "pitch_scale"]
-    scale = identify(logs, nominal, parameters=asked, fixes=False)["pitch_scale"]
+    scale = identify(logs, NOMINAL, parameters=asked, fixes=False)["pitch_scale"]
     assert abs(scale.value - 1.0 / 1.2) < 3.0 * scale.deviation
     assert scale.determined
     assert scale.value < 0.95
-    known = identify(logs, nominal, known=["pitch_scale", "pitch_offset"], fixes=False)
+    known = identify(logs, NOMINAL, known=["pitch_scale", "pitch_offset"], fixes=False)
     assert known["pitch_scale"].note == "given as known"
 
 
 def test_an_offset_that_is_asked_for_or_known_is_not_judged(tmp_path, runs):
     logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs[:1]))
     names = ["neutral_density", "drag"]
-    nominal = load_calibration("glider")
-    asked = identify(logs, nominal, parameters=[*names, "pitch_offset"], fixes=False)
+    asked = identify(logs, NOMINAL, parameters=[*names, "pitch_offset"], fixes=False)
     assert "left-out" not in asked["pitch_offset"].note
-    known = identify(logs, nominal, known=["pitch_offset"], fixes=False)
+    known = identify(logs, NOMINAL, known=["pitch_offset"], fixes=False)
     assert known["pitch_offset"].note == "given as known"
-    few = identify(logs, nominal, fixes=False)
+    few = identify(logs, NOMINAL, fixes=False)
     assert few["pitch_offset"].note.startswith("1 dives: from 4 on")
 
 
@@ -129,13 +123,12 @@ FLOWN = ("depth_rate", "pitch", "yaw_rate", "roll")
 
 def test_what_single_dives_say_adds_up_to_what_a_fit_to_all_sees(dives):
     """A recursion over dives and a fit to all of them have the same normal equations."""
-    nominal = load_calibration("glider")
-    noise = noise_of_dives(dives, nominal)
+    noise = noise_of_dives(dives, NOMINAL)
     assert tuple(noise) == FLOWN
     depth = {"depth_rate", "pitch"}
     sides = []
     for parts in ([dives], [[one] for one in dives]):
-        said = [dive_residuals(logs, nominal, PARAMETERS, noise) for logs in parts]
+        said = [dive_residuals(logs, NOMINAL, PARAMETERS, noise) for logs in parts]
         assert all(tuple(one.channels) == FLOWN for one in said)
         kept = [
             dataclasses.replace(one, channels={n: one.channels[n] for n in depth}) for one in said
@@ -149,11 +142,11 @@ def test_what_single_dives_say_adds_up_to_what_a_fit_to_all_sees(dives):
 @pytest.mark.parametrize("which", range(len(PARAMETERS)))
 def test_a_dives_residuals_change_as_their_jacobian_says(dives, which):
     """Drag moves the pitch and the turn too, through the speed that they are taken at."""
-    nominal, offset = load_calibration("glider"), 0.01
+    offset = 0.01
     parameter = PARAMETERS[which]
-    noise = noise_of_dives(dives[:1], nominal)
-    here = dive_residuals(dives[:1], nominal, PARAMETERS, noise)
-    moved = parameter.at(nominal, parameter.get(nominal), offset)
+    noise = noise_of_dives(dives[:1], NOMINAL)
+    here = dive_residuals(dives[:1], NOMINAL, PARAMETERS, noise)
+    moved = parameter.at(NOMINAL, parameter.get(NOMINAL), offset)
     there = dive_residuals(dives[:1], moved, PARAMETERS, noise)
     assert here.unknowns == (*(p.name for p in PARAMETERS), "yaw_bias", "roll_offset")
     changed = []

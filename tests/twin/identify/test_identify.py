@@ -1,12 +1,10 @@
 """Identification: the flight equations, the vehicle file, logs that cannot be used, the command."""
 
 import dataclasses
-import importlib.util
 import io
 import json
-import shutil
-from pathlib import Path
 
+import identify_logs as simulated
 import mujoco
 import numpy as np
 import pytest
@@ -26,8 +24,9 @@ from twin.identify import (
     motion_of,
 )
 from twin.identify.logged_missions import gliding
-from twin.identify.pitch import PITCHING
+from twin.identify.pitch import PITCHING, righting_arm
 from twin.identify.start_values import balance
+from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import PARAMETERS, choose, with_known
 from twin.identify.vehicle_file import vehicle_xml, write_vehicle
 from twin.mission.controller import Schedule
@@ -37,12 +36,6 @@ from twin.records.storage.checksums import store_hash
 from twin.records.store import write_store
 from twin.show.identification import residual_figure
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
-
-_SPEC = importlib.util.spec_from_file_location(
-    "identify_logs", Path(__file__).with_name("identify_logs.py")
-)
-simulated = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(simulated)
 
 VEHICLE = load_vehicle("glider")
 
@@ -58,19 +51,34 @@ def store(tmp_path_factory, run):
     return simulated.stored(tmp_path_factory.mktemp("identify") / "log.zarr", [run])
 
 
+@pytest.fixture(scope="module")
+def nominal():
+    return load_calibration("glider")
+
+
+@pytest.fixture(scope="module")
+def found(store, nominal):
+    return identify(load_logs(store), nominal)
+
+
+@pytest.fixture(scope="module")
+def pair(store, nominal):
+    """Trim and drag alone."""
+    return identify(load_logs(store), nominal, parameters=["neutral_density", "drag"])
+
+
 def level(value, samples=400):
     return np.full(samples, float(value))
 
 
-def test_a_heavy_start_and_a_light_stiff_vehicle_do_not_stop_the_search(store):
+def test_a_heavy_start_and_a_light_stiff_vehicle_do_not_stop_the_search(store, nominal, pair):
     """Ballast far off and a drag at which steps of a second are unstable: both are found."""
     logs = load_logs(store)
     shifted = [dataclasses.replace(log, pump=log.pump - 400.0) for log in logs]
-    found = identify(shifted, load_calibration("glider"), parameters=["neutral_density", "drag"])
-    plain = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
-    assert found["drag"].value == pytest.approx(plain["drag"].value, rel=0.02)
+    found = identify(shifted, nominal, parameters=["neutral_density", "drag"])
+    assert found["drag"].value == pytest.approx(pair["drag"].value, rel=0.02)
     stiff = simulated.changed(VEHICLE, drag=40.0)
-    motion = motion_of(logs[0], load_calibration("glider").replace(vehicle=stiff))
+    motion = motion_of(logs[0], nominal.replace(vehicle=stiff))
     assert np.isfinite(motion.speed).all()
     assert motion.speed.max() < 1.0
 
@@ -95,9 +103,7 @@ def test_without_ctd_the_sea_is_compressed_like_sea_water():
     np.testing.assert_allclose(calibration.sea_density(depth), known, atol=0.05)
 
 
-def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run):
-    import xarray as xr
-
+def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run, nominal):
     path = simulated.stored(tmp_path / "two.zarr", [run, run])
     dataset = xr.open_zarr(path).load()
     dataset["measured_density"][0] = np.nan
@@ -105,7 +111,7 @@ def test_a_vehicle_without_ctd_in_a_store_of_others_is_identified(tmp_path, run)
     without = load_logs(tmp_path / "mixed.zarr", [0])
     assert len(without) == 1
     assert without[0].density is None
-    assert identify(without, load_calibration("glider"))["drag"].determined
+    assert identify(without, nominal)["drag"].determined
     both = load_logs(tmp_path / "mixed.zarr")
     assert [log.index for log in both] == [1]  # its buoyancy is known, the other's is not
 
@@ -152,8 +158,7 @@ def test_flight_gives_the_velocities_of_the_twin(run):
         assert np.sqrt(np.mean(error**2)) < most
 
 
-def test_speed_after_calibration_is_better_than_with_the_nominal_vehicle(store, run):
-    found = identify(load_logs(store), load_calibration("glider"))
+def test_speed_after_calibration_is_better_than_with_the_nominal_vehicle(store, run, found):
     true = np.sqrt(sum(run[f"true_{n}"] ** 2 for n in ("surge", "sway", "heave")))
 
     def error(vehicle):
@@ -163,8 +168,7 @@ def test_speed_after_calibration_is_better_than_with_the_nominal_vehicle(store, 
     assert error(found.calibration) < 0.012 < 0.02 < error("glider")
 
 
-def test_lift_is_kept_at_nominal_without_fixes_unless_asked_for(store):
-    found = identify(load_logs(store), load_calibration("glider"))
+def test_lift_is_kept_at_nominal_without_fixes_unless_asked_for(found):
     kept = found["lift_ratio"]
     assert not kept.determined
     assert kept.value == kept.nominal == VEHICLE.flow_frame.lift[1] / VEHICLE.flow_frame.drag[0]
@@ -173,32 +177,42 @@ def test_lift_is_kept_at_nominal_without_fixes_unless_asked_for(store):
     assert "temperature" in found["thermal_lag"].note
 
 
-@pytest.mark.parametrize("name", [p.name for p in PARAMETERS])
-def test_parameters_read_back_what_was_set(name):
-    (parameter,) = choose([name])
-    nominal = load_calibration("glider")
+@pytest.mark.parametrize(
+    "parameter",
+    [p for p in (*PARAMETERS, *PITCHING, *TURNING) if p.channel != "fin"],  # it has no rudder
+    ids=lambda p: p.name,
+)
+def test_parameters_read_back_what_was_set(parameter, nominal):
     value = parameter.value(parameter.get(nominal) or 1.0, 0.3)
-    assert parameter.get(parameter.set(nominal, value)) == pytest.approx(value, rel=1e-12)
+    again = parameter.set(nominal, value)
+    assert parameter.get(again) == pytest.approx(value, rel=1e-12)
+    if parameter.name == "roll_authority":
+        assert righting_arm(again) == pytest.approx(righting_arm(nominal))
 
 
-def test_known_values_are_not_estimated(store):
-    nominal = with_known(load_calibration("glider"), {"mass": 70.0})
-    found = identify(load_logs(store), nominal, known=["mass"])
+def test_known_values_are_not_estimated(store, nominal):
+    found = identify(load_logs(store), with_known(nominal, {"mass": 70.0}), known=["mass"])
     assert found.calibration.vehicle.mass == pytest.approx(70.0)
     assert found["mass"].note == "given as known"
 
 
-def test_unknown_parameter_names_the_nearest(store):
-    with pytest.raises(InputError, match="did you mean 'drag'"):
-        identify(load_logs(store), load_calibration("glider"), parameters=["drga"])
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (["drga"], "did you mean 'drag'"),
+        (["mass"], r"nothing is left to estimate .*mass: given as known"),
+    ],
+)
+def test_what_cannot_be_estimated_is_told(store, nominal, parameters, message):
+    with pytest.raises(InputError, match=message):
+        identify(load_logs(store), nominal, parameters=parameters, known=["mass"])
 
 
 @pytest.mark.parametrize("name", ["graver-2005", "glider", "rogue"])
 def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name):
     calibration = load_calibration(name, pitch_scale=0.9, pitch_offset=0.01)
     for parameter in (*PARAMETERS, *PITCHING):
-        nominal = parameter.get(calibration)
-        calibration = parameter.at(calibration, nominal, 0.2)
+        calibration = parameter.at(calibration, parameter.get(calibration), 0.2)
     path = write_vehicle(calibration, tmp_path / "mine.xml", {"store": 'a "log" & <more>'})
     again = load_calibration(path)
     for parameter in (*PARAMETERS, *PITCHING):
@@ -234,28 +248,7 @@ def test_store_hash_follows_the_content(store, tmp_path, run):
     assert store_hash(simulated.stored(tmp_path / "b.zarr", [other])) != store_hash(store)
 
 
-def test_a_damaged_store_is_told(tmp_path, store):
-    broken = tmp_path / "broken.zarr"
-    shutil.copytree(store, broken)
-    chunk = next(
-        p for p in (broken / "measured_pitch").rglob("*") if p.is_file() and "c" in p.parts
-    )
-    chunk.write_bytes(chunk.read_bytes()[:20])
-    with pytest.raises(StoreError, match="its array measured_pitch cannot be read"):
-        load_logs(broken)
-    shutil.rmtree(broken / "measured_pitch")
-    with pytest.raises(StoreError, match="measured_pitch"):
-        load_logs(broken)
-
-
-def test_nothing_left_to_estimate_is_told(store):
-    with pytest.raises(InputError, match=r"nothing is left to estimate .*mass: given as known"):
-        identify(load_logs(store), load_calibration("glider"), parameters=["mass"], known=["mass"])
-
-
-def test_logs_that_cannot_be_used_are_named(tmp_path, store, run):
-    import xarray as xr
-
+def test_logs_that_cannot_be_used_are_named(tmp_path, store, nominal):
     dataset = xr.open_zarr(store).load()
     for drop in ("measured_pump", "measured_pitch"):
         path = tmp_path / f"no_{drop}.zarr"
@@ -273,10 +266,10 @@ def test_logs_that_cannot_be_used_are_named(tmp_path, store, run):
     short["n_samples"] = short["n_samples"] * 0 + 80
     write_store(short, tmp_path / "short.zarr")
     with pytest.raises(InputError, match="at least 100"):
-        identify(load_logs(tmp_path / "short.zarr"), load_calibration("glider"))
+        identify(load_logs(tmp_path / "short.zarr"), nominal)
 
 
-def test_missions_under_the_thruster_are_left_out_and_counted(tmp_path, run, capsys):
+def test_missions_under_the_thruster_are_left_out_and_counted(tmp_path, run, nominal, capsys):
     path = simulated.stored(tmp_path / "log.zarr", [run, run])
     dataset = xr.open_zarr(path).load()
     dataset["thruster_fraction"] = ("mission", [0.0, 0.99])
@@ -288,7 +281,7 @@ def test_missions_under_the_thruster_are_left_out_and_counted(tmp_path, run, cap
     assert json.loads(said.out)["missions"] == 1
     assert "1 of 2 missions ran their thruster" in said.err
     with pytest.raises(InputError, match="all 1 missions ran their thruster"):
-        identify(load_logs(path, [1]), load_calibration("glider"))
+        identify(load_logs(path, [1]), nominal)
     kept, powered = gliding(load_logs(path))
     assert [log.index for log in kept] == [0]
     assert powered == (1,)
@@ -297,19 +290,17 @@ def test_missions_under_the_thruster_are_left_out_and_counted(tmp_path, run, cap
     assert [log.follows for log in gliding(three)[0]] == [False, False]
 
 
-def test_a_fit_far_worse_than_usual_says_what_to_look_at(tmp_path, run):
+def test_a_fit_far_worse_than_usual_says_what_to_look_at(tmp_path, run, nominal):
     """A propeller that no signal tells of: slower down and faster up than any glide."""
     driven = dataclasses.replace(run, signals=dict(run.signals))
     driven.signals["measured_pump"] = -driven.signals["measured_pump"]
     logs = load_logs(simulated.stored(tmp_path / "log.zarr", [driven]))
     with pytest.raises(InputError, match=r"times what is usual \(1 cm/s\).*in dives and .* worst"):
-        identify(logs, load_calibration("glider"), parameters=["drag"])
+        identify(logs, nominal, parameters=["drag"])
 
 
-def test_figure_draws(store):
-    logs = load_logs(store)
-    found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
-    figure = residual_figure(found, logs)
+def test_figure_draws(store, pair):
+    figure = residual_figure(pair, load_logs(store))
     assert len(figure.axes) == 4
     assert "RMSE" in figure.axes[2].get_title(loc="left")
 

@@ -1,6 +1,7 @@
 """Conventions: the same forces and volumes by the basestation's and gliderflight's own formulas."""
 
 import math
+from operator import attrgetter
 
 import pytest
 
@@ -70,11 +71,9 @@ def test_files_read_back_as_the_vehicle_that_was_written(tmp_path, ending, vehic
     path = tmp_path / f"figures{ending}"
     write_figures(mine, path)
     again = read_figures(path, nominal)
-    for name in ("mass", "reference_density", "hull_compressibility"):
-        value = getattr(again.vehicle, name)
-        assert value == pytest.approx(getattr(mine.vehicle, name), rel=1e-8)
-    assert again.vehicle.flow_frame.drag == pytest.approx(mine.vehicle.flow_frame.drag)
-    assert again.vehicle.flow_frame.lift == pytest.approx(mine.vehicle.flow_frame.lift)
+    for name in ("mass", "reference_density", "hull_compressibility", "law.drag", "law.lift"):
+        value = attrgetter(name)(again.vehicle)
+        assert value == pytest.approx(attrgetter(name)(mine.vehicle), rel=1e-8)
 
 
 def test_a_pilots_file_with_comments_is_read(tmp_path):
@@ -101,24 +100,22 @@ def test_a_pilots_file_with_comments_is_read(tmp_path):
         ("a.m", "mass = 50;", "holds no hd_a"),
     ],
 )
-def test_files_that_cannot_be_used_are_named(tmp_path, name, text, message):
+def test_files_and_endings_that_cannot_be_used_are_named(tmp_path, name, text, message):
     path = tmp_path / name
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         read_figures(path, load_calibration("seaglider"))
-
-
-def test_unknown_endings_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"end in \.m"):
         write_figures(load_calibration("seaglider"), tmp_path / "a.txt")
 
 
-def test_figures_that_are_not_given_stay():
-    calibration = load_calibration("seaglider")
-    same = from_basestation({}, calibration)
-    assert same.vehicle.flow_frame.drag == pytest.approx(calibration.vehicle.flow_frame.drag)
-    assert same.vehicle.mass == pytest.approx(calibration.vehicle.mass)
-    slocum = load_calibration("slocum-200")
-    assert from_gliderflight({}, slocum).vehicle.flow_frame.lift == pytest.approx(
-        slocum.vehicle.flow_frame.lift
-    )
+@pytest.mark.parametrize(
+    ("read", "name"), [(from_basestation, "seaglider"), (from_gliderflight, "slocum-200")]
+)
+def test_figures_that_are_not_given_stay(read, name):
+    mine = load_calibration(name)
+    again = read({}, mine).vehicle
+    assert again.mass == pytest.approx(mine.vehicle.mass)
+    for force in ("drag", "lift"):
+        wanted = getattr(mine.vehicle.flow_frame, force)
+        assert getattr(again.flow_frame, force) == pytest.approx(wanted)

@@ -47,6 +47,10 @@ def other() -> Vehicle:
     )
 
 
+def calibrated(vehicle: Vehicle) -> Calibration:
+    return Calibration(vehicle=vehicle, water_density=SHIPPED.reference_density)
+
+
 def plan(seed: int) -> Mission:
     rng = np.random.default_rng(seed)
     ways: list[Any] = []
@@ -87,13 +91,10 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_true_vehicle_flies_its_runs(store: Path) -> None:
     run = load_runs(store, SHIPPED)[0]
-    calibration = Calibration(vehicle=other(), water_density=SHIPPED.reference_density)
-    motion = fly_run(run, calibration, np.array([0.1, -0.05]))
+    velocity = fly_run(run, calibrated(other()), np.array([0.1, -0.05])).velocity
     assert run.true_velocity is not None
-    off = motion.velocity.surge - run.true_velocity[0]
-    assert np.abs(off[settled(run)]).max() < 5e-3
-    off = motion.velocity.sway - run.true_velocity[1]
-    assert np.abs(off[settled(run)]).max() < 5e-3
+    for flown, true in zip((velocity.surge, velocity.sway), run.true_velocity[:2], strict=True):
+        assert np.abs((flown - true)[settled(run)]).max() < 5e-3
 
 
 def test_a_models_depth_rate_goes_through_the_filter_of_the_logs(store: Path) -> None:
@@ -109,8 +110,7 @@ def test_a_models_depth_rate_goes_through_the_filter_of_the_logs(store: Path) ->
 def test_what_drives_and_turns_it_comes_back_and_flies_unseen_missions(store: Path) -> None:
     runs = load_runs(store, SHIPPED)
     found = identify_driven(runs[:2], SHIPPED, parameters=NAMES)
-    truth = Calibration(vehicle=other(), water_density=SHIPPED.reference_density)
-    known = {p.name: p.get(truth) for p in driven_parameters(SHIPPED)}
+    known = {p.name: p.get(calibrated(other())) for p in driven_parameters(SHIPPED)}
     # the speed tells the ratio of thrust and drag; each alone is told by accelerations only
     ratio = found["Xuu"].value / found["propeller.thrust_coefficient"].value
     assert abs(ratio * 0.9 / 1.25 - 1.0) < 0.03
@@ -154,8 +154,7 @@ def test_a_vehicle_without_a_file_is_found_from_its_dimensions(
 
 def test_a_run_is_kept_where_nothing_has_changed_for_it(store: Path) -> None:
     runs = load_runs(store, SHIPPED)
-    nominal = Calibration(vehicle=SHIPPED, water_density=SHIPPED.reference_density)
-    problem = DrivenFlights(runs, nominal, ())
+    problem = DrivenFlights(runs, calibrated(SHIPPED), ())
     first = problem.flown(np.zeros(problem.size))
     moved = np.zeros(problem.size)
     moved[1] = 1.0  # pitch offset of the second run
@@ -232,8 +231,7 @@ def test_what_a_gyroscope_has_from_switching_on_is_taken_off(store: Path) -> Non
 
 def test_a_doppler_log_sits_turned_in_its_mount(store: Path) -> None:
     runs = load_runs(store, SHIPPED)
-    nominal = Calibration(vehicle=SHIPPED, water_density=SHIPPED.reference_density)
-    problem = DrivenFlights(runs, nominal, ())
+    problem = DrivenFlights(runs, calibrated(SHIPPED), ())
     x = np.zeros(problem.size)
     straight, motions = problem.missed(x), problem.flown(x)
     turn = DOPPLER_TURN * np.array([0.5, -1.0, 1.5])

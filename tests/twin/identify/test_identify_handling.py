@@ -1,12 +1,12 @@
 """Handling: turns, pitch and loops come back from a log; what cannot fly is not written."""
 
 import dataclasses
-import importlib.util
 import itertools
 import json
 import math
 from pathlib import Path
 
+import identify_logs as simulated
 import numpy as np
 import pytest
 import xarray as xr
@@ -16,32 +16,32 @@ from twin.errors import InputError, MissionError
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.answer import confused
 from twin.identify.comparison import PRIOR, bootstrap, cut
-from twin.identify.gains import Phase, loop_modes, plane_of, trimmed, with_gains
-from twin.identify.handling import handle, with_usual_glide
-from twin.identify.lateral import Glide, exponential, linearised
+from twin.identify.handling import handle, with_travel, with_usual_glide
+from twin.identify.linear_motion import (
+    Glide,
+    Phase,
+    exponential,
+    linearised,
+    loop_modes,
+    plane_of,
+    trimmed,
+    with_gains,
+)
 from twin.identify.logged_missions import ATTITUDE_WINDOW, _rates
-from twin.identify.pitch import PITCHING, righting_arm, with_righting_arm
+from twin.identify.pitch import with_righting_arm
 from twin.identify.proof import failures
 from twin.identify.start_values import start_vehicle
-from twin.identify.turning_fit import TURNING, munk_moment
+from twin.identify.turning_fit import munk_moment
 from twin.identify.vehicle_file import largest_step, vehicle_xml
 from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide
 from twin.mission.segments import SawTooth
 from twin.mission.shipped_missions import load_mission_for
-from twin.physics.scenario import Scenario
-from twin.physics.simulation import simulate
 from twin.physics.stiffness import file_timestep
 from twin.records.attributes import READER_VERSION
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.version import IMPORT_VERSION
-
-_SPEC = importlib.util.spec_from_file_location(
-    "identify_logs", Path(__file__).with_name("identify_logs.py")
-)
-simulated = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(simulated)
 
 NET_MASS = 0.25
 NEUTRAL = math.radians(12.0)
@@ -49,12 +49,13 @@ NEUTRAL = math.radians(12.0)
 HEADINGS = (0.0, 40.0, 340.0, 60.0, 20.0, 300.0, 350.0, 30.0)
 
 
-def real_vehicle():
+@pytest.fixture(scope="module")
+def truth():
     """The Sea-Wing with what wings do in sideslip changing its sign with their lift, as vehicles
     that are flown do: turns to the other side in climbs, at equal banks."""
     nominal = load_calibration("glider")
     munk = munk_moment(nominal)
-    vehicle = load_vehicle("glider").replace(
+    turning = nominal.with_vehicle(
         roll_moment=(-3.0, -60.0),
         yaw_moment=(0.1 * munk, -500.0),
         yaw_moment_lift=(2.0 * munk,),
@@ -62,12 +63,7 @@ def real_vehicle():
         rotation={"neutral": NEUTRAL},
         heading_pid=(1.0, 0.002, 0.0),
     )
-    return with_righting_arm(nominal.replace(vehicle=vehicle), 5e-3).vehicle
-
-
-@pytest.fixture(scope="module")
-def truth():
-    return real_vehicle()
+    return with_righting_arm(turning, 5e-3).vehicle
 
 
 @pytest.fixture(scope="module")
@@ -91,41 +87,36 @@ def logged(path, truth):
             for heading in HEADINGS
         )
         plan = Mission(name="turns", segments=segments, duration_s=420.0 * len(HEADINGS))
-        scenario = Scenario(
-            vehicle=truth,
-            mission=plan,
-            density=simulated.THERMOCLINE,
-            sample_period=simulated.PERIOD,
-        )
-        flown = simulate(scenario)
-        measured = simulated.SUITE.measure(
-            flown.signals,
-            dt=simulated.PERIOD,
-            rng_seed=np.random.SeedSequence(seed),
-            density=simulated.THERMOCLINE,
-        )
-        flown.signals.update(measured)
+        flown = simulated.measured(truth, plan, seed)
         flown.signals["measured_density"] = flown["true_density"]
         runs.append(flown)
     return simulated.stored(path, runs)
 
 
+def fitted(store):
+    logs = load_logs(store)
+    nominal = load_calibration("glider")
+    return logs, identify(logs, nominal, parameters=["neutral_density", "drag"])
+
+
 @pytest.fixture(scope="module")
 def handling(store):
-    logs = load_logs(store)
-    found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
     parts: list[float] = []
-    made = handle(logs, found, progress=parts.append)
+    made = handle(*fitted(store), progress=parts.append)
     assert parts == sorted(parts), "progress goes back"
     assert 0.0 < parts[0] < parts[-1] == 1.0
     return made
 
 
+def phases_of(net_mass):
+    return Phase(pitch=-0.42, net_mass=net_mass), Phase(pitch=0.42, net_mass=-net_mass)
+
+
 def glides(vehicle):
-    """Straight glides of the true vehicle: (climbing, what to linearise about)."""
-    for pitch, net in ((-0.42, NET_MASS), (0.42, -NET_MASS)):
-        state, _ = trimmed(vehicle, Phase(pitch=pitch, net_mass=net))
-        yield Glide(surge=state[0], heave=state[2], pitch=pitch, net_mass=net)
+    """Straight glides down and up, to linearise about."""
+    for phase in phases_of(NET_MASS):
+        state, _ = trimmed(vehicle, phase)
+        yield Glide(state[0], state[2], phase.pitch, phase.net_mass)
 
 
 def test_turns_and_banks_of_both_phases_come_back(handling, truth):
@@ -154,9 +145,7 @@ def test_a_hull_that_turns_by_itself_is_kept_straight_otherwise_in_dives_and_cli
     bent = truth.replace(
         yaw_moment_offset=(math.radians(-1.0) * munk_moment(load_calibration("glider")),)
     )
-    logs = load_logs(logged(tmp_path / "log.zarr", bent))
-    found = identify(logs, load_calibration("glider"), parameters=["neutral_density", "drag"])
-    handling = handle(logs, found, proof=False)
+    handling = handle(*fitted(logged(tmp_path / "log.zarr", bent)), proof=False)
     own = handling.identification["yaw_moment_offset"]
     assert abs(own.value + 1.0) < 3.0 * own.deviation
     again = parse_vehicle(vehicle_xml(handling.identification.calibration, {}), Path("mine.xml"))
@@ -169,7 +158,7 @@ def test_a_hull_that_turns_by_itself_is_kept_straight_otherwise_in_dives_and_cli
 def test_a_hull_that_no_rotation_keeps_straight_is_refused_with_a_reason(truth):
     bent = truth.replace(yaw_moment_offset=(munk_moment(load_calibration("glider")),))
     with pytest.raises(MissionError, match=r"turns by itself .* no position of its rotation"):
-        trimmed(bent, Phase(pitch=-0.42, net_mass=NET_MASS))
+        trimmed(bent, phases_of(NET_MASS)[0])
 
 
 def test_pitch_by_battery_and_pump_comes_back(handling, truth):
@@ -279,24 +268,22 @@ def test_the_printed_vehicle_with_its_battery_above_the_axis_is_said_to_fail():
     """No righting arm: nothing trims, and the answer names the phase."""
     calibration = load_calibration("glider")
     vehicle = with_righting_arm(calibration, -2e-3).vehicle
-    phases = (Phase(pitch=-0.42, net_mass=0.3), Phase(pitch=0.42, net_mass=-0.3))
+    phases = phases_of(0.3)
     found = failures(calibration.replace(vehicle=vehicle), phases)
     assert len(found) >= 2
     assert "dive" in found[0]
 
 
-def test_a_loop_grows_when_its_gain_does():
+def test_a_loop_grows_when_its_gain_does(truth):
     """The margin is a margin: some multiple of the placed gain is too much."""
-    phases = (Phase(pitch=-0.42, net_mass=NET_MASS), Phase(pitch=0.42, net_mass=-NET_MASS))
-    calibration = load_calibration("glider").replace(vehicle=real_vehicle())
-    vehicle = with_gains(calibration, phases).vehicle
+    phases = phases_of(NET_MASS)
+    vehicle = with_gains(load_calibration("glider").replace(vehicle=truth), phases).vehicle
     state, positions = trimmed(vehicle, phases[0])
     plane = plane_of(vehicle, state, positions, "heading")
     assert plane.gain > 0.0
-    kp, ki, kd = vehicle.heading_pid
 
     def growth(factor):
-        pid = (factor * kp, factor * ki, factor * kd)
+        pid = [factor * gain for gain in vehicle.heading_pid]
         lag = vehicle.steered("heading").lag
         return loop_modes(plane, pid, lag, vehicle.control_period).real.max()
 
@@ -311,18 +298,6 @@ def test_exponential_of_small_matrices():
     for scale in (1e-3, 1.0, 30.0):
         matrix = scale * rng.normal(size=(6, 6)) - scale * 3.0 * np.eye(6)
         np.testing.assert_allclose(exponential(matrix), expm(matrix), rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("parameter", [*PITCHING, *TURNING], ids=lambda p: p.name)
-def test_handling_parameters_read_back_what_was_set(parameter):
-    nominal = load_calibration("glider")
-    if parameter.channel == "fin":
-        pytest.skip("the Sea-Wing has no rudder")
-    value = parameter.value(parameter.get(nominal) or 1.0, 0.3)
-    again = parameter.set(nominal, value)
-    assert parameter.get(again) == pytest.approx(value, rel=1e-12)
-    if parameter.name == "roll_authority":
-        assert righting_arm(again) == pytest.approx(righting_arm(nominal))
 
 
 def test_block_bootstrap_knows_of_days_that_differ():
@@ -368,8 +343,6 @@ def test_rates_without_gyroscopes_are_slopes_of_least_squares():
 
 
 def test_travel_grows_with_the_log(store):
-    from twin.identify.handling import with_travel
-
     logs = [dataclasses.replace(log, shift=log.shift + 0.08) for log in load_logs(store)]
     calibration = with_travel(logs, load_calibration("glider"))
     slide = calibration.vehicle.part("shift")
@@ -383,43 +356,34 @@ def test_travel_grows_with_the_log(store):
         ({"source_format": "slocum"}, 6.0, "slocum-1000"),
         ({"source_format": "seaglider"}, 1.0, "seaglider"),
         ({"source_format": "og1", "platform": "SeaExplorer 035"}, 1.0, "seaexplorer"),
+        ({"source_format": "lrauv"}, 1.0, None),
     ],
 )
 def test_the_start_is_the_shipped_vehicle_of_the_logs_kind(tmp_path, store, said, deeper, vehicle):
-    dataset = xr.open_zarr(store).load()
+    dataset = xr.open_zarr(store).load().assign_attrs({**said, READER_VERSION: IMPORT_VERSION})
     dataset["measured_depth"] = deeper * dataset["measured_depth"]
     dataset["measured_pump"] = 0.5 * dataset["measured_pump"]
-    path = write_store(
-        dataset.assign_attrs({**said, READER_VERSION: IMPORT_VERSION}), tmp_path / "log.zarr"
-    )
-    assert start_vehicle(path).path.stem == vehicle
-
-
-def test_a_log_of_no_known_kind_asks_for_the_vehicle(tmp_path, store):
-    said = {"source_format": "lrauv", READER_VERSION: IMPORT_VERSION}
-    dataset = xr.open_zarr(store).load().assign_attrs(said)
-    with pytest.raises(InputError, match="give --vehicle"):
-        start_vehicle(write_store(dataset, tmp_path / "log.zarr"))
+    path = write_store(dataset, tmp_path / "log.zarr")
+    if vehicle is None:
+        with pytest.raises(InputError, match="give --vehicle"):
+            start_vehicle(path)
+    else:
+        assert start_vehicle(path).path.stem == vehicle
 
 
 def test_a_simulated_store_starts_from_a_file_of_its_own(store):
     assert start_vehicle(store).flow_frame.yaw_moment_lift == (0.0,)
 
 
-def test_the_step_that_is_written_is_a_tenth_of_a_second_for_a_real_glider():
-    """However its rates are damped: that is solved for. A fast hull gets a shorter one."""
-    calibration = load_calibration("seaglider")
-    constant, _ = calibration.vehicle.flow_frame.yaw_moment
-    damped = calibration.vehicle.replace(yaw_moment=(constant, -3000.0))
-    assert largest_step(calibration.vehicle) == largest_step(damped) == 0.1
-    xml = vehicle_xml(calibration.replace(vehicle=damped), {})
-    assert file_timestep(parse_vehicle(xml, damped.path)) == 0.1
-    assert largest_step(load_vehicle("rogue").replace(usual_glide=(0.7, 0.6))) == 0.05
-
-
-def test_the_written_hull_swells_as_the_identified_one():
+def test_the_written_step_is_a_tenth_of_a_second_and_the_written_hull_swells():
+    """However a real glider's rates are damped: that is solved for. A fast hull's is shorter."""
     calibration = load_calibration("seaglider").replace(thermal_expansion=5e-5, thermal_lag=300.0)
-    again = parse_vehicle(vehicle_xml(calibration, {}), calibration.vehicle.path)
+    constant, _ = calibration.vehicle.flow_frame.yaw_moment
+    damped = calibration.with_vehicle(yaw_moment=(constant, -3000.0))
+    assert largest_step(calibration.vehicle) == largest_step(damped.vehicle) == 0.1
+    again = parse_vehicle(vehicle_xml(damped, {}), calibration.vehicle.path)
+    assert file_timestep(again) == 0.1
     assert again.hull_thermal_expansion == pytest.approx(5e-5)
     assert again.hull_thermal_lag == pytest.approx(300.0)
     assert again.hull_reference_temperature == 10.0
+    assert largest_step(load_vehicle("rogue").replace(usual_glide=(0.7, 0.6))) == 0.05

@@ -1,8 +1,6 @@
 """Known parameters come back from simulated logs within their stated uncertainty."""
 
-import importlib.util
-from pathlib import Path
-
+import identify_logs as simulated
 import numpy as np
 import pytest
 
@@ -10,12 +8,6 @@ from twin.identify import identify, load_calibration, load_logs
 from twin.identify.pitch import righting_arm, with_righting_arm
 from twin.identify.rollout import refine
 from twin.vehicle.vehicle import load_vehicle
-
-_SPEC = importlib.util.spec_from_file_location(
-    "identify_logs", Path(__file__).with_name("identify_logs.py")
-)
-simulated = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(simulated)
 
 VEHICLE = load_vehicle("glider")
 RATIO = VEHICLE.flow_frame.lift[1] / VEHICLE.flow_frame.drag[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +17,13 @@ from factory.importing.import_run import import_logs
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import check_logs
-from twin.identify.heading_leg import legs_of, turning_of
 from twin.identify.log_figures import (
     FigureSamples,
     limit_cycle,
     oscillation_of,
     turn_per_actuator,
 )
+from twin.identify.replayed_dive import legs_of, turning_of
 from twin.records.store import write_store
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -43,8 +44,7 @@ def log(vehicle: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def changed(store: Path, out: Path, **signals: float | None) -> Path:
     """A copy of a store of logs; a signal becomes a constant, or is taken out with None."""
-    with xr.open_zarr(store) as opened:
-        dataset = opened.load()
+    dataset = xr.open_zarr(store).load()
     for name, value in signals.items():
         if value is None:
             dataset = dataset.drop_vars(name)
@@ -85,8 +85,7 @@ def test_an_asymmetry_that_the_file_lacks_is_beyond_its_limit(log: Path, vehicle
 def test_dives_under_the_thruster_are_left_out_of_the_check(
     tmp_path: Path, log: Path, vehicle: Vehicle
 ) -> None:
-    with xr.open_zarr(log) as opened:
-        dataset = opened.load()
+    dataset = xr.open_zarr(log).load()
     dataset["thruster_fraction"] = ("mission", np.ones(dataset.sizes["mission"]))
     powered = write_store(dataset, tmp_path / "powered.zarr")
     with pytest.raises(StoreError, match=r"without its thruster \(\d+ ran it\)"):
@@ -217,30 +216,25 @@ def test_simulated_stores_are_refused(log: Path, vehicle: Vehicle) -> None:
         check_logs(log.with_name("flown.zarr"), vehicle)
 
 
-@pytest.mark.parametrize("name", ["measured_pitch", "measured_pump"])
-def test_a_log_without_what_a_glide_needs_is_refused(
-    log: Path, vehicle: Vehicle, tmp_path: Path, name: str
+@pytest.mark.parametrize(
+    ("signals", "error", "message"),
+    [
+        ({"measured_pitch": None}, StoreError, "measured_pitch"),
+        ({"measured_pump": None}, StoreError, "measured_pump"),
+        ({"measured_depth": 4.0}, StoreError, "no whole dive"),
+        ({"measured_pump": 9000.0}, InputError, "pump is at 9000 cm3"),
+    ],
+)
+def test_a_log_that_no_glide_explains_is_refused(
+    log: Path, vehicle: Vehicle, tmp_path: Path, signals: Any, error: Any, message: str
 ) -> None:
-    with pytest.raises(StoreError, match=name):
-        check_logs(changed(log, tmp_path / "bare.zarr", **{name: None}), vehicle)
+    with pytest.raises(error, match=message):
+        check_logs(changed(log, tmp_path / "bare.zarr", **signals), vehicle)
 
 
-def test_a_log_without_a_whole_dive_is_refused(log: Path, vehicle: Vehicle, tmp_path: Path) -> None:
-    with pytest.raises(StoreError, match="no whole dive"):
-        check_logs(changed(log, tmp_path / "flat.zarr", measured_depth=4.0), vehicle)
-
-
-def test_a_vehicle_that_is_not_a_glider_is_refused(log: Path) -> None:
+def test_another_vehicle_or_mission_is_refused(log: Path, vehicle: Vehicle) -> None:
     with pytest.raises(VehicleError, match="has no pump"):
         check_logs(log, TORPEDO)
-
-
-def test_a_pump_beyond_the_vehicles_is_refused(log: Path, vehicle: Vehicle, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="pump is at 9000 cm3"):
-        check_logs(changed(log, tmp_path / "pump.zarr", measured_pump=9000.0), vehicle)
-
-
-def test_a_missing_mission_is_named(log: Path, vehicle: Vehicle) -> None:
     with pytest.raises(StoreError, match="not 7"):
         check_logs(log, vehicle, missions=[7])
 
@@ -262,12 +256,9 @@ def test_legs_are_descents_and_climbs_and_no_waves() -> None:
 
 
 def leg(heading: np.ndarray, turning: np.ndarray, period: float = 2.0) -> FigureSamples:
-    quiet = np.zeros(len(heading))
-    return FigureSamples(
-        period=period, depth_rate=quiet, pitch=quiet, roll=None, heading=heading,
-        heading_error=None, heading_target=None, first_error=0.0, speed=None, turning=turning,
-        positions={}, steady=np.ones(len(heading), bool),
-    )  # fmt: skip
+    series = {"heading": heading, "turning": turning}
+    steady = np.ones(len(heading), bool)
+    return FigureSamples(period=period, series=series, positions={}, steady=steady)
 
 
 @pytest.mark.parametrize("slope", [0.02, -0.015])

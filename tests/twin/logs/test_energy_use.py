@@ -24,6 +24,7 @@ VOLTS = 15.0
 HOTEL, SURFACE, PAYLOAD = 2.0, 3.0, 0.8
 EFFICIENCY, LOSS, RETURN = 0.5, 2.0e6, 4.0e5
 VACUUM_INHG = 8.0
+COUNTER = "m_coulomb_amphr_total"
 
 
 def used(time: np.ndarray, depth: np.ndarray, pump: np.ndarray, sampling: np.ndarray) -> np.ndarray:
@@ -49,7 +50,7 @@ def columns() -> dict[str, np.ndarray]:
     sampling = dive % 2 == 0
     warm = np.where(sampling, 8.0, np.nan)
     table |= {"sci_water_temp": warm, "sci_water_cond": np.where(sampling, 3.4, np.nan)}
-    table["m_coulomb_amphr_total"] = 12.0 + used(
+    table[COUNTER] = 12.0 + used(
         table["time"], table["m_depth"], table["m_ballast_pumped"], sampling
     )
     table["m_battery"] = np.full(len(dive), VOLTS)
@@ -68,6 +69,13 @@ def stored(folder: Path, columns: dict[str, np.ndarray], name: str = "log.zarr")
 @pytest.fixture(scope="module")
 def store(columns: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> Path:
     return stored(tmp_path_factory.mktemp("energy"), columns)
+
+
+@pytest.fixture(scope="module")
+def silent(columns: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of a log that counts nothing."""
+    table = {name: v for name, v in columns.items() if name not in (COUNTER, "m_battery")}
+    return stored(tmp_path_factory.mktemp("silent"), table)
 
 
 def test_the_consumers_of_a_known_log_are_found_again(store: Path) -> None:
@@ -104,11 +112,10 @@ def test_later_dives_are_foretold_by_what_they_do(store: Path) -> None:
 def test_a_counter_that_starts_again_is_left_out_and_counted(
     columns: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
-    table = dict(columns)
-    half = len(table["time"]) // 2
-    charge = table["m_coulomb_amphr_total"].copy()
+    charge = columns[COUNTER].copy()
+    half = len(charge) // 2
     charge[half:] -= charge[half]
-    found = energy_used(stored(tmp_path, {**table, "m_coulomb_amphr_total": charge}), "slocum-200")
+    found = energy_used(stored(tmp_path, {**columns, COUNTER: charge}), "slocum-200")
     assert found.resets == 1
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
 
@@ -120,12 +127,10 @@ def test_counters_of_two_vehicles_are_not_one(
     files = []
     for number, name in enumerate(("unit1", "unit2")):
         moved = number * float(np.ptp(columns["time"]) + 30.0)
-        table = {**columns, "time": columns["time"] + moved}
-        table["m_coulomb_amphr_total"] = columns["m_coulomb_amphr_total"] + 50.0 * number
-        gps = gps_columns(FLIGHT)
-        files.append(write_csv(tmp_path / f"{name}_flight.csv", table))
-        fixes = {**gps, "time": gps["time"] + moved}
-        files.append(write_csv(tmp_path / f"{name}_gps.csv", fixes))
+        counted = {**columns, COUNTER: columns[COUNTER] + 50.0 * number}
+        for kind, table in (("flight", counted), ("gps", gps_columns(FLIGHT))):
+            later = {**table, "time": table["time"] + moved}
+            files.append(write_csv(tmp_path / f"{name}_{kind}.csv", later))
     path = write_store(import_logs("slocum", files)[0], tmp_path / "both.zarr")
     found = energy_used(path, "slocum-200")
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
@@ -136,25 +141,21 @@ def test_counters_of_two_vehicles_are_not_one(
 
 def test_a_counter_read_rarely_is_enough(columns: dict[str, np.ndarray], tmp_path: Path) -> None:
     """A reading in ten minutes: an equation goes from one to the next."""
-    charge = columns["m_coulomb_amphr_total"].copy()
-    charge[np.arange(len(charge)) % 150 != 0] = np.nan
-    found = energy_used(
-        stored(tmp_path, {**columns, "m_coulomb_amphr_total": charge}), "slocum-200"
-    )
+    seldom = np.arange(len(columns["time"])) % 150 == 0
+    charge = np.where(seldom, columns[COUNTER], np.nan)
+    found = energy_used(stored(tmp_path, {**columns, COUNTER: charge}), "slocum-200")
     assert found.hours / found.equations > 1 / 6
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.2)
 
 
 def test_a_log_that_does_not_count_says_so(
-    columns: dict[str, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    silent: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = {n: v for n, v in columns.items() if n not in ("m_coulomb_amphr_total", "m_battery")}
-    path = stored(tmp_path, table)
     with pytest.raises(NotCounted, match="lacks measured_charge and measured_voltage"):
-        energy_used(path)
-    assert counted_energy(path, "slocum-200") is None
-    assert PROGRAM.main(["energy", str(path)]) == 2
-    assert "m_coulomb_amphr_total" in capsys.readouterr().err
+        energy_used(silent)
+    assert counted_energy(silent, "slocum-200") is None
+    assert PROGRAM.main(["energy", str(silent)]) == 2
+    assert COUNTER in capsys.readouterr().err
 
 
 def test_noise_of_an_encoder_is_no_move() -> None:
@@ -210,28 +211,20 @@ def test_charge_of_later_dives_of_real_gliders(
 
 
 def test_a_flight_tells_power_and_days_left(
-    store: Path,
-    columns: dict[str, np.ndarray],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    store: Path, silent: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--vehicle", "slocum-200", "--estimator", "steady", "--overwrite", "--json"]
     words += ["--out", str(tmp_path / "flight.nc")]
     used = energy_used(store, "slocum-200")
     left = ["--energy-left-kwh", "1.2"]
-    assert PROGRAM.main(["flight", str(store), *words, *left]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["power_w"] == pytest.approx(used.power)
-    assert told["days_left"] == pytest.approx(1200.0 / used.power / 24.0)
-    assert PROGRAM.main(["flight", str(store), *words]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["power_w"] == pytest.approx(used.power)
-    assert told["days_left"] is None
+    for more, days in ((left, pytest.approx(1200.0 / used.power / 24.0)), ([], None)):
+        assert PROGRAM.main(["flight", str(store), *words, *more]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["power_w"] == pytest.approx(used.power)
+        assert told["days_left"] == days
     assert PROGRAM.main(["flight", str(store), *words, "--energy-left-kwh", "-1"]) == 2
     assert "--energy-left-kwh -1 must be above 0" in capsys.readouterr().err
-    table = {n: v for n, v in columns.items() if n not in ("m_coulomb_amphr_total", "m_battery")}
-    silent = str(stored(tmp_path, table))
-    assert PROGRAM.main(["flight", silent, *words, *left]) == 2
+    assert PROGRAM.main(["flight", str(silent), *words, *left]) == 2
     assert "lacks measured_charge and measured_voltage" in capsys.readouterr().err
 
 

@@ -20,7 +20,7 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, UnknownName
 from twin.geodesy import from_tangent_plane
 from twin.identify.speed import motion_of
-from twin.logs import estimate_flight, flight_dataset
+from twin.logs import estimate_flight, flight_dataset, write_flight
 from twin.logs.flight_estimator import ESTIMATORS, FlightEstimator
 from twin.logs.flight_summary import summarise
 from twin.records.store import write_store
@@ -146,7 +146,8 @@ def test_a_dive_that_has_no_attitude_for_long_tells_no_current(
     assert len(flight.currents) > 0
 
 
-def test_the_file_says_what_it_holds(flight, tmp_path: Path) -> None:
+@pytest.mark.parametrize("ending", [".nc", ".zarr"])
+def test_the_file_says_what_it_holds(flight, tmp_path: Path, ending: str) -> None:
     dataset = flight_dataset(flight)
     for name, standard in (
         ("w_water", "upward_sea_water_velocity"),
@@ -168,24 +169,12 @@ def test_the_file_says_what_it_holds(flight, tmp_path: Path) -> None:
         assert np.nanmin(track) <= dataset[f"dac_{name}"].values.min()
         assert dataset[f"dac_{name}"].values.max() <= np.nanmax(track)
         assert dataset[f"dac_{name}"].attrs["standard_name"] == name
-    from twin.logs import write_flight
-
-    for ending in (".nc", ".zarr"):
-        write_flight(flight, tmp_path / f"flight{ending}")
-        read = xr.open_dataset(
-            tmp_path / f"flight{ending}", engine="zarr" if ending == ".zarr" else None
-        )
+    path = tmp_path / f"flight{ending}"
+    write_flight(flight, path)
+    with xr.open_dataset(path, engine="zarr" if ending == ".zarr" else None) as read:
         np.testing.assert_allclose(read["w_water"].values, dataset["w_water"].values)
         assert np.issubdtype(read["start_time"].dtype, np.datetime64)
-        read.close()
-
-
-@pytest.mark.parametrize("ending", [".nc", ".zarr"])
-def test_its_corrected_track_is_drawn_beside_others(flight, tmp_path: Path, ending: str) -> None:
-    from twin.logs import write_flight
-
-    write_flight(flight, tmp_path / f"flight{ending}")
-    (track,) = read_tracks(tmp_path / f"flight{ending}", 0)
+    (track,) = read_tracks(path, 0)  # to be drawn beside others
     position = flight.missions[0].position
     assert track.title == "corrected"
     assert track.time[-1] == pytest.approx(flight.store.period * (len(position) - 1))
@@ -298,12 +287,9 @@ def test_velocities_of_a_forecast_are_those_of_every_dive_that_the_model_flies(
     store: Path, flight
 ) -> None:
     found = flown_velocities(store, None)
-    assert list(found) == [
-        one.dive.mission for one in flight.missions if one.dive.motion is not None
-    ]
-    assert list(found) == [0]
+    flown = [one.dive.mission for one in flight.missions if one.dive.motion is not None]
+    assert list(found) == flown == [0]
     deep = truth(store, "depth") > 5.0
-    over_ground = [truth(store, f"velocity_{name}") for name in ("north", "east")]
-    for column, ground in enumerate(over_ground):
-        error = found[0][:, column] - (ground - CURRENT[column])
+    for column, name in enumerate(("north", "east")):
+        error = found[0][:, column] - (truth(store, f"velocity_{name}") - CURRENT[column])
         assert np.sqrt(np.mean(error[deep] ** 2)) < 0.01

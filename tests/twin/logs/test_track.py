@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.logs import Drift, Fixes, linear_track
-from twin.logs.depth_averaged_current import USUAL_CHANGE, currents, drift_of
+from twin.logs.corrected_track import USUAL_CHANGE, currents, drift_of
 
 PERIOD = 2.0
 DRIFT = Drift(diffusivity=2.0, change=0.03)
@@ -77,10 +77,8 @@ def test_without_fixes_the_track_starts_at_the_origin_and_grows_unsure() -> None
 
 def dive(velocity: np.ndarray, current: tuple[float, float], start: float, mission: int):
     samples = len(velocity)
-    way = np.concatenate(
-        [np.zeros((1, 2)), np.cumsum(0.5 * PERIOD * (velocity[1:] + velocity[:-1]), axis=0)]
-    )
-    end = way[-1] + PERIOD * (samples - 1) * np.array(current)
+    swum = 0.5 * PERIOD * (velocity[1:] + velocity[:-1]).sum(axis=0)
+    end = swum + PERIOD * (samples - 1) * np.array(current)
     given = fixes([0, samples - 1], [(0.0, 0.0), tuple(end)])
     depth = 40.0 * np.sin(np.linspace(0.0, np.pi, samples))
     return currents(mission, velocity, depth, PERIOD, given, start)

@@ -10,10 +10,13 @@ from twin.mission import Hold, Mission, SawTooth, Spiral, Surface
 from twin.mission import mission_file as g
 from twin.mission.controller import Command, MissionController, Observation
 from twin.mission.guidance import guidance_step, new_state
+from twin.mission.shipped_missions import load_mission_for
 from twin.vehicle.vehicle import load_vehicle
 
+KP, KI, KD = 2.0, 0.01, 30.0
+TICK = 0.5
 VEHICLE = load_vehicle("glider").replace(
-    pitch_pid=(0.1, 0.01, 0.5), heading_pid=(2.0, 0.01, 30.0), control_period=0.5
+    pitch_pid=(0.1, 0.01, 0.5), heading_pid=(KP, KI, KD), control_period=TICK
 )
 PARTS = VEHICLE.part_names
 
@@ -35,7 +38,7 @@ class Scripted:
             self.table, self.gains, self.state, self.time, depth, roll, pitch, heading, *rates,
             self.command,
         )  # fmt: skip
-        self.time += 0.5
+        self.time += TICK
         return self.command.copy()
 
     def trim(self, which, segment=0):
@@ -182,15 +185,6 @@ def test_pitch_loop_is_feedforward_plus_pid():
     assert pitching == pytest.approx(trim + integral - 0.5 * 0.004)
 
 
-def test_pitch_rate_is_that_of_the_euler_angle():
-    run = Scripted(SawTooth(max_depth_m=100, pitch_deg=35, yos=1))
-    roll, pitch = math.radians(-40), math.radians(-35)
-    level = run.tick(pitch=pitch)[0]
-    # a turn about the vertical has body rates q and r, and no pitch rate
-    q, r = (0.004 * math.cos(pitch) * f for f in (math.sin(roll), math.cos(roll)))
-    assert run.tick(pitch=pitch, roll=roll, rates=(0.0, q, r))[0] == pytest.approx(level, abs=1e-12)
-
-
 def test_integral_waits_while_the_battery_is_at_its_end():
     run = Scripted(SawTooth(max_depth_m=100, pitch_deg=35, yos=1))
     for _ in range(400):
@@ -228,13 +222,6 @@ def test_heading_is_held_when_none_is_given():
     assert run.tick(heading=1.2)[1] == 0.0
     assert run.tick(heading=1.1)[1] == pytest.approx(0.2)
     assert run[g.HEADING_SETPOINT] == 1.2
-
-
-def test_turning_towards_the_setpoint_brakes():
-    run = Scripted(SawTooth(max_depth_m=100, heading_deg=30, yos=1))
-    still = run.tick(heading=math.radians(20))[1]
-    turning = run.tick(heading=math.radians(20), rates=(0.0, 0.0, 0.003))[1]
-    assert turning < still
 
 
 def test_spiral_rotation_by_phase_and_no_heading_setpoint():
@@ -278,3 +265,135 @@ def test_command_refuses_what_is_not_a_number():
     with pytest.raises(InputError, match="command: rotation = nan must be a finite number"):
         Command(rotation=math.nan)
     assert Command(shift=0.01, pump=-3).as_array(VEHICLE).tolist() == [0.01, 0.0, -3.0]
+
+
+def euler_rates_to_body(roll, pitch, roll_rate, pitch_rate, heading_rate):
+    """p, q, r of these rates of the Euler angles (Fossen 2011, equation 2.26)."""
+    return (
+        roll_rate - math.sin(pitch) * heading_rate,
+        math.cos(roll) * pitch_rate + math.sin(roll) * math.cos(pitch) * heading_rate,
+        -math.sin(roll) * pitch_rate + math.cos(roll) * math.cos(pitch) * heading_rate,
+    )
+
+
+def commands(roll, pitch, **euler):
+    """Shift and rotation of a first tick at these rates of the Euler angles [rad/s]."""
+    rates = {"roll_rate": 0.0, "pitch_rate": 0.0, "heading_rate": 0.0, **euler}
+    run = Scripted(SawTooth(max_depth_m=100, heading_deg=0, pitch_deg=35, yos=1))
+    body = euler_rates_to_body(roll, pitch, **rates)
+    return run.tick(roll=roll, pitch=pitch, rates=body)[:2]
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.7, -0.7, 1.3])
+@pytest.mark.parametrize("pitch", [-0.55, -0.7])
+def test_each_loop_brakes_the_rate_of_its_own_angle_only(roll, pitch):
+    """On a rolled hull a turn shows in q and r, and so does a change of pitch."""
+    still = commands(roll, pitch)
+    turning = commands(roll, pitch, heading_rate=0.004)
+    pitching = commands(roll, pitch, pitch_rate=0.004)
+    rolling = commands(roll, pitch, roll_rate=0.1)
+    assert turning - still == pytest.approx([0.0, -KD * 0.004], abs=1e-12)
+    assert pitching - still == pytest.approx([0.5 * 0.004, 0.0], abs=1e-12)
+    assert rolling == pytest.approx(still, abs=1e-12)
+
+
+def test_the_heading_rate_stays_finite_where_the_nose_points_down():
+    """Below a cosine of 0.2 (78 deg of pitch) the quotient r / cos(pitch) grows no further."""
+    run = Scripted(SawTooth(max_depth_m=100, heading_deg=0, max_rotation_deg=80, yos=1))
+    command = run.tick(pitch=-math.pi / 2, rates=(0.0, 0.0, 0.004))[1]
+    assert command == pytest.approx(-KD * 0.004 / 0.2)
+
+
+def test_every_segment_begins_with_an_empty_heading_integral():
+    leg = {"max_depth_m": 100, "min_depth_m": 5, "pitch_deg": 30}
+    run = Scripted(
+        SawTooth(heading_deg=10, duration_s=20, **leg), SawTooth(heading_deg=50, yos=1, **leg)
+    )
+    error = math.radians(1.0)
+    for tick in range(40):
+        rotation = run.tick(heading=math.radians(9.0))[1]
+        assert rotation == pytest.approx(KP * error + KI * error * TICK * tick)
+    assert run.tick(heading=math.radians(49.0))[1] == pytest.approx(KP * error)
+    assert run[g.SEGMENT] == 1
+
+
+def test_errors_beyond_two_degrees_are_integrated_as_two():
+    run = Scripted(SawTooth(max_depth_m=100, heading_deg=0, yos=1))
+    error = math.radians(-5.0)
+    for tick in range(20):
+        rotation = run.tick(heading=math.radians(5.0))[1]
+        assert rotation == pytest.approx(KP * error - KI * math.radians(2.0) * TICK * tick)
+
+
+def climbing_at(depth, following):
+    """Phase of the segment that follows a dive turned at 60 m, entered on the way up."""
+    first = SawTooth(max_depth_m=60, min_depth_m=5, pitch_deg=30, duration_s=2.0)
+    run = Scripted(first, following)
+    for here in (50.0, 60.0, 58.0, 55.0):
+        run.tick(here)
+    assert run[g.PHASE] == g.CLIMB
+    run.tick(depth)
+    assert run[g.SEGMENT] == 1
+    return run[g.PHASE], run[g.YO_COUNT]
+
+
+@pytest.mark.parametrize("kind", [SawTooth, Spiral])
+def test_a_climb_goes_on_only_below_the_upper_limit_of_the_next_segment(kind):
+    turn = {"rotation_deg": 30} if kind is Spiral else {}
+    following = kind(max_depth_m=100, min_depth_m=40, yos=1, **turn)
+    assert climbing_at(41.0, following) == (g.CLIMB, -0.5)
+    assert climbing_at(40.0, following) == (g.DIVE, 0.0)  # at its upper limit: it has to dive
+    assert climbing_at(30.0, following) == (g.DIVE, 0.0)
+
+
+def test_a_dive_stays_a_dive_in_the_next_segment():
+    run = Scripted(
+        SawTooth(max_depth_m=60, duration_s=2.0), SawTooth(max_depth_m=100, min_depth_m=20, yos=1)
+    )
+    for here in (10.0, 20.0, 30.0, 40.0, 50.0):
+        run.tick(here)
+    assert run[g.SEGMENT] == 1
+    assert run[g.PHASE] == g.DIVE
+    assert run[g.YO_COUNT] == 0.0
+
+
+def rotation_in_a_climb(turns, *, rising, hand_over=60, by_roll=1.0):
+    """Rotation commanded at an error of 10 deg after some seconds of a climb at a depth rate."""
+    run = Scripted(SawTooth(max_depth_m=100, min_depth_m=10, heading_deg=0, pitch_deg=30, yos=2))
+    run.table[:, g.DIVE_TURN], run.table[:, g.CLIMB_TURN] = turns
+    run.gains[g.TURNS_BY_ROLL] = by_roll
+    run.tick(depth=101.0)
+    for k in range(hand_over):
+        depth = 101.0 - rising * k * TICK
+        rotation = run.tick(depth, heading=math.radians(-10.0))[1]
+    assert run[g.PHASE] == g.CLIMB
+    return rotation
+
+
+def test_a_battery_that_turns_it_otherwise_in_climbs_waits_for_the_climb():
+    """A hull that still falls would be turned away from its heading by the climb's roll."""
+    assert rotation_in_a_climb((1.0, -1.0), rising=-0.05) == 0.0
+    assert rotation_in_a_climb((1.0, -1.0), rising=0.01) == 0.0
+    assert rotation_in_a_climb((1.0, -1.0), rising=0.1) < -0.3
+    # a rudder turns it alike in both, and one that is in reversed flow waits for nothing
+    assert rotation_in_a_climb((1.0, 1.0), rising=-0.05) > 0.3
+    assert rotation_in_a_climb((1.0, -1.0), rising=-0.05, by_roll=0.0) < -0.3
+
+
+def test_a_battery_turns_a_vehicle_by_its_roll_and_a_rudder_does_not():
+    for name, by_roll in (
+        ("seaglider", 1.0),
+        ("glider", 1.0),
+        ("slocum-200", 0.0),
+        ("tethys", 0.0),
+    ):
+        _, gains = load_mission_for(load_vehicle(name)).compile(load_vehicle(name))
+        assert gains[g.TURNS_BY_ROLL] == by_roll
+
+
+def test_half_a_turn_stays_on_its_side():
+    """An error of 180 deg whose sign a yaw changes does not throw the battery to and fro."""
+    run = Scripted(SawTooth(max_depth_m=100, heading_deg=180.0, yos=1))
+    headings = np.radians([1.0, 0.5, 359.5, 359.0, 0.2, 358.0])
+    rotations = [run.tick(pitch=-0.5, heading=heading)[1] for heading in headings]
+    assert len({math.copysign(1.0, rotation) for rotation in rotations}) == 1

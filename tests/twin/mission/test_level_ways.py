@@ -10,11 +10,12 @@ from torpedo import TORPEDO
 
 import twin
 from twin.errors import MissionError
-from twin.mission import Circle, Hover, LawnMower, Mission, SawTooth, Transect
+from twin.mission import Circle, Hover, LawnMower, Mission, SawTooth, Segment, Surface, Transect
 from twin.mission.glide_balance import imbalance
 from twin.mission.turning import turn_factor, turn_per_position
 from twin.mission.way import level_way, way
-from twin.physics.scenario import Start
+from twin.physics.scenario import Scenario, Start
+from twin.physics.simulation import Simulation
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.floor import GridFloor
 
@@ -197,3 +198,32 @@ def test_missions_of_new_kinds_survive_the_way_through_toml():
     mission = twin.load_mission("transects")
     assert Mission.from_dict(mission.to_dict()) == mission
     assert mission.time_limit_s(load_vehicle("tethys")) > 2000.0
+
+
+SLOW = 0.8
+
+
+@pytest.mark.parametrize("vehicle", ["tethys", "tethys:gazebo"])
+@pytest.mark.parametrize(
+    "segment",
+    [
+        SawTooth(max_depth_m=20.0, min_depth_m=5.0, pitch_deg=10.0, speed_m_s=SLOW, duration_s=300),
+        Transect(depth_m=10.0, heading_deg=30.0, speed_m_s=SLOW, duration_s=300.0),
+    ],
+)
+def test_pump_and_battery_take_it_under_water(vehicle: str, segment: Segment) -> None:
+    """An elevator alone lifts the tail out of the water, and the hull stays awash."""
+    plan = Mission(
+        segments=(segment, Surface(duration_s=200.0), segment), duration_s=900.0, at_end="hold"
+    )
+    run = Simulation(Scenario(vehicle=vehicle, mission=plan)).run()
+    for part in (0, 2):
+        inside = run["commanded_segment"] == part
+        time, depth = run.time[inside], run["true_depth"][inside]
+        under = time[np.argmax(depth > 2.0)] - time[0]
+        assert depth.max() > 9.0
+        assert under < 90.0
+    # under way it is neutral again, and the battery where the way has it
+    way = (run["commanded_segment"] == 0) & (run.time > 250.0)
+    assert run["commanded_pump"][way] == pytest.approx(500.0)
+    assert np.abs(run["commanded_shift"][way]).max() < 0.03

@@ -16,9 +16,14 @@ from twin.checks.agreement import check_manoeuvres
 from twin.fossen import FossenModel
 from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide
-from twin.mission.mission_file import MISSING, VehicleLine, shipped_vehicles
 from twin.mission.segments import SawTooth, Surface
-from twin.mission.shipped_missions import load_mission_for, usual_mission
+from twin.mission.shipped_missions import (
+    MISSING,
+    VehicleLine,
+    load_mission_for,
+    shipped_vehicles,
+    usual_mission,
+)
 from twin.physics.settle import trim as settle
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.steady_motion import trim_positions

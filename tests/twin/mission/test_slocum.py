@@ -126,6 +126,7 @@ def test_everything_that_is_left_out_is_listed(tmp_path):
     ):
         assert any(words in note for note in notes), (words, notes)
     assert not any("undervolts" in note for note in notes)  # switched off in the file
+    assert sum(": sample:" in note for note in notes) == 1
 
 
 def test_every_argument_is_used_or_listed(tmp_path):
@@ -192,11 +193,6 @@ def test_the_mode_of_the_pump_is_taken_by_either_name(tmp_path):
     after = read_slocum(path)
     assert after.mission == before.mission
     assert not any("bpump_mode" in note for note in after.notes)
-
-
-def test_what_moves_nothing_has_one_line(tmp_path):
-    notes = read_slocum(written(tmp_path)).notes
-    assert sum(": sample:" in note for note in notes) == 1
 
 
 def test_decimal_degrees_are_told_from_minutes(tmp_path):

@@ -1,4 +1,4 @@
-"""How a vehicle turns for the position of what turns it, and what the heading loop makes of it."""
+"""Steady glides, and how a vehicle turns for the position of what turns it."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from torpedo import TORPEDO
 
+from twin.errors import MissionError
 from twin.fossen import FossenModel
-from twin.mission import Mission, SawTooth, guidance
+from twin.mission import Mission, SawTooth, steady_glide
 from twin.mission.glide_balance import imbalance
 from twin.mission.mission_file import CLIMB_TURN, DIVE_TURN
 from twin.mission.turning import LARGEST_FACTOR, turn_factor, turn_per_position
@@ -93,30 +95,13 @@ def test_a_mass_in_a_turn_has_its_weight_and_its_centrifugal_force():
 
 
 def test_a_rudder_turns_the_same_way_in_all_phases():
-    from pathlib import Path
-
-    torpedo = load_vehicle(Path(__file__).parents[2] / "vehicles" / "torpedo.xml")
+    torpedo = load_vehicle(TORPEDO)
     turns = [
         turn_per_position(torpedo, way(torpedo, "test", "pitch_deg", pitch, 0.0, 1.5))
         for pitch in (-20.0, 0.0, 20.0)
     ]
     assert len({math.copysign(1.0, turn) for turn in turns}) == 1
     np.testing.assert_allclose(turns, turns[1], rtol=0.1)
-
-
-def test_half_a_turn_stays_on_its_side():
-    """An error of 180 deg whose sign a yaw changes does not throw the battery to and fro."""
-    plan = Mission(segments=(SawTooth(max_depth_m=100, heading_deg=180.0, yos=1),))
-    table, gains = plan.compile(PRINTED)
-    state, command = guidance.new_state(), np.zeros(3)
-    rotations = []
-    for tick, heading in enumerate([1.0, 0.5, 359.5, 359.0, 0.2, 358.0]):
-        guidance.guidance_step(
-            table, gains, state, 0.5 * tick, 50.0, 0.0, -0.5, math.radians(heading), 0.0, 0.0, 0.0,
-            command,
-        )  # fmt: skip
-        rotations.append(command[1])
-    assert len({math.copysign(1.0, r) for r in rotations}) == 1
 
 
 @pytest.mark.parametrize(("pitch", "net_mass"), [(-26, 0.15), (-33, 0.4), (30, -0.45)])
@@ -129,3 +114,39 @@ def test_the_loop_is_as_strong_on_every_way_as_on_the_usual_one(pitch, net_mass)
     assert turned != pytest.approx(turn_per_position(PRINTED, usual), rel=0.1)
     looped = turn_factor(PRINTED, here) * turned
     assert looped == pytest.approx(turn_per_position(PRINTED, usual), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("net_mass", "pitch_deg", "shift", "speed", "alpha_deg", "down"),
+    [
+        (0.30, -32.973, 0.0200, 0.4729, 1.457, 0.2674),
+        (0.30, -17.984, 0.0100, 0.3586, 2.826, 0.1274),
+        (-0.30, 35.058, -0.0200, 0.4861, -1.257, -0.2879),
+    ],
+)
+def test_sea_wing_glides_of_the_reference_table(net_mass, pitch_deg, shift, speed, alpha_deg, down):
+    glide = steady_glide(load_vehicle("glider"), math.radians(pitch_deg), net_mass)
+    assert glide.shift == pytest.approx(shift, abs=1e-5)
+    assert glide.speed == pytest.approx(speed, abs=1e-4)
+    assert math.degrees(glide.angle_of_attack) == pytest.approx(alpha_deg, abs=1e-3)
+    assert glide.vertical_speed == pytest.approx(down, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["glider", "rogue", "graver-2005"])
+@pytest.mark.parametrize("pitch_deg", [-40, -25, 25, 40])
+def test_inverse_of_the_fossen_trim(name, pitch_deg):
+    vehicle = load_vehicle(name)
+    net_mass = -0.25 * math.copysign(1, pitch_deg)
+    glide = steady_glide(vehicle, math.radians(pitch_deg), net_mass)
+    trim = FossenModel(vehicle).trim(glide.shift, 0.0, net_mass)
+    assert trim.pitch_deg == pytest.approx(pitch_deg, abs=1e-3)
+    assert trim.speed_m_s == pytest.approx(glide.speed, rel=1e-5)
+    assert trim.vertical_speed_m_s == pytest.approx(glide.vertical_speed, rel=1e-5)
+
+
+def test_too_shallow_a_pitch_names_the_shallowest():
+    vehicle = load_vehicle("glider")
+    with pytest.raises(MissionError, match=r"3 deg is too shallow .* glides from (\d+\.\d) deg on"):
+        steady_glide(vehicle, math.radians(-3), 0.3)
+    with pytest.raises(MissionError, match="heavy glider dives nose down"):
+        steady_glide(vehicle, math.radians(20), 0.3)

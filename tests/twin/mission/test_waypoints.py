@@ -202,16 +202,3 @@ def test_places_on_the_earth_need_a_start_on_it():
     with pytest.raises(MissionError, match=r"Mission\.placed"):
         MissionController(mission, VEHICLE)
     MissionController(mission.placed(36.8, -122.4), VEHICLE)
-
-
-@pytest.mark.parametrize("place", [(0.0, 0.0), (49.3, -16.2), (-60.0, 179.9)])
-def test_the_tangent_plane_and_back(place):
-    north, east = 40e3, -70e3
-    latitude, longitude = geodesy.from_tangent_plane(np.array(north), np.array(east), *place)
-    back = geodesy.to_tangent_plane(float(latitude), float(longitude), *place)
-    assert back == pytest.approx((north, east), abs=1e-3)
-
-
-def test_missions_with_waypoints_survive_their_dictionary():
-    mission = Mission(segments=(to_waypoint(surface_after_s=900.0, surface_at_target=False),))
-    assert Mission.from_dict(mission.to_dict()) == mission

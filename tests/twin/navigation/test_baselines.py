@@ -6,25 +6,32 @@ from navigation import PERIOD, steady_mission, trimmed_mission
 
 from twin.errors import InputError, StoreError
 from twin.fossen import FossenModel, FossenState
-from twin.fossen.forces import parameters_of
 from twin.mission.controller import Schedule
 from twin.navigation.dead_reckoning import (
     AttitudeSeries,
+    bridge,
+    hold,
     horizontal_error,
+    smooth,
     true_water_track,
     water_track,
 )
-from twin.navigation.estimators import ekf, ekf_kernels
 from twin.navigation.estimators.dvl import Dvl, spikes
-from twin.navigation.estimators.ekf import Ekf, EkfNoise
-from twin.navigation.estimators.ekf_kernels import DEPTH, NET_ERROR, SURGE, SWAY
-from twin.navigation.estimators.onboard import OnboardReckoning
-from twin.navigation.estimators.pitch_plus_alpha import (
+from twin.navigation.estimators.ekf import (
+    DEPTH,
+    NET_ERROR,
+    SURGE,
+    SWAY,
+    Ekf,
+    EkfNoise,
+    _predict,
+)
+from twin.navigation.estimators.flight import SteadyFlight
+from twin.navigation.estimators.reckoning import (
+    OnboardReckoning,
     PitchPlusAlpha,
     steady_angle_of_attack,
 )
-from twin.navigation.estimators.series import bridge, hold, smooth
-from twin.navigation.estimators.steady_flight import SteadyFlight
 from twin.seams import VELOCITY_ESTIMATORS
 from twin.vehicle.vehicle import load_vehicle
 
@@ -247,29 +254,18 @@ def _simulate_ekf_data(noise: EkfNoise, seed: int):
     rng = np.random.default_rng(seed)
     samples = 1500
     signals = trimmed_mission(samples)
-    inertia = VEHICLE.mass * np.eye(3) + VEHICLE.added_mass[:3, :3]
-    parameters = parameters_of(VEHICLE, np.zeros(1), np.array([VEHICLE.reference_density]))
+    model = Ekf(VEHICLE, PERIOD, noise).model
     pitch = np.deg2rad(signals["measured_pitch"][0])
     given = np.array([-np.sin(pitch), 0.0, np.cos(pitch), 0.0, 0.0, 0.0, 0.3])
-    spread = np.sqrt(PERIOD) * np.array(
-        [noise.acceleration] * 3 + [noise.kinematic, noise.net_mass]
-    )
+    spread = np.sqrt(PERIOD * model.process)
     truth = np.zeros((samples, 5))
     truth[0, :3] = noise.initial_velocity * rng.standard_normal(3)
     truth[0, 4] = noise.initial_net_mass * rng.standard_normal()
     truth[0, 3] = 50.0
     for k in range(1, samples):
-        ahead = ekf_kernels._predict(
-            parameters,
-            np.linalg.inv(inertia),
-            inertia,
-            ekf._coupling(VEHICLE),
-            truth[k - 1],
-            given,
-            given,
-            PERIOD,
-        )
-        truth[k] = ahead + spread * rng.standard_normal(5)
+        truth[k] = _predict(
+            model, truth[k - 1], given, given, PERIOD
+        ) + spread * rng.standard_normal(5)
     signals["measured_depth"] = truth[:, 3] + noise.depth * rng.standard_normal(samples)
     return signals, truth
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.navigation.dvl_cleaning import SMOOTHING_S, SMOOTHINGS, outliers, smoothed
+from twin.navigation.estimators.dvl import SMOOTHING_S, SMOOTHINGS, outliers, smoothed
 
 PERIOD = 0.5
 SAMPLES = 600

@@ -22,7 +22,7 @@ from twin.physics.simulation import Simulation, simulate
 from twin.records.mission_dataset import summarise
 from twin.vehicle.presets import asset_path
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
-from twin.water.current.uniform import Uniform
+from twin.water.current.profile import Uniform
 from twin.water.floor import Bathymetry, FlatFloor, GridFloor
 
 VEHICLE = load_vehicle("glider")

@@ -23,7 +23,7 @@ from twin.fossen.forces import parameters_of
 from twin.frames import euler_to_quaternion
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
-from twin.water.current.current_text import parse_current
+from twin.water.current.base import parse_current
 from twin.water.current.sampler import sample_gradient
 
 VEHICLE = load_vehicle("glider")

@@ -17,8 +17,7 @@ from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.vehicle.laws.flow_frame import native_wrench
 from twin.vehicle.vehicle import load_vehicle
-from twin.water.current.profile import Profile
-from twin.water.current.uniform import Uniform
+from twin.water.current.profile import Profile, Uniform
 
 VEHICLE = load_vehicle("glider")
 VALUES, DENSITY = VEHICLE.law.values(), VEHICLE.reference_density

@@ -21,8 +21,7 @@ from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current import register
-from twin.water.current.base import Current
-from twin.water.current.current_text import parse_current
+from twin.water.current.base import Current, parse_current
 from twin.water.current.sampler import sample_gradient
 
 VEHICLE = load_vehicle("glider")

@@ -9,7 +9,7 @@ from twin.compiled import changed
 from twin.physics.lookup_tables import Tables
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native.late import TABLE
-from twin.water.current.current_text import parse_current
+from twin.water.current.base import parse_current
 
 
 def drifted(model):

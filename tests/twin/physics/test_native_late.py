@@ -19,8 +19,8 @@ from twin.physics.native.flow import SAMPLER
 from twin.physics.native.install import install
 from twin.physics.native.late import REFUSED
 from twin.physics.native.plane import LAYER
-from twin.water.current.current_text import parse_current
-from twin.water.floor.spec import parse_floor
+from twin.water.current.base import parse_current
+from twin.water.floor.bathymetry import parse_floor
 
 STEPS = 30
 

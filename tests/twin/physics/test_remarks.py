@@ -11,7 +11,7 @@ from twin.physics.remarks import remarks
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.vehicle.vehicle import load_vehicle
-from twin.water.current.uniform import Uniform
+from twin.water.current.profile import Uniform
 from twin.water.density import DensityProfile
 from twin.water.floor import FlatFloor, GridFloor
 

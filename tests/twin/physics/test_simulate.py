@@ -20,8 +20,7 @@ from twin.records.mission_dataset import dataset_of
 from twin.records.store import open_store, read_trajectory, write_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.vehicle import load_vehicle
-from twin.water.current.profile import Profile
-from twin.water.current.uniform import Uniform
+from twin.water.current.profile import Profile, Uniform
 from twin.water.density import DensityProfile
 
 VEHICLE = load_vehicle("glider")

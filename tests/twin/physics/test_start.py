@@ -21,7 +21,7 @@ from twin.physics.simulation import simulate
 from twin.physics.start import Start, parse_place, utc_text
 from twin.records.reader import MissionStore
 from twin.water.current.axes import Origin
-from twin.water.current.current_text import parse_current
+from twin.water.current.base import parse_current
 
 OLD = Path(__file__).parents[2] / "data" / "e2ff189" / "scenario.json"
 PLACE = {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01T00:00"}

@@ -12,7 +12,7 @@ from torpedo import TORPEDO
 import twin
 from twin.checks.published import held_flight
 from twin.errors import VehicleError
-from twin.mission.cruise import cruise_rate, surplus
+from twin.mission.glide_balance import cruise_rate, surplus
 from twin.mission.segments import Hold, SawTooth
 from twin.vehicle.additions import with_part
 from twin.vehicle.presets import vehicle_names

@@ -20,10 +20,10 @@ import json, math
 import twin
 from twin.checks.agreement import check_manoeuvres
 from twin.errors import TwinError
-from twin.faults.wing_lost import WingLost
+from twin.faults.hull import WingLost
 from twin.identify.calibration import require_glider
 from twin.mission import steady_glide
-from twin.navigation.estimators.pitch_plus_alpha import PitchPlusAlpha
+from twin.navigation.estimators.reckoning import PitchPlusAlpha
 from twin.navigation.flight_filter import FlightFilter
 from twin.vehicle.additions import with_law
 

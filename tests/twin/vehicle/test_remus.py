@@ -10,7 +10,7 @@ import pytest
 import twin
 from twin.checks.agreement import check_manoeuvres
 from twin.checks.published import held_flight
-from twin.mission.cruise import cruise_rate
+from twin.mission.glide_balance import cruise_rate
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import load_vehicle
 

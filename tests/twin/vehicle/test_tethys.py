@@ -28,7 +28,7 @@ from twin.sensors.dvl import MODES, OUTPUTS
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.steady_motion import solve_steady_state
 from twin.vehicle.vehicle import load_vehicle
-from twin.water.current.uniform import Uniform
+from twin.water.current.profile import Uniform
 
 RATE = 10.0 * math.pi  # 300 rpm
 MBARI, GAZEBO = load_vehicle("tethys"), load_vehicle("tethys:gazebo")

@@ -14,7 +14,7 @@ import xarray as xr
 
 from twin.errors import CurrentError
 from twin.water.current import Grid, Origin, current_from_dict, parse_current
-from twin.water.current.grid_kernels import beyond_grid
+from twin.water.current.grid import beyond_grid
 from twin.water.current.hydrography import along_track
 from twin.water.current.sampler import sample, sample_track
 
@@ -444,15 +444,11 @@ def refuse_pressure():
     return data
 
 
-def without_units():
+def changed(name, **attributes):
+    """A file whose variable has other attributes; None: it lacks them."""
     data = copernicus()
-    del data["vo"].attrs["units"]
-    return data
-
-
-def with_units(units):
-    data = copernicus()
-    data["uo"].attrs["units"] = units
+    data[name].attrs |= attributes
+    data[name].attrs = {k: v for k, v in data[name].attrs.items() if v is not None}
     return data
 
 
@@ -460,26 +456,6 @@ def undeclared_fill():
     data = copernicus()
     data["uo"][:, -1] = 1e20
     return data
-
-
-def two_candidates():
-    data = copernicus()
-    return data.assign(first=data.uo, second=data.uo).drop_vars("uo")
-
-
-def no_leap():
-    data = copernicus().convert_calendar("noleap", use_cftime=True)
-    return data
-
-
-def timeless():
-    data = copernicus().assign_coords(time=np.arange(4.0))
-    return data
-
-
-def half_a_surface():
-    depth = np.array([-5.0, 0.0, 10.0, 50.0, 100.0])
-    return copernicus().assign_coords(depth=depth)
 
 
 REFUSED = {
@@ -490,16 +466,26 @@ REFUSED = {
     "staggered": (refuse_staggered, r"'uo' and 'vo' have different latitude points"),
     "staggered w": (refuse_staggered_w, r"different depth points.*or leave it out with w=none"),
     "pressure": (refuse_pressure, r"given at pressure 'pres'; convert it to depth"),
-    "no units": (without_units, r"'vo' has no units attribute; say units=m/s or units=cm/s"),
-    "knots": (lambda: with_units("knots"), r"unknown velocity units 'knots'"),
+    "no units": (
+        lambda: changed("vo", units=None),
+        r"'vo' has no units attribute; say units=m/s or units=cm/s"),
+    "knots": (lambda: changed("uo", units="knots"), r"unknown velocity units 'knots'"),
     "temperature only": (
         lambda: plain(copernicus(), "thetao", "so"),
         r"no variable with standard_name eastward_sea_water_velocity.*it holds so, thetao"),
     "fill": (undeclared_fill, r"speed of 1e\+20 m/s is beyond 10 m/s.*_FillValue"),
-    "two": (two_candidates, r"first, second all have standard_name .*choose one with u=NAME"),
-    "calendar": (no_leap, r"calendar 'noleap'; convert it to the standard calendar"),
-    "no epoch": (timeless, r"'time' has units '', not e.g. 'hours since 2000-01-01'"),
-    "mixed depth": (half_a_surface, r"mixes depths below and heights above the surface"),
+    "two": (
+        lambda: copernicus().assign(first=copernicus().uo, second=copernicus().uo).drop_vars("uo"),
+        r"first, second all have standard_name .*choose one with u=NAME"),
+    "calendar": (
+        lambda: copernicus().convert_calendar("noleap", use_cftime=True),
+        r"calendar 'noleap'; convert it to the standard calendar"),
+    "no epoch": (
+        lambda: copernicus().assign_coords(time=np.arange(4.0)),
+        r"'time' has units '', not e.g. 'hours since 2000-01-01'"),
+    "mixed depth": (
+        lambda: copernicus().assign_coords(depth=[-5.0, 0.0, 10.0, 50.0, 100.0]),
+        r"mixes depths below and heights above the surface"),
     "all missing": (
         lambda: copernicus() * np.nan, r"no variable with standard_name|no water within reach"),
     "repeated time": (

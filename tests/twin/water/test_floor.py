@@ -25,6 +25,7 @@ from twin.water.floor import (
     floor_from_dict,
     parse_floor,
 )
+from twin.water.floor.bathymetry import ROUGH_SETTINGS
 from twin.water.floor.lookup import (
     beam_length,
     beyond_floor,
@@ -32,7 +33,6 @@ from twin.water.floor.lookup import (
     floor_depths,
     shallowest_depth,
 )
-from twin.water.floor.spec import ROUGH_SETTINGS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "physics" / "equations.md").read_text(encoding="utf-8")
 RNG = np.random.default_rng(5)

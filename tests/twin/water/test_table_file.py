@@ -9,25 +9,24 @@ import pytest
 from twin.errors import CurrentError, InputError, MissionError
 from twin.mission import load_mission
 from twin.water.current import Profile
-from twin.water.density_spec import read_density_csv
+from twin.water.density import read_density_csv
 
-SEPARATORS = [(";", "semicolons"), ("\t", "tabs"), (" ", "blanks")]
-
-
-@pytest.mark.parametrize(("separator", "word"), SEPARATORS)
-def test_a_current_profile_must_have_commas(tmp_path: Path, separator: str, word: str) -> None:
-    path = tmp_path / "profile.csv"
-    path.write_text("# a comment; with\tall\ndepth,north,east\n0,0.1,0\n".replace(",", separator))
-    with pytest.raises(CurrentError, match=f"profile.csv line 2: .*by {word}; .*by commas.*point"):
-        Profile.from_csv(path)
+READERS = {
+    "density.csv": ("depth,density\n0,1025\n", read_density_csv),
+    "profile.csv": ("depth,north,east\n0,0.1,0\n", Profile.from_csv),
+}
 
 
-@pytest.mark.parametrize(("separator", "word"), SEPARATORS)
-def test_a_density_profile_must_have_commas(tmp_path: Path, separator: str, word: str) -> None:
-    path = tmp_path / "density.csv"
-    path.write_text("depth,density\n0,1025\n".replace(",", separator))
-    with pytest.raises(InputError, match=f"density.csv line 1: .*by {word}; .*by commas.*point"):
-        read_density_csv(path)
+@pytest.mark.parametrize(
+    ("separator", "word"), [(";", "semicolons"), ("\t", "tabs"), (" ", "blanks")]
+)
+@pytest.mark.parametrize("name", READERS)
+def test_a_table_must_have_commas(tmp_path: Path, name: str, separator: str, word: str) -> None:
+    text, read = READERS[name]
+    path = tmp_path / name
+    path.write_text("# a comment; with\tall\n" + text.replace(",", separator))
+    with pytest.raises(InputError, match=f"{name} line 2: .*by {word}; .*by commas.*point"):
+        read(path)
 
 
 def test_a_decimal_comma_is_found_where_it_stands(tmp_path: Path) -> None:

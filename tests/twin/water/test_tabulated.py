@@ -84,14 +84,6 @@ def test_what_cannot_be_tabulated_is_refused(function, ranges, message):
         Current.from_function(function, **ranges)
 
 
-def test_a_class_with_a_plain_velocity_is_told_of_it():
-    with pytest.raises(CurrentError, match=r"Current\.from_function"):
-
-        class Mine(Current):
-            def velocity(self, t, north, east, depth, origin=None):
-                return (0.1, 0.0, 0.0)
-
-
 def test_the_page_s_function_flies():
     page = (Path(__file__).parents[3] / "docs" / "reference" / "currents.md").read_text()
     block = page.split("## A function of your own")[1].split("```python\n")[1].split("```")[0]

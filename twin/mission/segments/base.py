@@ -1,10 +1,8 @@
-"""What every kind of mission segment says of itself, and the part of its table row that all share.
+"""Segments of a mission: their base class, their registry, and the row of a table that all share.
 
 Depths are m, positive down; pitch is a magnitude in deg (nose down in a dive, nose up in a
 climb); headings are deg true; net mass is a magnitude in kg (heavy in a dive, light in a climb). A
 segment ends at the first of its limits.
-
-The registry of mission segments, and what a kind must have to be one.
 """
 
 from __future__ import annotations
@@ -38,7 +36,7 @@ class Segment:
     kind: ClassVar[str] = ""
     """Name in mission files."""
     limits: ClassVar[tuple[str, ...]] = ()
-    """Fields of which it needs one to end by itself; without any it always does."""
+    """Fields of which it needs one to end by itself; a kind without any always ends."""
 
     @property
     def limited(self) -> bool:

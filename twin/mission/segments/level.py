@@ -1,7 +1,8 @@
-"""Level: ways at a depth, or at a height above the sea floor; what transects and circles share."""
+"""Level segments at a depth or above the sea floor: transect, circle and lawn-mower."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -9,8 +10,8 @@ from twin.errors import MissionError
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit, write_way
-from twin.mission.turning import turn_factor
-from twin.mission.way import Way, level_way, reject_missing, turn_limit
+from twin.mission.turning import circling, turn_factor
+from twin.mission.way import Way, heading, level_way, reject_missing, turn_limit
 from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
 
@@ -18,6 +19,10 @@ MAX_PITCH_DEG = 20.0
 """Usual limit of the pitch on the way to a depth, as the LRAUV's yo-yos have it."""
 SHALLOWEST_M = 2.0
 """Usual least depth of a way that follows the sea floor: the propeller stays under water."""
+MOST_TRIES = 300
+"""Wider circles that are tried, each 2 % wider, to say which one is possible"""
+MOST_LEGS = 10_000
+"""Legs of a survey: each is a row of the table that guidance flies."""
 
 
 def check_place(kind: str, depth_m: float | None, altitude_m: float | None) -> None:
@@ -27,10 +32,8 @@ def check_place(kind: str, depth_m: float | None, altitude_m: float | None) -> N
             f"{kind}: give either depth_m or altitude_m (above the sea floor), "
             f"{'not both' if depth_m is not None else 'one of them is needed'}"
         )
-    if depth_m is not None:
-        check.within(kind, "depth_m", depth_m, "m", 0.0, open_low=True)
-    else:
-        check.limit(kind, "altitude_m", altitude_m, "m")
+    field, value = ("depth_m", depth_m) if depth_m is not None else ("altitude_m", altitude_m)
+    check.limit(kind, field, value, "m")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,14 +57,9 @@ class Level(Segment):
     """Limit of the heading loop [deg] within the rudder's own."""
 
     def __post_init__(self) -> None:
-        kind = self.kind
-        check_place(kind, self.depth_m, self.altitude_m)
-        check.optional(check.limit, kind, "min_altitude_m", self.min_altitude_m, "m")
-        check.within(kind, "min_depth_m", self.min_depth_m, "m", 0.0)
-        check.optional(check.limit, kind, "speed_m_s", self.speed_m_s, "m/s")
-        check.pitch(kind, "max_pitch_deg", self.max_pitch_deg)
-        field, value = "max_rotation_deg", self.max_rotation_deg
-        check.within(kind, field, value, "deg", 0.0, 90.0, open_low=True)
+        check_place(self.kind, self.depth_m, self.altitude_m)
+        check.within(self.kind, "min_depth_m", self.min_depth_m, "m", 0.0)
+        check.fields(self)
 
     def way(self, vehicle: Vehicle, label: str) -> Way:
         """The steady level way; raises MissionError when the vehicle cannot fly it."""
@@ -77,7 +75,7 @@ class Level(Segment):
         return steady
 
     def level_row(self, vehicle: Vehicle, label: str) -> tuple[Array, Way]:
-        """A row that keeps the depth, still without heading and limits; and its steady way."""
+        """A row that keeps the depth until its limit, still without heading; and its steady way."""
         steady = self.way(vehicle, label)
         row = blank_row(vehicle)
         row[g.KIND] = g.LEVEL
@@ -89,10 +87,155 @@ class Level(Segment):
         row[g.TURN_RATE] = 0.0
         row[g.LEVEL_TURN] = turn_factor(vehicle, steady)
         row[g.TURN_LIMIT] = turn_limit(vehicle, self.max_rotation_deg)
+        row[g.DURATION] = limit(self.time(steady))
         command_of(vehicle, row, g.LEVEL_COMMAND)[:] = steady.command
         write_way(row, g.LEVEL_COMMAND, steady, vehicle)
         return row, steady
 
-    def deepest(self, depth: float) -> float:
-        """Depth [m] that it may end at, from `depth`."""
-        return depth if self.depth_m is None else self.depth_m
+    def way_length(self) -> float | None:
+        """Distance through the water [m] at which it ends; None: it has no such limit."""
+        return None
+
+    def time(self, steady: Way) -> float | None:
+        """[s] until its limit on a steady way; None: it has none."""
+        duration, metres = getattr(self, "duration_s", None), self.way_length()
+        times = [] if duration is None else [float(duration)]
+        if metres is not None:
+            times.append(metres / steady.speed)
+        return min(times, default=None)
+
+    def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
+        """Its own clock."""
+        duration = self.time(self.way(vehicle, label))
+        assert duration is not None
+        return duration, depth if self.depth_m is None else self.depth_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transect(Level):
+    """A level way straight ahead on a heading, under a propeller."""
+
+    kind = "transect"
+    limits = ("length_m", "duration_s")
+
+    heading_deg: float | None = None
+    """Heading to hold [deg true]; None: the heading at the segment's start."""
+    length_m: float | None = None
+    """Limit: distance through the water [m], as time at the segment's speed."""
+    duration_s: float | None = None
+    """Limit: time [s]."""
+
+    def way_length(self) -> float | None:
+        """`length_m`."""
+        return self.length_m
+
+    def row(self, vehicle: Vehicle, label: str) -> Array:
+        """A level row with the heading loop."""
+        row, _ = self.level_row(vehicle, label)
+        row[g.HEADING] = heading(self.heading_deg)
+        return row
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circle(Level):
+    """A level circle through the water: the wanted heading turns at speed over radius."""
+
+    kind = "circle"
+    limits = ("turns", "duration_s")
+
+    radius_m: float
+    """[m] through the water, positive to starboard."""
+    turns: float | None = None
+    """Limit: number of full circles."""
+    duration_s: float | None = None
+    """Limit: time [s]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not abs(check.number(self.kind, "radius_m", self.radius_m)) > 0.0:
+            check.fail(self.kind, "radius_m", self.radius_m, "a radius, positive to starboard")
+
+    def way_length(self) -> float | None:
+        """Round and round."""
+        return None if self.turns is None else 2.0 * math.pi * abs(self.radius_m) * self.turns
+
+    def row(self, vehicle: Vehicle, label: str) -> Array:
+        """A level row whose wanted heading turns.
+
+        Raises:
+          MissionError: as every level way, or its rudder cannot turn it so tightly (the smallest
+            radius is named).
+        """
+        row, steady = self.level_row(vehicle, label)
+        turning = vehicle.steered_index("heading")
+        if turning is None:
+            raise MissionError(
+                f"{label}: vehicle {vehicle.name!r} has no part that turns it: give a transect"
+            )
+        most = float(row[g.TURN_LIMIT])
+
+        def command_on(radius: float) -> Array | None:
+            """Commands on a circle [m] within the limit of the rudder; None: there are none."""
+            try:
+                command = circling(vehicle, steady, steady.speed / radius)
+            except MissionError:
+                return None
+            return command if abs(command[turning]) <= most else None
+
+        command = command_on(self.radius_m)
+        if command is None:
+            wider = (abs(self.radius_m) * 1.02**k for k in range(1, MOST_TRIES))
+            least = next((r for r in wider if command_on(r) is not None), 0)
+            rule = f"at least {least:.3g} m" if least else "a lower speed_m_s"
+            rule += f" at {steady.speed:g} m/s, or a larger max_rotation_deg"
+            name = vehicle.part_names[turning]
+            check.fail(label, "radius_m", self.radius_m, f"{rule} (travel of the {name})")
+        row[g.TURN_RATE] = steady.speed / self.radius_m
+        command_of(vehicle, row, g.LEVEL_COMMAND)[:] = command
+        return row
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawnMower(Level):
+    """Parallel legs there and back with short ways across, at a depth or above the sea floor.
+
+    Guidance counts every leg and every way across as a segment of its own.
+    """
+
+    kind = "lawn-mower"
+
+    heading_deg: float
+    """Heading of the first leg [deg true]; the second comes back."""
+    leg_length_m: float
+    """Length of a leg through the water [m]."""
+    spacing_m: float
+    """Distance between legs [m]: positive moves to starboard of the first leg, negative to port."""
+    legs: float
+    """Number of legs."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not abs(check.number(self.kind, "spacing_m", self.spacing_m)) > 0.0:
+            check.fail(self.kind, "spacing_m", self.spacing_m, "a distance, positive to starboard")
+        check.within(self.kind, "legs", self.legs, "", 1, MOST_LEGS)
+        if self.legs % 1:
+            check.fail(self.kind, "legs", self.legs, "a whole number")
+
+    def flown_as(self) -> tuple[Transect, ...]:
+        """Its legs and the ways across, in order."""
+        level = {f.name: getattr(self, f.name) for f in dataclasses.fields(Level)}
+        across = self.heading_deg + (90.0 if self.spacing_m > 0.0 else -90.0)
+        ways: list[tuple[float, float]] = []
+        for leg in range(int(self.legs)):
+            if leg:
+                ways.append((across, abs(self.spacing_m)))
+            ways.append((self.heading_deg + 180.0 * (leg % 2), self.leg_length_m))
+        return tuple(
+            Transect(heading_deg=toward % 360.0, length_m=length, **level)
+            for toward, length in ways
+        )
+
+    def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
+        """All its ways."""
+        each = [part.expected(vehicle, depth, label) for part in self.flown_as()]
+        return sum(time for time, _ in each), each[-1][1]

@@ -1,10 +1,10 @@
-"""Profile: dives and climbs between two depths, what a saw-tooth and a spiral share."""
+"""Dives and climbs between two depths: what all share, saw-teeth on a heading, and spirals."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
+from twin.errors import MissionError
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit, write_way
@@ -13,7 +13,10 @@ from twin.mission.way import (
     TIME_MARGIN,
     Way,
     check_net_mass,
+    checked_rotation,
+    heading,
     reject_missing,
+    turn_limit,
     way,
 )
 from twin.numbers import Array
@@ -29,7 +32,7 @@ SHALLOWEST_M = 1.0
 class Profile(Segment):
     """Dives and climbs between two depths; the base of `SawTooth` and `Spiral`."""
 
-    limits: ClassVar[tuple[str, ...]] = ("yos", "duration_s", "until_depth_m")
+    limits = ("yos", "duration_s", "until_depth_m")
 
     max_depth_m: float
     """A dive turns into a climb here [m]."""
@@ -63,22 +66,12 @@ class Profile(Segment):
     def __post_init__(self) -> None:
         kind = self.kind
         check.within(kind, "min_depth_m", self.min_depth_m, "m", SHALLOWEST_M)
-        check.within(kind, "max_depth_m", self.max_depth_m, "m", 0.0, open_low=True)
+        check.fields(self)
         if self.min_depth_m >= self.max_depth_m:
             rule = f"less than max_depth_m = {self.max_depth_m:g} m"
             check.fail(kind, "min_depth_m", self.min_depth_m, rule)
-        check.optional(check.limit, kind, "min_altitude_m", self.min_altitude_m, "m")
-        check.pitch(kind, "pitch_deg", self.pitch_deg)
-        check.optional(check.net_mass, kind, "net_mass_kg", self.net_mass_kg)
-        check.optional(check.pitch, kind, "climb_pitch_deg", self.climb_pitch_deg)
-        check.optional(check.net_mass, kind, "climb_net_mass_kg", self.climb_net_mass_kg)
-        check.optional(check.limit, kind, "speed_m_s", self.speed_m_s, "m/s")
-        check.optional(check.within, kind, "trim_share", self.trim_share, "", 0.0, 1.0)
-        if self.yos is not None:
-            check.limit(kind, "yos", self.yos, "")
-            if (2 * self.yos) % 1:
-                check.fail(kind, "yos", self.yos, "a multiple of 0.5")
-        check.optional(check.limit, kind, "duration_s", self.duration_s, "s")
+        if self.yos is not None and (2 * self.yos) % 1:
+            check.fail(kind, "yos", self.yos, "a multiple of 0.5")
         if self.until_depth_m is not None:
             low, high = self.min_depth_m, self.max_depth_m
             check.within(kind, "until_depth_m", self.until_depth_m, "m", low, high)
@@ -86,11 +79,8 @@ class Profile(Segment):
     def _ways(self, vehicle: Vehicle, label: str) -> tuple[Way, Way]:
         """How the vehicle dives and climbs; raises MissionError when it cannot."""
         reject_missing(vehicle, label, self)
-        climb_pitch, climb_mass = "climb_pitch_deg", "climb_net_mass_kg"
-        if self.climb_pitch_deg is None:
-            climb_pitch = "pitch_deg"
-        if self.climb_net_mass_kg is None:
-            climb_mass = "net_mass_kg"
+        climb_pitch = "pitch_deg" if self.climb_pitch_deg is None else "climb_pitch_deg"
+        climb_mass = "net_mass_kg" if self.climb_net_mass_kg is None else "climb_net_mass_kg"
         usual = 0.0 if vehicle.steered("speed") is not None else vehicle.usual_glide[1]
         heavy = usual if self.net_mass_kg is None else self.net_mass_kg
         light = -(heavy if self.climb_net_mass_kg is None else self.climb_net_mass_kg)
@@ -116,8 +106,7 @@ class Profile(Segment):
         command_of(vehicle, row, g.CLIMB_COMMAND)[:] = climb.command
         write_way(row, g.DIVE_COMMAND, dive, vehicle)
         write_way(row, g.CLIMB_COMMAND, climb, vehicle)
-        row[g.YO_LIMIT] = limit(self.yos)
-        row[g.DURATION] = limit(self.duration_s)
+        row[g.YO_LIMIT], row[g.DURATION] = limit(self.yos), limit(self.duration_s)
         row[g.UNTIL_DEPTH] = limit(self.until_depth_m)
         return row
 
@@ -129,11 +118,61 @@ class Profile(Segment):
         )
         slowest = min(dive.vertical_speed, -climb.vertical_speed)
         approach = abs(depth - self.min_depth_m) / slowest
-        times = []
-        if self.duration_s is not None:
-            times.append(self.duration_s)
+        times = [] if self.duration_s is None else [self.duration_s]
         if self.yos is not None:
             times.append(TIME_MARGIN * (approach + self.yos * yo))
         if self.until_depth_m is not None:
             times.append(TIME_MARGIN * (approach + 1.5 * yo))
         return min(times), self.max_depth_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class SawTooth(Profile):
+    """Wings-level dives and climbs on a heading."""
+
+    kind = "saw-tooth"
+
+    heading_deg: float | None = None
+    """Heading to hold [deg true]; None: the heading at the segment's start."""
+    max_rotation_deg: float = 45.0
+    """Limit of the heading loop [deg]: of a battery's rotation or a rudder's deflection; a glider
+    rolls less than it turns its battery."""
+
+    def row(self, vehicle: Vehicle, label: str) -> Array:
+        """A profile with the heading loop."""
+        row = super().row(vehicle, label)
+        row[g.KIND] = g.SAW_TOOTH
+        row[g.HEADING] = heading(self.heading_deg)
+        row[g.TURN_LIMIT] = turn_limit(vehicle, self.max_rotation_deg)
+        return row
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spiral(Profile):
+    """Dives and climbs at a fixed battery rotation or rudder; the heading loop rests."""
+
+    kind = "spiral"
+
+    rotation_deg: float
+    """Position of the turning part [deg], a battery's rotation or a rudder's deflection; a
+    battery's positive one turns to starboard, in a dive and in a climb."""
+    climb_rotation_deg: float | None = None
+    """The same in the climb [deg]; None: that of the dive."""
+
+    def row(self, vehicle: Vehicle, label: str) -> Array:
+        """A profile with a fixed position of what turns the vehicle."""
+        row = super().row(vehicle, label)
+        row[g.KIND] = g.SPIRAL
+        turning = vehicle.steered_index("heading")
+        if turning is None:
+            raise MissionError(
+                f"{label}: vehicle {vehicle.name!r} has no part that turns it: give a saw-tooth"
+            )
+        dive = checked_rotation(vehicle, label, "rotation_deg", self.rotation_deg)
+        climb = dive
+        if self.climb_rotation_deg is not None:
+            field, rotation = "climb_rotation_deg", self.climb_rotation_deg
+            climb = checked_rotation(vehicle, label, field, rotation)
+        command_of(vehicle, row, g.DIVE_COMMAND)[turning] = dive
+        command_of(vehicle, row, g.CLIMB_COMMAND)[turning] = climb
+        return row

@@ -1,4 +1,4 @@
-"""Velocity estimators by name: ways to find on board how fast a vehicle moves through the water.
+"""Velocity estimators by name: how fast a vehicle moves through the water.
 
 Baselines are the methods that navigators use today, with the nominal vehicle only. Kinds of one's
 own join by name. An estimator is imported when it is used.
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from twin.navigation.estimators.base import BodyVelocity as BodyVelocity
     from twin.navigation.estimators.base import Estimate as Estimate
     from twin.navigation.estimators.base import VelocityEstimator as VelocityEstimator
+    from twin.navigation.estimators.base import WindowedEstimator as WindowedEstimator
     from twin.navigation.estimators.base import baselines as baselines
     from twin.navigation.estimators.base import open_velocity_estimator as open_velocity_estimator
     from twin.navigation.estimators.base import register as register

@@ -1,7 +1,8 @@
-"""Base of the velocity estimators: how fast the vehicle moves through the water.
+"""Velocity estimators: the base class, its registry, and methods that look back on minutes.
 
-One class is one method, sample by sample on board (`step`) and over a whole mission (`batch`).
-Those that need nothing but the vehicle are the baselines that networks are compared with.
+An estimator says how fast the vehicle moves through the water. One class is one method, sample by
+sample on board (`step`) and over a whole mission (`batch`). Those that need nothing but the vehicle
+are the baselines that networks are compared with.
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 
 State = Mapping[str, NDArray[Any]]
-"""What the next step depends on, arrays by name."""
+"""Arrays by name, on which the next step depends."""
+
+MEMORY_S = 120.0
+"""[s] that a windowed step looks back: the longest average, and an inflection, over which methods
+hold."""
+USUAL = ("ekf", "steady_flight", "dvl")
+"""In the order in which they are tried where none is named."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,8 +51,8 @@ class BodyVelocity:
 class VelocityDeviation:
     """Standard deviations of an estimator's error, as it states them before it flies.
 
-    The defaults are those of an estimator that states none: what the dead reckoning of a glider by
-    attitude and depth errs by.
+    The defaults are for an estimator that states none: those of a glider's dead reckoning by
+    attitude and depth.
 
     Raises:
       InputError: a value that is negative or not finite.
@@ -98,19 +105,19 @@ class VelocityEstimator(abc.ABC):
     """
 
     kind: ClassVar[str] = ""
-    """What the user types: `twin simulate --navigate KIND` or `KIND:ARGUMENT`."""
+    """Its name for `twin simulate --navigate KIND` or `KIND:ARGUMENT`."""
     summary: ClassVar[str] = ""
-    """What it does, for tables of methods."""
+    """A description for tables of methods."""
     title: ClassVar[str] = ""
-    """What people read in tables and legends; empty: its kind."""
+    """Its name in tables and legends; empty: its kind."""
     colour: ClassVar[str] = ""
-    """Its colour, a name of `twin.show.style.PALETTE`; grey without one."""
+    """A name of `twin.show.style.PALETTE`; grey without one."""
     drawn: ClassVar[bool] = False
     """Whether the figures of tracks draw it; more than a few would hide each other."""
     without_water: ClassVar[str] = ""
     """Why it can have no track through the water, a sentence for the report."""
     takes: ClassVar[str] = ""
-    """What its argument is, such as RUN; one that needs an argument is no baseline."""
+    """Its argument, such as RUN; one that needs an argument is no baseline."""
 
     channels: tuple[str, ...] = ()
     """Schema variables that a sample must hold: measured or commanded, never true."""
@@ -140,7 +147,7 @@ class VelocityEstimator(abc.ABC):
 
     @property
     def deviation(self) -> VelocityDeviation:
-        """What it states of its error; a current filter begins with it."""
+        """The error that it states; a current filter begins with it."""
         return VelocityDeviation()
 
     @classmethod
@@ -148,7 +155,7 @@ class VelocityEstimator(abc.ABC):
         """Make one for a vehicle.
 
         Args:
-          argument: what stood behind the colon, empty without.
+          argument: the text behind the colon, empty without.
           vehicle, period: as of `__init__`.
 
         Raises:
@@ -185,7 +192,7 @@ class VelocityEstimator(abc.ABC):
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """What the next step depends on."""
+        """Arrays on which the next step depends."""
         return {}
 
     def restore(self, state: State) -> None:  # noqa: B027
@@ -193,7 +200,7 @@ class VelocityEstimator(abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What is wrong with a kind."""
+        """The first thing that is wrong with a kind."""
         from twin.show.style import PALETTE
 
         if not cls.takes and not (isinstance(cls.channels, tuple) and cls.channels):
@@ -206,6 +213,112 @@ class VelocityEstimator(abc.ABC):
         if cls.colour and cls.colour not in PALETTE:
             return f"it has {unknown_name('colour', cls.colour, PALETTE)}"
         return ""
+
+
+class Recent:
+    """The last samples of some channels, (samples,) each, in the form that `batch` reads."""
+
+    def __init__(self, channels: tuple[str, ...], samples: int):
+        self.channels, self.samples = channels, samples
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all."""
+        self._rows = np.zeros((len(self.channels), self.samples))
+        self.count = 0
+
+    def add(self, sample: Mapping[str, float]) -> None:
+        """Take a sample.
+
+        Raises:
+          InputError: a channel is missing.
+        """
+        try:
+            given = [sample[name] for name in self.channels]
+        except KeyError as lost:
+            raise InputError(
+                f"the sample has no channel {lost}: this estimator reads {', '.join(self.channels)}"
+            ) from None
+        if self.count < self.samples:
+            self._rows[:, self.count] = given
+            self.count += 1
+        else:
+            self._rows[:, :-1] = self._rows[:, 1:]
+            self._rows[:, -1] = given
+
+    def signals(self) -> dict[str, Array]:
+        """Samples of each channel so far, (count,)."""
+        return {name: self._rows[k, : self.count] for k, name in enumerate(self.channels)}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The samples, (channels, count)."""
+        return {"recent": self._rows[:, : self.count].copy()}
+
+    def restore(self, state: State) -> None:
+        """Go on from `state`.
+
+        Raises:
+          InputError: it is of other channels or of another period.
+        """
+        rows = state.get("recent")
+        if rows is None or rows.shape[0] != len(self.channels) or rows.shape[1] > self.samples:
+            raise InputError(
+                "this state is of another estimator or of another period: make the estimator as "
+                "it was when it was saved"
+            )
+        self.reset()
+        self.count = rows.shape[1]
+        self._rows[:, : self.count] = rows
+
+
+class WindowedEstimator(VelocityEstimator):
+    """A method that gives `batch`; a step is its last sample over `MEMORY_S` up to now."""
+
+    def __init__(self, vehicle: Vehicle, period: float):
+        """Begin before the first sample; see `VelocityEstimator`."""
+        super().__init__(vehicle, period)
+        self.recent = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
+
+    @abc.abstractmethod
+    def batch(self, signals: Signals) -> Estimate:
+        """See `VelocityEstimator`; averages may reach beyond a sample."""
+
+    def reset(self) -> None:
+        """See `VelocityEstimator`."""
+        self.recent.reset()
+
+    def step(self, sample: Mapping[str, float]) -> BodyVelocity:
+        """See `VelocityEstimator`; at rest at the first sample."""
+        self.recent.add(sample)
+        if self.recent.count < 2:
+            return BodyVelocity(surge=0.0, sway=0.0)
+        return self.last(self.recent.signals())
+
+    def last(self, signals: Signals) -> BodyVelocity:
+        """Velocity at the last of the samples (count,) of each channel.
+
+        Raises:
+          InputError: the method gives no velocity of this vehicle.
+        """
+        found = self.batch(signals)
+        if found.surge is None or found.sway is None:
+            raise InputError(
+                f"the method {self.kind!r} gives no velocity through the water here: "
+                "choose another estimator"
+            )
+        surge, sway, covariance = float(found.surge[-1]), float(found.sway[-1]), None
+        if found.surge_sd is not None and found.sway_sd is not None:
+            forward, starboard = found.surge_sd[-1], found.sway_sd[-1]
+            covariance = np.diag(np.square((forward, starboard, max(forward, 0.0))))
+        return BodyVelocity(surge=surge, sway=sway, covariance=covariance)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """See `VelocityEstimator`."""
+        return self.recent.state()
+
+    def restore(self, state: State) -> None:
+        """See `VelocityEstimator`."""
+        self.recent.restore(state)
 
 
 VELOCITY_ESTIMATORS: Registry[type[VelocityEstimator]] = seams.VELOCITY_ESTIMATORS
@@ -240,10 +353,6 @@ def check_estimate(name: str, estimate: Any, samples: int) -> Estimate:
                 f"estimator {name!r} gives {field.name} of shape {np.shape(values)}, not {wanted}"
             )
     return estimate
-
-
-USUAL = ("ekf", "steady_flight", "dvl")
-"""In the order in which they are tried where none is named."""
 
 
 def open_velocity_estimator(text: str, vehicle: Vehicle, period: float) -> VelocityEstimator:

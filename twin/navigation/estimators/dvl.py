@@ -7,37 +7,53 @@ That is the flight model's for a glider; for a vehicle whose flight is not model
 log measured in water lock within a few seconds. Outliers are removed with a Hampel filter, short
 losses of lock are interpolated. Long ones are filled by the flight model, and without one by the
 last velocity that was measured.
+
+Labels of a training are cleaned as the paper's Tethys data: outliers are removed, and the rest is
+smoothed with a Gaussian. Both look ahead, so a network never sees them; the causal kind looks back
+only, as a vehicle under way can.
 """
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
 import numpy as np
-from scipy.ndimage import median_filter
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import gaussian_filter1d, median_filter
 
 from twin.navigation.dead_reckoning import (
     Array,
     AttitudeSeries,
+    Mask,
     Signals,
+    bridge,
     depth_rate,
     finite_channel,
+    hold,
     horizontal_velocity,
     integrate,
+    no_glider,
     rotate_to_ned,
 )
-from twin.navigation.dvl_cleaning import (
-    BOTTOM,
-    HAMPEL_SAMPLES,
-    HAMPEL_SIGMAS,
-    LEAST_SPREAD,
-    MAD_TO_SIGMA,
-    WATER,
-)
-from twin.navigation.estimators.base import BodyVelocity, Estimate
-from twin.navigation.estimators.series import Mask, bridge, hold, no_glider
-from twin.navigation.estimators.steady_flight import SteadyFlight
-from twin.navigation.estimators.windowed import WindowedEstimator
+from twin.navigation.estimators.base import BodyVelocity, Estimate, WindowedEstimator
+from twin.navigation.estimators.flight import SteadyFlight
 from twin.vehicle.vehicle import Vehicle
 
+Smoothing = Literal["gaussian", "causal", "none"]
+SMOOTHINGS: tuple[Smoothing, ...] = get_args(Smoothing)
+BOTTOM, WATER = 1, 2
+"""Locks in `measured_dvl_mode`; 0 is none."""
+HAMPEL_SAMPLES = 11
+"""Window of the outlier test: 5.5 s at 2 Hz."""
+HAMPEL_SIGMAS = 3.0
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation over median absolute deviation of a normal distribution."""
+LEAST_SPREAD = 2e-3
+"""[m/s] spread below which nothing counts as an outlier: the noise of averaged pings."""
+SMOOTHING_S = 1.0
+"""[s] standard deviation of the Gaussian: short against the seconds in which a turn begins."""
+REACH = 4.0
+"""Standard deviations after which the Gaussian is cut off, scipy's own."""
 SHORT_LOSS_S = 10.0
 """[s] shorter losses of lock are interpolated."""
 CURRENT_TIME_S = 600.0
@@ -75,7 +91,7 @@ class Dvl(WindowedEstimator):
 
     @classmethod
     def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
-        """Of a glider what its flight model reads, too."""
+        """Add the channels of a glider's flight model."""
         flight = () if no_glider(vehicle) else SteadyFlight.channels
         return tuple(dict.fromkeys((*cls.channels, *flight)))
 
@@ -86,10 +102,7 @@ class Dvl(WindowedEstimator):
         """
         period = self.period
         mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
-        log = np.stack(
-            [np.asarray(signals[f"measured_dvl_{n}"], float) for n in ("surge", "sway", "heave")],
-            axis=1,
-        )
+        log = _velocities(signals)
         locked = np.isfinite(log).all(axis=1) & (mode > 0)
         if not locked.any():
             return Estimate()
@@ -145,10 +158,14 @@ class Dvl(WindowedEstimator):
         return held, np.asarray(age * self.period <= SHORT_LOSS_S)
 
 
+def _velocities(signals: Signals) -> Array:
+    """Velocities that the log measured [m/s], (time, 3)."""
+    return np.stack([np.asarray(signals[name], float) for name in Dvl.channels[:3]], axis=1)
+
+
 def _last_measured(signals: Signals) -> BodyVelocity:
     """The log's last velocity that is no outlier; at rest before the first."""
-    names = [f"measured_dvl_{n}" for n in ("surge", "sway", "heave")]
-    log = np.stack([np.asarray(signals[name], float) for name in names], axis=1)
+    log = _velocities(signals)
     good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
     for i in range(3):
         good &= ~spikes(np.nan_to_num(log[:, i]), good)
@@ -175,9 +192,9 @@ def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -
 
 
 def spikes(values: Array, valid: Mask) -> Mask:
-    """As `twin.navigation.dvl_cleaning.outliers`, with deviations from each sample's own median.
+    """Mark `outliers` with deviations from each sample's own median.
 
-    A track is bridged over what is taken out of a turn, and is none the worse."""
+    A track is bridged over samples taken out of a turn, and is none the worse."""
     smooth = bridge(values, valid)
     middle = median_filter(smooth, HAMPEL_SAMPLES, mode="nearest")
     off = np.abs(smooth - middle)
@@ -195,3 +212,57 @@ def _carried(current: Array, known: Mask, period: float) -> Array:
         mean = mean + (current[k] - mean) * (weight / total)
         out[k] = mean
     return np.stack([hold(out[:, i], known) for i in range(2)], axis=1)
+
+
+def outliers(values: Array, valid: Mask, *, causal: bool = False) -> Mask:
+    """Valid samples farther from the running median than three scaled median deviations (Hampel).
+
+    A window is of valid samples: those beside a gap are judged together with those beyond it.
+
+    Args:
+      values: [m/s], (time,).
+      valid: where there is a measurement, (time,).
+      causal: windows end at the sample instead of being centred on it.
+    """
+    found = np.zeros(len(values), bool)
+    if not valid.any():
+        return found
+    known = values[valid]
+    half = HAMPEL_SAMPLES // 2
+    around = (HAMPEL_SAMPLES - 1, 0) if causal else (half, half)
+    windows = sliding_window_view(np.pad(known, around, mode="edge"), HAMPEL_SAMPLES)
+    middle = np.median(windows, axis=1)
+    # The deviations are from this window's median: a turn, in which all of it moves, is wide.
+    spread = MAD_TO_SIGMA * np.median(np.abs(windows - middle[:, None]), axis=1)
+    found[valid] = np.abs(known - middle) > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)
+    return found
+
+
+def smoothed(values: Array, valid: Mask, period: float, kind: Smoothing = "gaussian") -> Array:
+    """Valid samples averaged with their valid neighbours, NaN elsewhere; (time,).
+
+    The weights are normalised by those that fall on valid samples, so that a gap neither drags its
+    neighbours to zero nor is filled.
+
+    Args:
+      values: [m/s], (time,).
+      valid: where there is a measurement, (time,).
+      period: [s] between samples.
+      kind: `gaussian` of `SMOOTHING_S`; `causal`, the half of it that lies in the past, which lags
+        by 0.8 of `SMOOTHING_S`; or `none`.
+    """
+    if kind == "none":
+        return np.where(valid, values, np.nan)
+    counted = valid.astype(float)
+    total = _weighted(np.where(valid, values, 0.0), period, kind)
+    weight = _weighted(counted, period, kind)
+    return np.where(valid, total / np.where(valid, weight, 1.0), np.nan)
+
+
+def _weighted(values: Array, period: float, kind: Smoothing) -> Array:
+    """Sum of the samples under the kernel, nothing beyond the ends."""
+    sigma = SMOOTHING_S / period
+    if kind == "gaussian":
+        return np.asarray(gaussian_filter1d(values, sigma, mode="constant", truncate=REACH))
+    past = np.exp(-0.5 * np.square(np.arange(round(REACH * sigma) + 1) / sigma))
+    return np.convolve(values, past / past.sum())[: len(values)]

@@ -1,4 +1,4 @@
-"""Ocean currents: one file a kind, and one compiled sampler for all of them.
+"""Ocean currents: kinds of them, and one compiled sampler for all.
 
 Build a current (`Uniform`, `Profile`, `Ekman`, `Geostrophic`, `Tide`, `Inertial`, `GaussMarkov`,
 `Series`, `LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile
@@ -14,23 +14,23 @@ from twin.seams import CURRENTS as CURRENTS
 from twin.water.current.axes import Origin as Origin
 from twin.water.current.base import Current as Current
 from twin.water.current.base import CurrentSum as CurrentSum
+from twin.water.current.base import check_field as check_field
 from twin.water.current.base import current_from_dict as current_from_dict
+from twin.water.current.base import current_help as current_help
+from twin.water.current.base import parse_current as parse_current
+from twin.water.current.base import parse_field as parse_field
 from twin.water.current.base import still_water as still_water
-from twin.water.current.current_text import check_field as check_field
-from twin.water.current.current_text import current_help as current_help
-from twin.water.current.current_text import parse_current as parse_current
-from twin.water.current.current_text import parse_field as parse_field
-from twin.water.current.ekman import Ekman as Ekman
-from twin.water.current.gauss_markov import GaussMarkov as GaussMarkov
-from twin.water.current.geostrophic import Geostrophic as Geostrophic
 from twin.water.current.grid import Grid as Grid
-from twin.water.current.inertial import Inertial as Inertial
-from twin.water.current.log_layer import LogLayer as LogLayer
+from twin.water.current.layers import Ekman as Ekman
+from twin.water.current.layers import Geostrophic as Geostrophic
+from twin.water.current.layers import LogLayer as LogLayer
 from twin.water.current.profile import Profile as Profile
+from twin.water.current.profile import Uniform as Uniform
+from twin.water.current.series import GaussMarkov as GaussMarkov
 from twin.water.current.series import Series as Series
+from twin.water.current.tide import Inertial as Inertial
 from twin.water.current.tide import TidalEllipse as TidalEllipse
 from twin.water.current.tide import Tide as Tide
-from twin.water.current.uniform import Uniform as Uniform
 
 register = CURRENTS.add
 """Add a kind of one's own, whose examples are tried (`probe`); usable as a decorator."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,7 @@ REGRID = (
 """The way out for curvilinear, staggered and grid-relative files."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Axis:
+class Axis(NamedTuple):
     """One coordinate of the velocity variables, in the file's order."""
 
     dimension: str
@@ -110,7 +109,7 @@ def find_axes(data: xr.Dataset, source: str, name: str) -> dict[str, Axis]:
         if kind in axes:
             raise CurrentError(f"{source}: {name!r} has two {kind} axes, it must have one at most")
         assert coordinate is not None
-        axes[kind] = Axis(dimension=dimension, coordinate=coordinate)
+        axes[kind] = Axis(dimension, coordinate)
     if ("latitude" in axes) != ("longitude" in axes):
         raise CurrentError(
             f"{source}: {name!r} has only one of latitude and longitude as a dimension; it needs"
@@ -121,12 +120,8 @@ def find_axes(data: xr.Dataset, source: str, name: str) -> dict[str, Axis]:
 
 def _refusal(data: xr.Dataset, name: str, dimension: str) -> str:
     """Why a dimension of a velocity variable cannot be used, and what to do."""
-    curvilinear = [
-        str(n)
-        for n, v in data.variables.items()
-        if v.ndim >= 2 and dimension in v.dims and _axis_kind(data, str(n)) in
-        ("latitude", "longitude")
-    ]  # fmt: skip
+    plane = [str(n) for n, v in data.variables.items() if v.ndim >= 2 and dimension in v.dims]
+    curvilinear = [n for n in plane if _axis_kind(data, n) in ("latitude", "longitude")]
     if curvilinear:
         return (
             f"{name!r} lies on the two-dimensional coordinate {curvilinear[0]!r} (curvilinear"
@@ -239,6 +234,10 @@ class Origin:
                 f" degree, not {latitude:g}"
             )
         checks.finite("origin", "longitude_deg", self.longitude_deg, "degree")
+
+    def latitude(self, given: float | None) -> float:
+        """The `given` latitude [degree], or the origin's for None."""
+        return self.latitude_deg if given is None else given
 
     @property
     def meridian_radius(self) -> float:

@@ -1,14 +1,14 @@
-"""The `Current` every kind derives from, sums of currents, and rebuilding from a description."""
+"""Currents: the class that every kind derives from, their sums, texts and descriptions."""
 
 from __future__ import annotations
 
 import abc
-import inspect
 import math
 import re
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -21,12 +21,14 @@ from twin.seams import CURRENTS
 from twin.water.current import checks, probe
 from twin.water.current import sampler as layout
 from twin.water.current.axes import Origin
-from twin.water.current.sampler import Floats
+from twin.water.current.sampler import Floats, kinds
 
-FIRST_FREE_CODE = 65_536
-"""Codes below are the package's own; others follow from the kind's name, the same everywhere."""
-DAY = 86_400.0
-"""[s] of the missions for which examples are tried"""
+TABLE, TABULATED = "table", "twin.water.current.tabulated"
+"""Kind of a function's table, and its module, which derives from `Current`"""
+HELP_COLUMN = 42
+"""Column of `current_help` where the words begin, when the example is not longer."""
+FILE = re.compile(r"\.[A-Za-z]\w*\s*(,|$)|[/\\]")
+"""Part of a current's text that names a file"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +64,15 @@ class Current(abc.ABC):
     usage: ClassVar[Mapping[str, str]] = {}
     """Example texts for `--current`, each with a few words; FILE stands for a file's name."""
     settings: ClassVar[Mapping[str, str] | None] = None
-    """Command-line name and field of each setting; None: every field under its own name."""
+    """Command-line name and field of each setting; None: by the names that `checks.setting` gave,
+    or the field's own."""
+
+    def __post_init__(self) -> None:
+        """Check each field that `checks.setting` made; raises CurrentError."""
+        for field in fields(self):
+            check, value = field.metadata.get("check"), getattr(self, field.name)
+            if check is not None and value is not None:
+                check(self.kind, field.name, value, field.metadata["unit"])
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
@@ -80,22 +90,19 @@ class Current(abc.ABC):
     @classmethod
     def record(cls, *payload: ArrayLike) -> Floats:
         """One record of this kind: numbers and arrays, flattened in order."""
-        cls._check_kind()
-        return layout.record(cls.number(), *payload)
-
-    @classmethod
-    def number(cls) -> int:
-        """The number that stands for it in compiled programs, the same in every process."""
-        return FIRST_FREE_CODE + zlib.crc32(cls.kind.encode()) if cls.code is None else cls.code
-
-    @classmethod
-    def _check_kind(cls) -> None:
-        """Raise CurrentError when this class is not registered."""
         if CURRENTS.get(cls.kind) is not cls:
             raise CurrentError(
                 f"{cls.__qualname__} is not a registered kind of current: give it a `kind` of its"
                 " own and decorate it with twin.water.current.register"
             )
+        return layout.record(cls.number(), *payload)
+
+    @classmethod
+    def number(cls) -> int:
+        """The number that stands for it in compiled programs, the same in every process."""
+        if cls.code is not None:
+            return cls.code
+        return probe.FIRST_FREE_CODE + zlib.crc32(cls.kind.encode())
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Floats:
         """The flat float64 program for `sampler.sample`, the same bytes on every call.
@@ -104,7 +111,6 @@ class Current(abc.ABC):
         value). origin: the mission's start, `Origin()` when None. A kind of one's own is compared
         with differences of its velocity, see `probe`. Raises CurrentError.
         """
-        self._check_registered()
         if not (math.isfinite(duration_s) and duration_s > 0.0):
             raise CurrentError(f"duration_s must be greater than 0 s, not {duration_s}")
         records = self.records(float(duration_s), origin or Origin())
@@ -112,13 +118,10 @@ class Current(abc.ABC):
         if not np.isfinite(program).all():
             raise CurrentError(f"{self.kind}: the compiled current holds NaN or infinity")
         for record in records:
-            for kind in layout.kinds() if record[0] >= FIRST_FREE_CODE else ():
+            for kind in layout.kinds() if record[0] >= probe.FIRST_FREE_CODE else ():
                 if kind.number() == record[0]:
                     probe.check(kind, record, float(duration_s))
         return program
-
-    def _check_registered(self) -> None:
-        self._check_kind()
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Current:
         """This current with everything written out that it would take from origin or file.
@@ -210,12 +213,15 @@ class Current(abc.ABC):
         try:
             return cls(**settings)
         except TypeError as error:
-            raise CurrentError(f"{cls.kind}: {error}; settings: {', '.join(allowed)}") from None
+            raise CurrentError(f"{cls.kind}: {error}; {checks.allowed(allowed)}") from None
 
     @classmethod
     def setting_fields(cls) -> Mapping[str, str]:
         """Command-line name and field of every setting."""
-        return {f.name: f.name for f in fields(cls)} if cls.settings is None else cls.settings
+        if cls.settings is not None:
+            return cls.settings
+        named = {f.name: f.metadata.get("names", (f.name,)) for f in fields(cls)}
+        return {name: field for field, names in named.items() for name in names}
 
     @classmethod
     def parse(cls, rest: str) -> Current:
@@ -230,103 +236,35 @@ class Current(abc.ABC):
             raise CurrentError(
                 f"{cls.kind}: write NAME=VALUE, not {positional[0]!r}; {checks.allowed(names)}"
             )
-        known = {f.name: f for f in fields(cls)}
-        settings: dict[str, Any] = {}
-        for name, value in given.items():
-            if name not in names:
-                raise CurrentError(unknown_name(f"{cls.kind} setting", name, names))
-            field = known[names[name]]
-            if field.type in (str, "str"):
-                settings[field.name] = value
-            elif field.type in (int, "int"):
-                settings[field.name] = checks.whole_number(cls.kind, name, value)
-            else:
-                settings[field.name] = checks.number(cls.kind, name, value)
-        for field in known.values():
+        settings = cls.values_of(given)
+        for field in fields(cls):
             if field.default is field.default_factory and field.name not in settings:
                 needed = next(name for name, target in names.items() if target == field.name)
                 raise CurrentError(f"{cls.kind}: {needed}= is missing; {checks.allowed(names)}")
         return cls(**settings)
 
     @classmethod
+    def values_of(cls, given: Mapping[str, str]) -> dict[str, Any]:
+        """The fields that texts by name on the command line give; raises CurrentError."""
+        names, types = cls.setting_fields(), {f.name: str(f.type) for f in fields(cls)}
+        values: dict[str, Any] = {}
+        for name, text in given.items():
+            if name not in names:
+                raise CurrentError(unknown_name(f"{cls.kind} setting", name, names))
+            kind = types[names[name]].removeprefix("<class '").removesuffix("'>")
+            read = checks.whole_number if kind == "int" else checks.number
+            values[names[name]] = text if kind.startswith("str") else read(cls.kind, name, text)
+        return values
+
+    @classmethod
     def flaw(cls, name: str) -> str:
-        """What is wrong with a kind.
-
-        Raises:
-          CurrentError: a derivative of what its usage shows is not its velocity's (`probe`).
-        """
-        if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in ("none", CurrentSum.kind, TABLE):
-            return "its kind must be lower-case letters, digits and hyphens, and not taken"
-        if "__dataclass_params__" not in vars(cls):
-            return "it is not a dataclass: add @dataclass(frozen=True, kw_only=True)"
-        if flaw := cls._flaw_of_functions():
-            return flaw
-        own = {field.name for field in fields(cls)}
-        for field in cls.setting_fields().values():
-            if field not in own:
-                return unknown_name("field in settings", field, own)
-        if not cls.usage or not all(text.startswith(f"{name}:") for text in cls.usage):
-            return f"it needs usage: a mapping of texts that begin with {name}: to a few words each"
-        for other in () if name in CURRENTS.shipped() else layout.kinds():
-            if other.number() == cls.number() and other.kind != name:
-                return f"it has the code {cls.number()} of {other.kind!r}; set another `code`"
-        return cls._flaw_of_examples() if cls.number() >= FIRST_FREE_CODE else ""
-
-    @classmethod
-    def _flaw_of_functions(cls) -> str:
-        """What is wrong with the function that flies."""
-        for name, count in (("kernel", 7), ("directional", 11)):
-            function = getattr(cls, name)
-            if function is None:
-                continue
-            if not isinstance(function, Compiled):
-                return f"its {name} is {function!r}; decorate it with twin.compiled.jit"
-            taken = len(inspect.signature(function.py_func).parameters)
-            if taken != count:
-                direction = ", and a direction in t, north, east, depth" if count > 7 else ""
-                return (
-                    f"its {name} takes {taken} arguments, it must take {count}: program, start,"
-                    f" size, t, north, east, depth{direction}"
-                )
-        if (cls.kernel is None) == (cls.directional is None):
-            return (
-                "it needs one of kernel and directional, it has"
-                f" {'neither' if cls.kernel is None else 'both'}: what flies is compiled, so give"
-                " kernel, a function decorated with twin.compiled.jit that returns velocity, local"
-                " rate and gradient (3 + 3 + 9 numbers)"
-            )
-        return ""
-
-    @classmethod
-    def _flaw_of_examples(cls) -> str:
-        """Compile what `usage` shows, which compares its derivatives with differences.
-
-        Examples that need a file, or are no settings but their form, are compared when they fly.
-        """
-        for example in cls.usage:
-            try:
-                current = cls.parse(example.partition(":")[2])
-                drawn = [layout.program(current.records(DAY, Origin())) for _ in range(2)]
-            except CurrentError:
-                continue
-            if drawn[0].tobytes() != drawn[1].tobytes():
-                return (
-                    f"its records() of {example!r} differ from call to call: draw what is random"
-                    " from a seed that is a setting, by numpy.random.default_rng(seed)"
-                )
-            current.compile(DAY)
-        return ""
+        """What is wrong with a kind, as `probe.flaw` says it; raises CurrentError likewise."""
+        return probe.flaw(cls, name)
 
     def __add__(self, other: Current) -> CurrentSum:
         if not isinstance(other, Current):
             return NotImplemented
         return CurrentSum(parts=(*_parts(self), *_parts(other)))
-
-
-TABLE = "table"
-"""Kind of a function's table"""
-TABULATED = "twin.water.current.tabulated"
-"""Its file, which derives from `Current`"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -343,10 +281,6 @@ class CurrentSum(Current):
         for part in self.parts:
             if not isinstance(part, Current):
                 raise CurrentError(f"sum: a part is {type(part).__name__}, it must be a Current")
-
-    def _check_registered(self) -> None:
-        for part in self.parts:
-            part._check_registered()
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """The records of all parts."""
@@ -427,3 +361,65 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
         return [_plain(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
+
+
+def current_help() -> str:
+    """What `--current` accepts, an example a line, from every kind registered so far."""
+    lines = [("none", "still water")]
+    for kind in kinds():
+        lines.extend(kind.usage.items())
+    return "\n".join(
+        [
+            *(f"{text:{HELP_COLUMN - 2}}  {words}" for text, words in lines),
+            "Directions are toward, clockwise from north. Add currents with +.",
+        ]
+    )
+
+
+def parse_current(text: str) -> Current:
+    """The current that a `--current` text describes; `current_help` lists the forms.
+
+    Speeds in m/s, angles in degrees toward. Raises CurrentError naming what is wrong.
+    """
+    # A + belongs to a number (1e+3), a path or a time zone unless a kind follows it.
+    pieces = re.split(r"\+(?=\s*(?:[A-Za-z][\w-]*\s*:|none\b))", text.strip())
+    currents = [_parse_one(piece.strip()) for piece in pieces]
+    if len(currents) == 1:
+        return currents[0]
+    return CurrentSum(parts=tuple(part for current in currents for part in _parts(current)))
+
+
+def parse_field(text: str) -> Current:
+    """The current of a forecast: as `parse_current`, and the path of a file alone is a grid."""
+    if Path(text).exists():
+        return parse_current(f"grid:{text}")
+    if FILE.search(text) and ":" not in text:
+        raise CurrentError(
+            f"no file {text!r} with a forecast of the current: a file is a path, or "
+            f"grid:{text},SETTINGS; `--current` of `twin simulate --help` lists other kinds"
+        )
+    return parse_current(text)
+
+
+def check_field(text: str) -> None:
+    """Refuse what `parse_field` would refuse whatever is in its files, which are not opened and
+    may be missing yet; raises CurrentError."""
+    if not FILE.search(text):  # names no file
+        parse_current(text)
+        return
+    for name in re.findall(r"(?:^|\+)\s*([A-Za-z][\w-]*)\s*:", text):
+        kind_named(name.lower().replace("_", "-"), "none")
+
+
+def _parse_one(text: str) -> Current:
+    name, colon, rest = text.partition(":")
+    name = name.strip().lower().replace("_", "-")
+    if name == "none":
+        if rest.strip():
+            raise CurrentError(f"current 'none' takes no settings, not {rest!r}")
+        return still_water()
+    kind = kind_named(name, "none")
+    if not colon or not rest.strip():
+        example = next(iter(kind.usage))
+        raise CurrentError(f"current {name!r} needs settings, e.g. {example}")
+    return kind.parse(rest)

@@ -9,7 +9,7 @@ import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -66,6 +66,14 @@ class Box:
         return digest.hexdigest()
 
 
+class Source(NamedTuple):
+    """A file of a gridded current, and how it is read; see `Grid`."""
+
+    path: str
+    hold_s: float
+    land: str
+
+
 def choose_times(
     times: np.ndarray, source: str, start: np.datetime64, duration_s: float, hold_s: float
 ) -> np.ndarray:
@@ -98,24 +106,15 @@ def choose_times(
 
 
 def load_box(
-    data: xr.Dataset,
-    source: str,
-    velocity: Velocity,
-    origin: Origin,
-    start: np.datetime64 | None,
-    duration_s: float,
-    reach_m: float,
-    hold_s: float,
-    land: str,
-    largest: float = FASTEST_CURRENT,
-) -> tuple[Box, float]:
+    data: xr.Dataset, file: Source, velocity: Velocity, origin: Origin, start: np.datetime64 | None,
+    duration_s: float, reach_m: float, largest: float = FASTEST_CURRENT,
+) -> tuple[Box, float]:  # fmt: skip
     """The box within `reach_m` of the origin, and the distance [m] it reaches on every side.
 
-    start: mission start; None: the file's first time. land: "nan", "zero", or "auto" (zero for
-    raw NEMO names, else missing values). largest: magnitude beyond which units must be wrong. The
-    distance is infinite on sides where the file ends.
+    start: mission start; None: the file's first time. largest: magnitude beyond which units must
+    be wrong. The distance is infinite on sides where the file ends.
     """
-    axes = velocity.axes
+    (source, hold_s, land), axes = file, velocity.axes
     select: dict[str, np.ndarray] = {}
     times = np.empty(0, dtype="datetime64[ns]")
     if "time" in axes:
@@ -144,12 +143,9 @@ def load_box(
         if latitudes.size == longitudes.size == 1:
             select["latitude"] = select["longitude"] = np.zeros(1, dtype=int)
         else:
-            latitude, select["latitude"], tall = _choose_latitudes(
-                latitudes, source, origin, reach_m
-            )
-            longitude, select["longitude"], wide = _choose_longitudes(
-                longitudes, source, origin, reach_m
-            )
+            here = (source, origin, reach_m)
+            latitude, select["latitude"], tall = _choose_latitudes(latitudes, *here)
+            longitude, select["longitude"], wide = _choose_longitudes(longitudes, *here)
             reached = min(tall, wide)
 
     shape = (max(times.size, 1), depth.size, latitude.size, longitude.size)
@@ -176,13 +172,20 @@ def load_box(
             " attribute"
         )
     values += 0.0  # no -0.0 from the sign change
-    wet = _wet(values, source, velocity, land)
+    box = Box(time=times, depth=depth, latitude=latitude, longitude=longitude, velocity=values)
+    zero_is_land = land == "zero" or (land == "auto" and velocity.zero_is_land)
+    wet = np.asarray(np.isfinite(values).all(axis=-1))
+    if zero_is_land:
+        wet = wet & (values[..., :2] != 0.0).any(axis=(0, -1))
+    if not wet.any():
+        raise CurrentError(f"{source}: no water within reach of the start, only missing values")
     if latitude.size > 1 or longitude.size > 1:
-        _check_start(wet, source, latitude, longitude, origin, values, land, velocity)
+        _check_start(box, wet, source, origin)
+        if land == "auto" and not zero_is_land and wet.all():
+            _check_zeros(box, source, origin)
     elif not wet.any(axis=(1, 2, 3)).all():
         raise CurrentError(f"{source}: the water column holds only missing values")
     _fill(values, wet, source, times)
-    box = Box(time=times, depth=depth, latitude=latitude, longitude=longitude, velocity=values)
     return box, reached
 
 
@@ -255,61 +258,44 @@ def _within(offset: Floats, reach_m: float) -> tuple[int, int, float]:
     return first, last, float(min(low, high))
 
 
-def _wet(values: Floats, source: str, velocity: Velocity, land: str) -> np.ndarray:
-    """Where there is water, shape (nt, nd, nn, ne)."""
-    wet = np.asarray(np.isfinite(values).all(axis=-1))
-    if land == "zero" or (land == "auto" and velocity.zero_is_land):
-        wet = wet & (values[..., :2] != 0.0).any(axis=(0, -1))
-    if not wet.any():
-        raise CurrentError(f"{source}: no water within reach of the start, only missing values")
-    return wet
-
-
-def _check_start(
-    wet: np.ndarray,
-    source: str,
-    latitude: Floats,
-    longitude: Floats,
-    origin: Origin,
-    values: Floats,
-    land: str,
-    velocity: Velocity,
-) -> None:
-    """Raise CurrentError when the start point is on land at any time."""
+def _check_start(box: Box, wet: np.ndarray, source: str, origin: Origin) -> None:
+    """Raise CurrentError when the start point is on land at any time; `wet`: (nt, nd, nn, ne)."""
 
     def weights(axis: Floats, x: float) -> Floats:
         return np.array([np.interp(x, axis, row) for row in np.eye(axis.size)])
 
-    w_n = weights(latitude, origin.latitude_deg)
-    w_e = weights(longitude, 0.0)
+    w_n, w_e = weights(box.latitude, origin.latitude_deg), weights(box.longitude, 0.0)
     surface = wet[:, 0]
     share = np.einsum("tne,n,e->t", surface.astype(float), w_n, w_e)
-    if share.min() < WET_START:
-        n, e = np.nonzero(surface.all(axis=0))
-        way_out = "no water is near: choose another start"
-        if n.size:
-            north = np.radians(latitude[n] - origin.latitude_deg) * origin.meridian_radius
-            scale = origin.normal_radius * math.cos(math.radians(origin.latitude_deg))
-            distance = np.hypot(north, np.radians(longitude[e]) * scale)
-            best = int(np.argmin(distance))
-            nearest = (longitude[e[best]] + origin.longitude_deg + 180.0) % 360.0 - 180.0
-            way_out = (
-                f"the nearest water is lat={latitude[n[best]]:.4f},lon={nearest:.4f},"
-                f" {distance[best] / 1000.0:.1f} km away"
-            )
-        raise CurrentError(
-            f"{source}: the start {origin.latitude_deg:g}, {origin.longitude_deg:g} is on land;"
-            f" {way_out}"
+    if share.min() >= WET_START:
+        return
+    n, e = np.nonzero(surface.all(axis=0))
+    way_out = "no water is near: choose another start"
+    if n.size:
+        north = np.radians(box.latitude[n] - origin.latitude_deg) * origin.meridian_radius
+        scale = origin.normal_radius * math.cos(math.radians(origin.latitude_deg))
+        distance = np.hypot(north, np.radians(box.longitude[e]) * scale)
+        best = int(np.argmin(distance))
+        nearest = (box.longitude[e[best]] + origin.longitude_deg + 180.0) % 360.0 - 180.0
+        way_out = (
+            f"the nearest water is lat={box.latitude[n[best]]:.4f},lon={nearest:.4f},"
+            f" {distance[best] / 1000.0:.1f} km away"
         )
-    if land == "auto" and not velocity.zero_is_land and wet.all():
-        rows = _beside(latitude, origin.latitude_deg)
-        columns = _beside(longitude, 0.0)
-        if not values[:, :, rows, columns].any() and values.any():
-            raise CurrentError(
-                f"{source}: the current is exactly 0 at every depth and time around the start"
-                f" {origin.latitude_deg:g}, {origin.longitude_deg:g}; say land=zero if zeros mark"
-                " land in this file, land=nan if they are still water"
-            )
+    raise CurrentError(
+        f"{source}: the start {origin.latitude_deg:g}, {origin.longitude_deg:g} is on land;"
+        f" {way_out}"
+    )
+
+
+def _check_zeros(box: Box, source: str, origin: Origin) -> None:
+    """Raise CurrentError when zeros around the start may stand for land."""
+    rows, columns = _beside(box.latitude, origin.latitude_deg), _beside(box.longitude, 0.0)
+    if not box.velocity[:, :, rows, columns].any() and box.velocity.any():
+        raise CurrentError(
+            f"{source}: the current is exactly 0 at every depth and time around the start"
+            f" {origin.latitude_deg:g}, {origin.longitude_deg:g}; say land=zero if zeros mark"
+            " land in this file, land=nan if they are still water"
+        )
 
 
 def _beside(axis: Floats, x: float) -> slice:

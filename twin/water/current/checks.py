@@ -1,9 +1,11 @@
-"""Checks: settings of currents, worded alike for every kind, and `NAME=VALUE` between commas."""
+"""Checks of a current's settings, worded alike for every kind, and `NAME=VALUE` between commas."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from twin.errors import CurrentError
 
@@ -24,9 +26,9 @@ def finite(kind: str, name: str, value: float, unit: str) -> float:
     return number
 
 
-def speed(kind: str, name: str, value: float) -> float:
+def speed(kind: str, name: str, value: float, unit: str = "m/s") -> float:
     """`value` as a plausible velocity component [m/s] of either sign."""
-    number = finite(kind, name, value, "m/s")
+    number = finite(kind, name, value, unit)
     if abs(number) > FASTEST_CURRENT:
         raise CurrentError(
             f"{kind}: {name} is {number} m/s, beyond {FASTEST_CURRENT:g} m/s: give it in m/s"
@@ -48,6 +50,20 @@ def not_negative(kind: str, name: str, value: float, unit: str) -> float:
     if number < 0.0:
         raise CurrentError(f"{kind}: {name} must be at least 0 {unit}, not {number:g}")
     return number
+
+
+def setting(
+    *names: str,
+    unit: str = "",
+    check: Callable[..., float] | None = finite,
+    default: Any = dataclasses.MISSING,
+) -> Any:
+    """A field of a kind with its names on the command line, and one of the checks above.
+
+    None is not checked. `check` None marks a field that is text.
+    """
+    metadata = {"names": names, "unit": unit, "check": check}
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 def split_settings(kind: str, rest: str) -> tuple[list[str], dict[str, str]]:

@@ -1,4 +1,4 @@
-"""Gridded current read from a CF netCDF file or a zarr store."""
+"""Gridded current of a CF netCDF file or a zarr store, and its compiled interpolation."""
 
 from __future__ import annotations
 
@@ -8,13 +8,147 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from twin.compiled import borrowing, jit
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import checks
 from twin.water.current.axes import Origin, same_place
 from twin.water.current.base import Current
-from twin.water.current.box import Box, load_box
-from twin.water.current.grid_kernels import GRID_CODE, box_interpolation
-from twin.water.current.sampler import Floats
+from twin.water.current.box import Box, Source, load_box
+from twin.water.current.checks import not_negative, positive, setting
+from twin.water.current.sampler import INVALID, Floats, locate, record_at
+
+GRID_CODE = 9
+"""Of grids in compiled programs."""
+
+HEADER = 6
+"""nt, nd, nn, ne, number of velocity components (2 or 3), meridian curvature [1/m]."""
+
+
+@borrowing
+def _along_east(program, at, step, f, rate):  # type: ignore[no-untyped-def]
+    """Value and derivative between two neighbours on the east axis."""
+    here = program[at]
+    slope = program[at + step] - here
+    return here + f * slope, rate * slope
+
+
+@borrowing
+def _mix(a, a_rate, b, b_rate, f, rate):  # type: ignore[no-untyped-def]
+    """Linear interpolation between two (value, derivative) pairs whose weight f itself moves."""
+    return a + f * (b - a), a_rate + f * (b_rate - a_rate) + rate * (b - a)
+
+
+@borrowing
+def _at_one_time(program, at, steps, fractions, rates):  # type: ignore[no-untyped-def]
+    """One velocity component from the 8 corners of a cell at one of the file's times."""
+    _, s_d, s_n, s_e = steps
+    _, f_d, f_n, f_e = fractions
+    _, r_d, r_n, r_e = rates
+    a, ar = _along_east(program, at, s_e, f_e, r_e)
+    b, br = _along_east(program, at + s_n, s_e, f_e, r_e)
+    c, cr = _mix(a, ar, b, br, f_n, r_n)
+    a, ar = _along_east(program, at + s_d, s_e, f_e, r_e)
+    b, br = _along_east(program, at + s_d + s_n, s_e, f_e, r_e)
+    a, ar = _mix(a, ar, b, br, f_n, r_n)
+    return _mix(c, cr, a, ar, f_d, r_d)
+
+
+@borrowing
+def _component(program, at, steps, fractions, rates):  # type: ignore[no-untyped-def]
+    """One velocity component from the 16 corners of the cell whose first corner is `at`."""
+    now, now_rate = _at_one_time(program, at, steps, fractions, rates)
+    if steps[0] == 0:
+        return now, now_rate
+    later, later_rate = _at_one_time(program, at + steps[0], steps, fractions, rates)
+    return _mix(now, now_rate, later, later_rate, fractions[0], rates[0])
+
+
+@borrowing
+def _is_grid(program, start, size):  # type: ignore[no-untyped-def]
+    """Whether the payload has the length that its header says."""
+    if size < HEADER:
+        return False
+    nt, nd, nn, ne = program[start], program[start + 1], program[start + 2], program[start + 3]
+    nc = program[start + 4]
+    axes = nt + nd + nn + ne
+    return (
+        min(nt, nd, nn, ne) >= 1.0
+        and (nc == 2.0 or nc == 3.0)
+        and HEADER + axes + nt * nd * nn * ne * nc == size
+    )
+
+
+@borrowing
+def box_interpolation(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Header, time, depth, north and east axes, velocity (time, depth, north, east, component)."""
+    if not _is_grid(program, start, size):
+        return INVALID
+    nt, nd, nn = int(program[start]), int(program[start + 1]), int(program[start + 2])
+    ne, nc = int(program[start + 3]), int(program[start + 4])
+    # Tangent-plane metres to metres along the meridian and the origin's parallel, second order.
+    curvature = program[start + 5]
+    y = north - 0.5 * curvature * east * east
+    y_rate = r_n - curvature * east * r_e
+    x = east * (1.0 + curvature * north)
+    x_rate = r_e * (1.0 + curvature * north) + curvature * east * r_n
+    at = start + HEADER
+    i_t, f_t, inv_t = locate(program, at, nt, t)
+    at += nt
+    i_d, f_d, inv_d = locate(program, at, nd, depth)
+    at += nd
+    i_n, f_n, inv_n = locate(program, at, nn, y)
+    at += nn
+    i_e, f_e, inv_e = locate(program, at, ne, x)
+    at += ne
+    at += (((i_t * nd + i_d) * nn + i_n) * ne + i_e) * nc
+    # An axis of one node has no neighbour: a step of zero reads the node itself.
+    steps = (
+        nd * nn * ne * nc if nt > 1 else 0,
+        nn * ne * nc if nd > 1 else 0,
+        ne * nc if nn > 1 else 0,
+        nc if ne > 1 else 0,
+    )
+    fractions = (f_t, f_d, f_n, f_e)
+    rates = (inv_t * r_t, inv_d * r_d, inv_n * y_rate, inv_e * x_rate)
+    u, u_rate = _component(program, at, steps, fractions, rates)
+    v, v_rate = _component(program, at + 1, steps, fractions, rates)
+    w = w_rate = 0.0
+    if nc == 3:
+        w, w_rate = _component(program, at + 2, steps, fractions, rates)
+    return u, v, w, u_rate, v_rate, w_rate
+
+
+@jit
+def beyond_grid(program, north, east):  # type: ignore[no-untyped-def]
+    """Where a track (north, east [m], shape (n,)) is beyond the sides of a grid, shape (n,).
+
+    There the sampler holds the edge value: a mission that gets there needs a larger file.
+    """
+    out = np.zeros(north.size, dtype=np.bool_)
+    if program.size == 0 or not (0.0 <= program[0] <= program.size):
+        return out
+    at = 1
+    for _ in range(int(program[0])):
+        code, start, size = record_at(program, at)
+        if size < 0:
+            break
+        at = start + size
+        if code != GRID_CODE or not _is_grid(program, start, size):
+            continue
+        nn = int(program[start + 2])
+        ne = int(program[start + 3])
+        curvature = program[start + 5]
+        n_axis = start + HEADER + int(program[start]) + int(program[start + 1])
+        e_axis = n_axis + nn
+        for i in range(north.size):
+            y = north[i] - 0.5 * curvature * east[i] * east[i]
+            x = east[i] * (1.0 + curvature * north[i])
+            if nn > 1 and not (program[n_axis] <= y <= program[n_axis + nn - 1]):
+                out[i] = True
+            if ne > 1 and not (program[e_axis] <= x <= program[e_axis + ne - 1]):
+                out[i] = True
+    return out
+
 
 VEHICLE_SPEED = 1.0
 """[m/s] Horizontal speed through the water that no glider exceeds; sizes the box to load."""
@@ -35,70 +169,49 @@ class Grid(Current):
     10 km at mid-latitudes) is neglected.
     """
 
-    kind: ClassVar[str] = "grid"
-    code: ClassVar[int] = GRID_CODE
-    directional: ClassVar[Any] = box_interpolation
+    kind = "grid"
+    code = GRID_CODE
+    directional = box_interpolation
     usage: ClassVar[Mapping[str, str]] = {
         "grid:FILE.nc,lat=49,lon=-16,time=2000-01-05": "CF netCDF or zarr"
     }
-    settings: ClassVar[Mapping[str, str]] = {
-        "lat": "latitude_deg",
-        "lon": "longitude_deg",
-        "time": "time",
-        "u": "east",
-        "v": "north",
-        "w": "up",
-        "units": "units",
-        "land": "land",
-        "hold": "hold_s",
-        "reach": "reach_m",
-        "span": "span_s",
-        "sha256": "sha256",
-    }
 
-    path: str
+    path: str = setting(check=None)
     """CF netCDF file or zarr store."""
-    latitude_deg: float | None = None
+    latitude_deg: float | None = setting("lat", unit="degree", default=None)
     """[degree] Where the mission starts; None: the mission's origin."""
-    longitude_deg: float | None = None
+    longitude_deg: float | None = setting("lon", unit="degree", default=None)
     """[degree] Where the mission starts; None: the mission's origin."""
     time: str | None = None
     """UTC when the mission starts; None: the origin's time, or else the file's first time."""
-    east: str | None = None
+    east: str | None = setting("u", check=None, default=None)
     """Variable of the eastward velocity; None: by standard_name, then by usual names."""
-    north: str | None = None
+    north: str | None = setting("v", check=None, default=None)
     """Variable of the northward velocity; None: as above."""
-    up: str | None = None
+    up: str | None = setting("w", check=None, default=None)
     """Variable of the upward velocity; None: as above, missing is zero; "none": leave it out."""
     units: str | None = None
     """Units of the velocities; None: the file's attribute."""
     land: str = "auto"
     """What marks land: "nan" (missing values), "zero", or "auto": zero for raw NEMO names."""
-    hold_s: float = 3600.0
+    hold_s: float = setting("hold", unit="s", check=not_negative, default=3600.0)
     """[s] How far the mission may leave the file's time range; the end value is held there."""
-    reach_m: float | None = None
+    reach_m: float | None = setting("reach", unit="m", check=positive, default=None)
     """[m] Half-width of the box to load; None: what the mission can cover in its duration."""
-    span_s: float | None = None
+    span_s: float | None = setting("span", unit="s", check=positive, default=None)
     """[s] Length of time to load; None: the mission's duration."""
     sha256: str | None = None
     """Hash of the box that was used; a file with other content is then refused."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "path", str(self.path))
-        for name in ("latitude_deg", "longitude_deg"):
-            if getattr(self, name) is not None:
-                checks.finite(self.kind, name, getattr(self, name), "degree")
         if (self.latitude_deg is None) != (self.longitude_deg is None):
             raise CurrentError("grid: give both lat and lon, or neither to use the origin's")
         if self.time is not None:
             parse_time(self.time)
         if self.land not in LAND:
             raise CurrentError(f"grid: {unknown_name('land', str(self.land), LAND)}")
-        checks.not_negative(self.kind, "hold_s", self.hold_s, "s")
-        if self.reach_m is not None:
-            checks.positive(self.kind, "reach_m", self.reach_m, "m")
-        if self.span_s is not None:
-            checks.positive(self.kind, "span_s", self.span_s, "s")
 
     @classmethod
     def parse(cls, rest: str) -> Grid:
@@ -109,13 +222,7 @@ class Grid(Current):
                 "grid: give one file first, as grid:FILE.nc,lat=49,lon=-16,time=2000-01-05,"
                 f" not {rest!r}"
             )
-        settings: dict[str, Any] = {}
-        for name, value in given.items():
-            if name not in cls.settings:
-                raise CurrentError(unknown_name("grid setting", name, cls.settings))
-            number = name in ("lat", "lon", "hold", "reach", "span")
-            settings[cls.settings[name]] = checks.number("grid", name, value) if number else value
-        return cls(path=positional[0], **settings)
+        return cls(path=positional[0], **cls.values_of(given))
 
     def load(self, duration_s: float, origin: Origin | None = None) -> tuple[Box, Grid]:
         """The box for a mission, and this grid with everything written out (see `pinned`)."""
@@ -128,24 +235,23 @@ class Grid(Current):
                 f"grid: the mission lasts {duration_s:g} s, span_s covers {span:g} s of {self.path}"
             )
         start: Any = None if place.time is None else parse_time(place.time)
+        file = Source(self.path, self.hold_s, self.land)
         chosen = {"east": self.east, "north": self.north, "up": self.up}
         with open_data_set(self.path) as data:
             velocity = find_velocity(data, self.path, chosen, self.units)
 
             def load(reach: float) -> tuple[Box, float]:
-                return load_box(
-                    data, self.path, velocity, place, start, span, reach, self.hold_s, self.land
-                )
+                return load_box(data, file, velocity, place, start, span, reach)
 
-            if self.reach_m is not None:
-                reach = self.reach_m
-                box, _ = load(reach)
-            else:
-                reach = span * (VEHICLE_SPEED + FIRST_GUESS)
+            guess = span * (VEHICLE_SPEED + FIRST_GUESS)
+            reach = guess if self.reach_m is None else self.reach_m
+            box, reached = load(reach)
+            while self.reach_m is None:
+                needed = span * (VEHICLE_SPEED + _fastest(box))
+                if needed <= reached:
+                    break
+                reach = needed
                 box, reached = load(reach)
-                while (needed := span * (VEHICLE_SPEED + _fastest(box))) > reached:
-                    reach = needed
-                    box, reached = load(reach)
         digest = box.digest()
         if self.sha256 is not None and digest != self.sha256:
             raise CurrentError(
@@ -179,12 +285,12 @@ class Grid(Current):
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
         """The place in the file must be the start's, where both are given."""
-        mine = (self.latitude_deg, self.longitude_deg)
-        if mine[0] is None or mine[1] is None:
+        lat, lon = self.latitude_deg, self.longitude_deg
+        if lat is None or lon is None:
             return
-        if not same_place((mine[0], mine[1]), (latitude_deg, longitude_deg)):
+        if not same_place((lat, lon), (latitude_deg, longitude_deg)):
             raise CurrentError(
-                f"grid: lat={mine[0]:g}, lon={mine[1]:g} is not the mission's start at latitude "
+                f"grid: lat={lat:g}, lon={lon:g} is not the mission's start at latitude "
                 f"{latitude_deg:g}, longitude {longitude_deg:g}; leave lat and lon out, the "
                 "start is where the file is read"
             )
@@ -249,11 +355,8 @@ class Grid(Current):
         """Where and when the mission starts in the file."""
         if self.latitude_deg is None or self.longitude_deg is None:
             return replace(origin, time=self.time or origin.time)
-        return Origin(
-            latitude_deg=self.latitude_deg,
-            longitude_deg=self.longitude_deg,
-            time=self.time or origin.time,
-        )
+        place = {"latitude_deg": self.latitude_deg, "longitude_deg": self.longitude_deg}
+        return Origin(**place, time=self.time or origin.time)
 
 
 def parse_time(time: str) -> np.datetime64:

@@ -17,7 +17,7 @@ from twin.errors import CurrentError
 from twin.water.current import sampler as layout
 from twin.water.current.axes import Origin, find_axes
 from twin.water.current.base import Current, CurrentSum
-from twin.water.current.box import Box, load_box
+from twin.water.current.box import Box, Source, load_box
 from twin.water.current.grid import Grid, parse_time
 from twin.water.current.sampler import Floats
 from twin.water.current.velocity_file import Velocity, open_data_set
@@ -104,17 +104,10 @@ def _load(
             return None
         names = {"north": temperature[0], "east": salinity[0]}  # in place of the velocities
         axes = {of: find_axes(data, grid.path, name) for of, name in names.items()}
-        found = Velocity(
-            names=names,
-            scale=dict.fromkeys(names, 1.0),
-            axes=axes["north"],
-            dimensions={of: {k: a.dimension for k, a in own.items()} for of, own in axes.items()},
-            zero_is_land=False,
-        )
-        box, _ = load_box(
-            data, grid.path, found, place, start, duration, reach, grid.hold_s, "nan",
-            largest=LARGEST_VALUE,
-        )  # fmt: skip
+        own = {of: {k: axis.dimension for k, axis in kinds.items()} for of, kinds in axes.items()}
+        found = Velocity(names, dict.fromkeys(names, 1.0), axes["north"], own, zero_is_land=False)
+        file = Source(grid.path, grid.hold_s, "nan")
+        box, _ = load_box(data, file, found, place, start, duration, reach, LARGEST_VALUE)
     return box, place, (temperature[1], salinity[1])
 
 

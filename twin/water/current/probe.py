@@ -1,4 +1,4 @@
-"""Probe: a kind of one's own must state the derivatives of the very velocity that it gives.
+"""Probe: a kind of one's own must be complete, and its derivatives those of its velocity.
 
 The added mass takes the rate of the current and its gradient. With a wrong sign in one of them the
 vehicle flies on, wrongly, and nothing else would tell. Shipped kinds pass the same probe in the
@@ -7,15 +7,27 @@ tests; theirs is not run again at every compile.
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
+import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from twin.errors import CurrentError
+from twin.compiled import Compiled
+from twin.errors import CurrentError, unknown_name
+from twin.seams import CURRENTS
 from twin.water.current import sampler as layout
+from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats
 
+FIRST_FREE_CODE = 65_536
+"""Codes below are the package's own; others follow from the kind's name, the same everywhere."""
+DAY = 86_400.0
+"""[s] of the missions for which examples are tried"""
+TAKEN = ("none", "sum", "table")
+"""Words of descriptions and texts that name no kind"""
 POINTS = 48
 FARTHEST, DEEPEST = 30_000.0, 1000.0
 """[m] how far from the start, and how deep, places are looked at"""
@@ -31,6 +43,75 @@ ROUNDING = 16.0 * np.finfo(float).eps
 
 AXES = ("time", "north", "east", "depth")
 COMPONENTS = ("north", "east", "down")
+
+
+def flaw(kind: Any, name: str) -> str:
+    """What is wrong with a kind; empty when it is sound.
+
+    Raises:
+      CurrentError: a derivative of what its usage shows is not its velocity's.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in TAKEN:
+        return "its kind must be lower-case letters, digits and hyphens, and not taken"
+    if "__dataclass_params__" not in vars(kind):
+        return "it is not a dataclass: add @dataclass(frozen=True, kw_only=True)"
+    if found := _flaw_of_functions(kind):
+        return found
+    own = {field.name for field in dataclasses.fields(kind)}
+    for field in kind.setting_fields().values():
+        if field not in own:
+            return unknown_name("field in settings", field, own)
+    if not kind.usage or not all(text.startswith(f"{name}:") for text in kind.usage):
+        return f"it needs usage: a mapping of texts that begin with {name}: to a few words each"
+    for other in () if name in CURRENTS.shipped() else layout.kinds():
+        if other.number() == kind.number() and other.kind != name:
+            return f"it has the code {kind.number()} of {other.kind!r}; set another `code`"
+    return _flaw_of_examples(kind) if kind.number() >= FIRST_FREE_CODE else ""
+
+
+def _flaw_of_functions(kind: Any) -> str:
+    """What is wrong with the function that flies."""
+    for name, count in (("kernel", 7), ("directional", 11)):
+        function = getattr(kind, name)
+        if function is None:
+            continue
+        if not isinstance(function, Compiled):
+            return f"its {name} is {function!r}; decorate it with twin.compiled.jit"
+        taken = len(inspect.signature(function.py_func).parameters)
+        if taken != count:
+            direction = ", and a direction in t, north, east, depth" if count > 7 else ""
+            return (
+                f"its {name} takes {taken} arguments, it must take {count}: program, start,"
+                f" size, t, north, east, depth{direction}"
+            )
+    if (kind.kernel is None) == (kind.directional is None):
+        return (
+            "it needs one of kernel and directional, it has"
+            f" {'neither' if kind.kernel is None else 'both'}: what flies is compiled, so give"
+            " kernel, a function decorated with twin.compiled.jit that returns velocity, local"
+            " rate and gradient (3 + 3 + 9 numbers)"
+        )
+    return ""
+
+
+def _flaw_of_examples(kind: Any) -> str:
+    """Compile what `usage` shows, which compares its derivatives with differences.
+
+    Examples that need a file, or are no settings but their form, are compared when they fly.
+    """
+    for example in kind.usage:
+        try:
+            current = kind.parse(example.partition(":")[2])
+            drawn = [layout.program(current.records(DAY, Origin())) for _ in range(2)]
+        except CurrentError:
+            continue
+        if drawn[0].tobytes() != drawn[1].tobytes():
+            return (
+                f"its records() of {example!r} differ from call to call: draw what is random"
+                " from a seed that is a setting, by numpy.random.default_rng(seed)"
+            )
+        current.compile(DAY)
+    return ""
 
 
 def check(kind: Any, record: Floats, duration_s: float) -> None:

@@ -1,4 +1,4 @@
-"""A current that depends on depth alone, given as a table."""
+"""Steady currents of depth alone: one velocity everywhere, and a table over depth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,9 +16,69 @@ from twin.numbers import numbers
 from twin.water.current import checks
 from twin.water.current.axes import Origin
 from twin.water.current.base import Current
-from twin.water.current.interpolation import table
-from twin.water.current.sampler import Floats
+from twin.water.current.sampler import Floats, table
 from twin.water.table_file import column_numbers, read_table_file
+
+
+@borrowing
+def uniform_kernel(program, start, size, t, north, east, depth):  # type: ignore[no-untyped-def]
+    """North, east, down."""
+    rest = (0.0, 0.0, 0.0)
+    return (program[start], program[start + 1], program[start + 2], *rest, *rest, *rest, *rest)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform(Current):
+    """Constant velocity of the water in NED."""
+
+    kind = "uniform"
+    code = 1
+    payload_size = 3
+    kernel = uniform_kernel
+    usage: ClassVar[Mapping[str, str]] = {
+        "uniform:-0.05,-0.002": "m/s north, east and perhaps down",
+        "uniform:speed=0.3,direction=90": "m/s, degrees toward",
+    }
+
+    north: float = 0.0
+    """[m/s] Toward north."""
+    east: float = 0.0
+    """[m/s] Toward east."""
+    down: float = 0.0
+    """[m/s] Toward the bottom."""
+
+    def __post_init__(self) -> None:
+        for name in ("north", "east", "down"):
+            value = checks.speed(self.kind, name, getattr(self, name))
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def parse(cls, rest: str) -> Uniform:
+        """From NORTH,EAST[,DOWN], those by name, or speed= and direction=."""
+        positional, given = checks.split_settings("uniform", rest)
+        values = [checks.number("uniform", f"value {i}", v) for i, v in enumerate(positional, 1)]
+        if not given and len(values) in (2, 3):
+            return cls(**dict(zip(("north", "east", "down"), values, strict=False)))
+        numbers = {name: checks.number("uniform", name, value) for name, value in given.items()}
+        if not values and set(numbers) == {"speed", "direction"}:
+            return cls.toward(numbers["speed"], numbers["direction"])
+        if not values and numbers and set(numbers) <= {"north", "east", "down"}:
+            return cls(**numbers)
+        raise CurrentError(
+            f"uniform: cannot use {rest!r}; write uniform:NORTH,EAST[,DOWN] in m/s, or"
+            " uniform:speed=0.3,direction=90"
+        )
+
+    @classmethod
+    def toward(cls, speed: float, direction_deg: float) -> Uniform:
+        """Horizontal flow of `speed` [m/s] toward the compass direction [degree]."""
+        angle = math.radians(direction_deg)
+        return cls(north=speed * math.cos(angle), east=speed * math.sin(angle))
+
+    def records(self, duration_s: float, origin: Origin) -> list[Floats]:
+        """One layout record."""
+        return [self.record(self.north, self.east, self.down)]
+
 
 COLUMNS = {
     "depth": ("depth", 1.0),
@@ -46,10 +106,10 @@ def column(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # 
 class Profile(Current):
     """Velocity linear between tabulated depths, held above the first and below the last."""
 
-    kind: ClassVar[str] = "profile"
-    code: ClassVar[int] = 2
-    directional: ClassVar[Any] = column
-    depends_on: ClassVar[tuple[str, ...]] = ("depth",)
+    kind = "profile"
+    code = 2
+    directional = column
+    depends_on = ("depth",)
     usage: ClassVar[Mapping[str, str]] = {
         "profile:FILE.csv": "columns depth,north,east[,down] in m and m/s"
     }
@@ -71,7 +131,7 @@ class Profile(Current):
             object.__setattr__(self, name, tuple(values.tolist()))
         if not self.down:
             object.__setattr__(self, "down", (0.0,) * len(self.depth))
-        check_rows(self.kind, self.depth, self.north, self.east, self.down)
+        _check_rows(self.kind, {name: getattr(self, name) for name in self.setting_fields()})
 
     @classmethod
     def parse(cls, rest: str) -> Profile:
@@ -96,7 +156,7 @@ class Profile(Current):
                 f"{path} begins with numbers: write the header depth,north,east[,down] above them"
             )
         frame.columns = names
-        columns: dict[str, list[float]] = {}
+        columns: dict[str, Sequence[float]] = {}
         for name in names:
             if name not in COLUMNS:
                 raise CurrentError(f"{path}: {unknown_name('column', name, COLUMNS)}")
@@ -110,11 +170,7 @@ class Profile(Current):
             raise CurrentError(
                 f"{path} has no column {missing[0]}: a profile needs depth,north,east[,down]"
             )
-        columns.setdefault("down", [0.0] * len(frame))
-        check_rows(
-            str(path), columns["depth"], columns["north"], columns["east"], columns["down"],
-            list(frame.index),
-        )  # fmt: skip
+        _check_rows(str(path), columns, list(frame.index))
         return cls(**{name: tuple(values) for name, values in columns.items()})
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
@@ -131,42 +187,34 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def check_rows(
-    source: str,
-    depth: Sequence[float],
-    north: Sequence[float],
-    east: Sequence[float],
-    down: Sequence[float],
-    rows: Sequence[int] | None = None,
+def _check_rows(
+    source: str, columns: Mapping[str, Sequence[float]], rows: Sequence[int] | None = None
 ) -> None:
     """Raise CurrentError naming the first bad row; `rows` are line numbers, else counted from 1."""
-    n = len(depth)
-    if n == 0:
+    depth = columns["depth"]
+    velocities = {name: columns[name] for name in ("north", "east", "down") if name in columns}
+    if not depth:
         raise CurrentError(f"{source}: a profile needs at least one depth")
-    for name, values in (("north", north), ("east", east), ("down", down)):
-        if len(values) != n:
-            raise CurrentError(f"{source}: {len(values)} {name} values for {n} depths")
-    for i in range(n):
-        row = rows[i] if rows is not None else i + 1
-        if not math.isfinite(depth[i]):
-            raise CurrentError(f"{source} row {row}: depth is {depth[i]}; remove or fill the row")
-        if depth[i] < 0.0:
+    for name, values in velocities.items():
+        if len(values) != len(depth):
+            raise CurrentError(f"{source}: {len(values)} {name} values for {len(depth)} depths")
+    for i, here in enumerate(depth):
+        label = f"{source} row {i + 1 if rows is None else rows[i]}"
+        if not math.isfinite(here):
+            raise CurrentError(f"{label}: depth is {here}; remove or fill the row")
+        if here < 0.0:
+            raise CurrentError(f"{label}: depth {here:g} m is negative; depth is positive down")
+        if i and here <= depth[i - 1]:
             raise CurrentError(
-                f"{source} row {row}: depth {depth[i]:g} m is negative; depth is positive down"
-            )
-        if i and depth[i] <= depth[i - 1]:
-            raise CurrentError(
-                f"{source} row {row}: depth {depth[i]:g} m does not increase (row before:"
+                f"{label}: depth {here:g} m does not increase (row before:"
                 f" {depth[i - 1]:g} m); sort the rows by depth and drop repeats"
             )
-        for name, value in (("north", north[i]), ("east", east[i]), ("down", down[i])):
+        for name, values in velocities.items():
+            value, at = values[i], f"{label} (depth {here:g} m): {name}"
             if not math.isfinite(value):
-                raise CurrentError(
-                    f"{source} row {row} (depth {depth[i]:g} m): {name} is {value};"
-                    " remove or fill the row"
-                )
+                raise CurrentError(f"{at} is {value}; remove or fill the row")
             if abs(value) > checks.FASTEST_CURRENT:
                 raise CurrentError(
-                    f"{source} row {row} (depth {depth[i]:g} m): {name} is {value:g} m/s, beyond"
-                    f" {checks.FASTEST_CURRENT:g} m/s; convert the table to m/s"
+                    f"{at} is {value:g} m/s, beyond {checks.FASTEST_CURRENT:g} m/s; convert the"
+                    " table to m/s"
                 )

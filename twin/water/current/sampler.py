@@ -3,7 +3,9 @@
 `sample` is called once per physics step from inside C callbacks. The rate is the material
 derivative for the vehicle, dV_c/dt + (v . grad) V_c with v the velocity over ground, and it is the
 exact derivative of what is interpolated, not an estimate. Above the mean sea surface the value at
-depth 0 holds. A program that is damaged gives NaN, and nothing outside it is read.
+depth 0 holds. Interpolation is linear on ascending axes: outside an axis the edge value is held,
+and at a node the derivative of the cell ahead counts. A damaged record gives NaN, and nothing
+outside it is read.
 
 The chain of kinds is written from the registry: a kind that is registered later makes this module
 new, and with it every compiled function that samples currents.
@@ -24,9 +26,64 @@ from numpy.typing import ArrayLike, NDArray
 from twin.compiled import borrowing, generate, inline, jit
 from twin.compiled.dispatch import Written
 from twin.seams import CURRENTS
-from twin.water.current.interpolation import INVALID
 
 Floats = NDArray[np.float64]
+INVALID = (math.nan,) * 6
+"""Velocity and derivative of a record that is damaged: an event that a simulation reports."""
+
+
+@borrowing
+def locate(program, start, n, x):  # type: ignore[no-untyped-def]
+    """Cell of x on the ascending axis program[start:start+n]: index, fraction, 1/width.
+
+    The guess of an evenly spaced axis is tried first, then a binary search. The width's inverse is
+    zero where the edge value is held, which makes every derivative vanish there.
+    """
+    first = program[start]
+    if n == 1 or not (x >= first):
+        return 0, 0.0, 0.0
+    last = program[start + n - 1]
+    if x >= last:
+        return n - 2, 1.0, 0.0
+    guess = (x - first) / (last - first) * (n - 1)
+    # Only a damaged axis guesses NaN or beyond n, which no integer holds.
+    low = int(guess) if guess < n else 0
+    low = min(max(low, 0), n - 2)
+    if not (program[start + low] <= x < program[start + low + 1]):
+        low = 0
+        high = n - 1
+        while high - low > 1:
+            middle = (low + high) >> 1
+            if program[start + middle] <= x:
+                low = middle
+            else:
+                high = middle
+    inverse = 1.0 / (program[start + low + 1] - program[start + low])
+    return low, (x - program[start + low]) * inverse, inverse
+
+
+@borrowing
+def table(program, start, size, x, x_rate):  # type: ignore[no-untyped-def]
+    """Linear table: n, axis (n), velocity (n, 3). Velocity, and derivative at `x_rate` of x."""
+    if size < 1 or not (program[start] >= 1.0 and 1.0 + 4.0 * program[start] == size):
+        return INVALID
+    n = int(program[start])
+    low, fraction, inverse = locate(program, start + 1, n, x)
+    here = start + 1 + n + 3 * low
+    ahead = here + 3 if n > 1 else here
+    rate = x_rate * inverse
+    d_n = program[ahead] - program[here]
+    d_e = program[ahead + 1] - program[here + 1]
+    d_d = program[ahead + 2] - program[here + 2]
+    return (
+        program[here] + fraction * d_n,
+        program[here + 1] + fraction * d_e,
+        program[here + 2] + fraction * d_d,
+        rate * d_n,
+        rate * d_e,
+        rate * d_d,
+    )
+
 
 RECORD_HEADER = 2
 """Numbers in front of each payload: code and payload length."""
@@ -114,7 +171,7 @@ _AXES = {
     "depth": "0.0, 0.0, 0.0, 1.0",
 }
 _SUMS = {axis: tuple(f"d_{axis}_{k}" for k in range(3)) for axis in _AXES}
-"""Of each axis: sums of the derivatives of the velocity's three components along it"""
+"""Names of the sums of the derivatives of the velocity's three components, by axis"""
 _VELOCITY = ("v_0", "v_1", "v_2")
 
 
@@ -183,21 +240,12 @@ def sample(program, t, north, east, down, v_north, v_east, v_down):
     Returns (u_north, u_east, u_down [m/s], a_north, a_east, a_down [m/s2]), positive toward
     north, east and down; NaN from what is not a program.
     """
-    u_n = 0.0
-    u_e = 0.0
-    u_d = 0.0
-    a_n = 0.0
-    a_e = 0.0
-    a_d = 0.0
+    u_n = u_e = u_d = a_n = a_e = a_d = 0.0
     if program.size == 0:
         return u_n, u_e, u_d, a_n, a_e, a_d
     if not (0.0 <= program[0] <= program.size):
         return INVALID
-    depth = 0.0
-    depth_rate = 0.0
-    if down > 0.0:
-        depth = down
-        depth_rate = v_down
+    depth, depth_rate = (down, v_down) if down > 0.0 else (0.0, 0.0)
     at = 1
     for _ in range(int(program[0])):
         code, start, size = record_at(program, at)

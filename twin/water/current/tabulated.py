@@ -70,9 +70,6 @@ class Tabulated(Current):
         """Nodes along time, depth, north and east."""
         return len(self.time), len(self.depth), len(self.north), len(self.east)
 
-    def _check_registered(self) -> None:
-        """It flies as a grid does."""
-
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """One record of a flat grid."""
         axes = [np.array(getattr(self, name)) for name in AXES]

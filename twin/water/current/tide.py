@@ -1,17 +1,18 @@
-"""Barotropic tidal current as a sum of ellipses."""
+"""Oscillations of the whole water column: tidal ellipses, and the near-inertial one of its top."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, Self
 
 from twin.compiled import borrowing
 from twin.errors import CurrentError, unknown_name
 from twin.water.current import checks
-from twin.water.current.axes import Origin
+from twin.water.current.axes import Origin, coriolis
 from twin.water.current.base import Current
+from twin.water.current.checks import not_negative, positive, setting
 from twin.water.current.sampler import Floats
 
 PERIOD_HOURS = {
@@ -25,7 +26,6 @@ PERIOD_HOURS = {
     "Q1": 26.868350,
 }
 """[h] Periods of the main constituents (Doodson; e.g. Pugh 1987, table 4.1)."""
-
 SECONDS_PER_HOUR = 3600.0
 
 
@@ -58,8 +58,8 @@ class TidalEllipse:
                 f"tide: {name} needs semi_major >= |semi_minor|, not {major:g} and {minor:g} m/s;"
                 " turn direction_deg by 90"
             )
-        checks.finite("tide", f"{name} direction_deg", self.direction_deg, "degree")
-        checks.finite("tide", f"{name} phase_deg", self.phase_deg, "degree")
+        for angle in ("direction_deg", "phase_deg"):
+            checks.finite("tide", f"{name} {angle}", getattr(self, angle), "degree")
 
     @property
     def angular_rate(self) -> float:
@@ -68,11 +68,11 @@ class TidalEllipse:
 
     def describe(self) -> dict[str, Any]:
         """The settings as a JSON-able dict."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return asdict(self)
 
 
 ELLIPSE_SETTINGS = {"direction": "direction_deg", "phase": "phase_deg", "minor": "semi_minor"}
-"""Command-line name and field of what every constituent has beside its amplitude."""
+"""Command-line name and field of each setting of a constituent beside its amplitude."""
 
 
 @borrowing
@@ -105,9 +105,9 @@ class Tide(Current):
     Usual amplitudes: 0.02-0.05 m/s in the deep ocean, 0.2-1 m/s on the shelf.
     """
 
-    kind: ClassVar[str] = "tide"
-    code: ClassVar[int] = 5
-    kernel: ClassVar[Any] = ellipses_kernel
+    kind = "tide"
+    code = 5
+    kernel = ellipses_kernel
     usage: ClassVar[Mapping[str, str]] = {
         "tide:m2=0.1,s2=0.03,direction=30": (
             "ellipses; also minor=, phase=, m2_phase=, k1=, o1= ..."
@@ -158,13 +158,11 @@ class Tide(Current):
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """From `describe()`, nested parts rebuilt first."""
-        ellipses = []
-        for item in settings.get("ellipses", ()):
-            try:
-                ellipses.append(TidalEllipse(**item))
-            except TypeError as error:
-                raise CurrentError(f"tide: {error}") from None
-        return super().from_settings({**settings, "ellipses": tuple(ellipses)})
+        try:
+            ellipses = tuple(TidalEllipse(**item) for item in settings.get("ellipses", ()))
+        except TypeError as error:
+            raise CurrentError(f"tide: {error}") from None
+        return super().from_settings({**settings, "ellipses": ellipses})
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """One layout record."""
@@ -186,3 +184,60 @@ class Tide(Current):
             ]
             rows.append([e.angular_rate, *cos_part, *sin_part])
         return [self.record(len(rows), rows)]
+
+
+@borrowing
+def slab(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
+    """Speed, signed angular rate (clockwise from above is +), angle at t 0, layer depth,
+    1/decay depth below the layer."""
+    angle = program[start + 2] + program[start + 1] * t
+    below = depth - program[start + 3]
+    speed = program[start]
+    rate = 0.0
+    if below >= 0.0:
+        speed *= math.exp(-below * program[start + 4])
+        rate = -r_d * program[start + 4]
+    v_north = speed * math.cos(angle)
+    v_east = speed * math.sin(angle)
+    omega = r_t * program[start + 1]
+    d_north, d_east = rate * v_north - omega * v_east, rate * v_east + omega * v_north
+    return v_north, v_east, 0.0, d_north, d_east, 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inertial(Current):
+    """A slab that turns at the Coriolis frequency: clockwise in the north, period 12 h/sin(lat).
+
+    Uniform in the mixed layer, falling by e over `decay_depth` below it. 0.05-0.1 m/s is usual
+    after a storm (Pollard & Millard 1970).
+    """
+
+    kind = "inertial"
+    code = 6
+    payload_size = 5
+    directional = slab
+    depends_on = ("time", "depth")
+    usage: ClassVar[Mapping[str, str]] = {
+        "inertial:speed=0.08,layer=40": "near-inertial oscillation of the mixed layer"
+    }
+
+    speed: float = setting("speed", unit="m/s", check=checks.speed)
+    """[m/s] Speed in the mixed layer."""
+    layer_depth: float = setting("layer", unit="m", check=not_negative, default=40.0)
+    """[m] Depth of the mixed layer."""
+    decay_depth: float = setting("decay", unit="m", check=positive, default=10.0)
+    """[m] Depth over which the speed falls by e below the layer."""
+    direction_deg: float = setting("direction", unit="degree", default=0.0)
+    """[degree] Compass direction TOWARD which it flows at mission start."""
+    latitude_deg: float | None = setting("lat", unit="degree", default=None)
+    """[degree] Latitude of the Coriolis parameter; None: the mission's origin."""
+
+    def pinned(self, duration_s: float, origin: Origin | None = None) -> Inertial:
+        """With the latitude written out."""
+        return replace(self, latitude_deg=(origin or Origin()).latitude(self.latitude_deg))
+
+    def records(self, duration_s: float, origin: Origin) -> list[Floats]:
+        """One layout record."""
+        rate = coriolis(origin.latitude(self.latitude_deg))
+        angle = math.radians(self.direction_deg)
+        return [self.record(self.speed, rate, angle, self.layer_depth, 1.0 / self.decay_depth)]

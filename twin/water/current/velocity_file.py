@@ -10,9 +10,8 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -72,8 +71,7 @@ NO_BACKEND = "did not find a match in any of xarray's"
 """How xarray begins when no reader knows a file's first bytes; its advice is for programmers."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Velocity:
+class Velocity(NamedTuple):
     """Where the current is in a data set."""
 
     names: Mapping[str, str]
@@ -221,13 +219,19 @@ def find_velocity(
     dimensions = {}
     for component, name in names.items():
         own = find_axes(data, source, name)
-        _same_points(data, source, names["east"], axes, name, own, component)
+        hint = " or leave it out with w=none" if component in ("up", "down") else ""
+        for kind in sorted({*axes, *own}):
+            if not _same_points(data, axes.get(kind), own.get(kind)):
+                raise CurrentError(
+                    f"{source}: {names['east']!r} and {name!r} have different {kind} points "
+                    f"(staggered grid); interpolate them to common points first{hint}"
+                )
         dimensions[component] = {kind: axis.dimension for kind, axis in own.items()}
     scale = {c: _speed_factor(data, source, name, units) for c, name in names.items()}
     zero = any(name.lower() in ZERO_LAND_NAMES for name in names.values()) or any(
         axis.coordinate.lower() in ("depthu", "depthv") for axis in axes.values()
     )
-    return Velocity(names=names, scale=scale, axes=axes, dimensions=dimensions, zero_is_land=zero)
+    return Velocity(names, scale, axes, dimensions, zero_is_land=zero)
 
 
 def _by_standard_name(data: xr.Dataset, source: str, component: str) -> str | None:
@@ -253,27 +257,12 @@ def _by_alias(data: xr.Dataset, component: str) -> str | None:
     return next((lower[alias] for alias in ALIASES[component] if alias in lower), None)
 
 
-def _same_points(
-    data: xr.Dataset,
-    source: str,
-    first: str,
-    axes: Mapping[str, Axis],
-    name: str,
-    own: Mapping[str, Axis],
-    component: str,
-) -> None:
-    """Raise CurrentError unless `name`, with the axes `own`, lies on the points of `first`."""
-    for kind in sorted({*axes, *own}):
-        mine, its = axes.get(kind), own.get(kind)
-        if mine is not None and its is not None:
-            a, b = data[mine.coordinate].values, data[its.coordinate].values
-            if a.shape == b.shape and np.array_equal(a, b):
-                continue
-        hint = " or leave it out with w=none" if component in ("up", "down") else ""
-        raise CurrentError(
-            f"{source}: {first!r} and {name!r} have different {kind} points (staggered grid);"
-            f" interpolate them to common points first{hint}"
-        )
+def _same_points(data: xr.Dataset, one: Axis | None, other: Axis | None) -> bool:
+    """Whether two axes are there and have the same values."""
+    if one is None or other is None:
+        return False
+    a, b = data[one.coordinate].values, data[other.coordinate].values
+    return a.shape == b.shape and np.array_equal(a, b)
 
 
 def _speed_factor(data: xr.Dataset, source: str, name: str, units: str | None) -> float:

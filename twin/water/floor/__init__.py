@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from twin.water.floor.base import FlatFloor as FlatFloor
 from twin.water.floor.base import Floor as Floor
+from twin.water.floor.base import GridFloor as GridFloor
+from twin.water.floor.base import RoughFloor as RoughFloor
 from twin.water.floor.bathymetry import Bathymetry as Bathymetry
-from twin.water.floor.bathymetry import GridFloor as GridFloor
-from twin.water.floor.rough import RoughFloor as RoughFloor
-from twin.water.floor.spec import floor_from_dict as floor_from_dict
-from twin.water.floor.spec import parse_floor as parse_floor
+from twin.water.floor.bathymetry import floor_from_dict as floor_from_dict
+from twin.water.floor.bathymetry import parse_floor as parse_floor

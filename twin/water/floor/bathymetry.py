@@ -1,89 +1,38 @@
-"""Bathymetry: a sea floor of given depths, from a file on latitude and longitude or from Python.
+"""Bathymetry: the sea floor of a file on latitude and longitude; and any floor by its text.
 
 Files are netCDF or zarr. GEBCO's layout is the pattern: `elevation` in m, positive up, on `lat` and
 `lon`. ETOPO, EMODnet and the static files of ocean models are read too; the standard_name, the
 attribute `positive` or the name marks what counts downward.
-
-Depths from Python are given in metres north and east of the mission's start.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
 from twin.errors import FloorError, unknown_name
-from twin.numbers import Array, number, numbers
+from twin.numbers import Array
 from twin.water.current.axes import AXIS_NAMES, LATITUDE_UNITS, LONGITUDE_UNITS, Origin
-from twin.water.floor.base import DEEPEST_M, LARGEST, SPEED, Floor
+from twin.water.floor.base import (
+    LARGEST,
+    SPEED,
+    FlatFloor,
+    Floor,
+    GridFloor,
+    RoughFloor,
+    check_depths,
+    check_reach,
+)
 from twin.water.floor.lookup import pack
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-HIGHEST_M = 9_000.0
-"""[m] no land is higher"""
-FINEST_M = 0.5
-"""[m] The hull meets the plane through the floor fore and aft and on both sides of it, half a hull
-away: what is smaller than a hull belongs into the vehicle file, as geoms."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GridFloor(Floor):
-    """Depths on a rectilinear grid; bilinear between its nodes, its edges held beyond it."""
-
-    kind: ClassVar[str] = "grid"
-
-    north_m: Any
-    """[m] of the start, ascending, shape (n,), n at least 2"""
-    east_m: Any
-    """[m] of the start, ascending, shape (m,), m at least 2"""
-    depth_m: Any
-    """[m] positive down, shape (n, m); negative is land"""
-
-    def __post_init__(self) -> None:
-        for name in ("north_m", "east_m", "depth_m"):
-            values = numbers(getattr(self, name), f"grid sea floor: {name}", FloorError)
-            if not np.isfinite(values).all():
-                raise FloorError(f"grid sea floor: {name} holds values that are not finite")
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
-        for name in ("north_m", "east_m"):
-            axis = getattr(self, name)
-            if axis.ndim != 1 or axis.size < 2 or np.diff(axis).min() < FINEST_M:
-                raise FloorError(
-                    f"grid sea floor: {name} must be a vector of two or more values that rise by "
-                    f"at least {FINEST_M:g} m each"
-                )
-        shape = (self.north_m.size, self.east_m.size)
-        if self.depth_m.shape != shape:
-            turned = " (transpose it)" if self.depth_m.T.shape == shape else ""
-            raise FloorError(
-                f"grid sea floor: depth_m has shape {self.depth_m.shape}, north_m and east_m say "
-                f"{shape}{turned}"
-            )
-        check_depths("grid sea floor", self.depth_m)
-
-    def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
-        """The grid as it is."""
-        return pack(self.north_m, self.east_m, self.depth_m)
-
-
-def check_depths(label: str, depth: Array) -> None:
-    """Refuse depths [m] that no sea floor has; raises FloorError."""
-    lowest, highest = float(depth.max()), float(-depth.min())
-    if lowest > DEEPEST_M or highest > HIGHEST_M:
-        raise FloorError(
-            f"{label}: depths from {-highest:g} to {lowest:g} m: possible are {-HIGHEST_M:g} "
-            f"(land) to {DEEPEST_M:g} m, positive down; wrong units, or missing values without a "
-            "_FillValue"
-        )
-
 
 UP = "up"
 DOWN = "down"
@@ -141,11 +90,7 @@ class Bathymetry(Floor):
             raise FloorError(
                 f"bathymetry: {unknown_name('positive', str(self.positive), (UP, DOWN))}"
             )
-        if self.reach_m is None:
-            return
-        reach = number(self.reach_m, "bathymetry: reach_m", FloorError)
-        if not (math.isfinite(reach) and reach > 0.0):
-            raise FloorError(f"bathymetry: reach_m = {reach} m must be above 0 and finite")
+        check_reach("bathymetry", self.reach_m)
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
         """The part around the start, its axes in metres north and east of it."""
@@ -326,3 +271,89 @@ def _encloses(metres: Array, degrees: Array) -> bool:
     after = min(max(int(np.searchsorted(metres, 0.0)), 1), metres.size - 1)
     widest = 111_700.0 * float(np.abs(np.diff(np.unwrap(degrees, period=360.0))).max())
     return bool(metres[after] - metres[after - 1] <= 1.5 * widest)
+
+
+KINDS: dict[str, type[Floor]] = {c.kind: c for c in (FlatFloor, RoughFloor, GridFloor, Bathymetry)}
+"""Every kind of sea floor by its name in descriptions."""
+ROUGH_SETTINGS = {
+    "height": "height_m",
+    "length": "length_m",
+    "slope": "slope",
+    "toward": "slope_direction_deg",
+    "seed": "seed",
+    "shallowest": "shallowest_m",
+    "deepest": "deepest_m",
+    "reach": "reach_m",
+}
+"""Fields of a rough floor, by their names in a text"""
+TEXTS = ("variable", "positive", "sha256")
+FILE_SETTINGS = {"reach": "reach_m", **{name: name for name in TEXTS}}
+"""Fields of a file, likewise; those of TEXTS are no numbers"""
+
+
+def parse_floor(text: str) -> Floor | None:
+    """`none`, `depth:200` [m], `rough:60,height=3,length=400,seed=1`, or `FILE.nc,reach=20000`: a
+    bathymetry file with settings.
+
+    Raises:
+      FloorError: what is given is none of these.
+    """
+    text = text.strip()
+    if text == "none":
+        return None
+    kind, colon, rest = text.partition(":")
+    if colon and kind == "depth":
+        return FlatFloor(depth_m=_value("depth", rest))
+    if colon and kind == "rough":
+        depth, *given = rest.split(",")
+        settings = _settings(text, given, ROUGH_SETTINGS, "rough sea floor")
+        return RoughFloor(depth_m=_value("rough", depth), **settings)
+    path, *given = text.split(",")
+    if not path or ("." not in path and "/" not in path and "\\" not in path):
+        raise FloorError(
+            f"sea floor {text!r}: give none, depth:METRES such as depth:200, rough:METRES such as "
+            "rough:60,height=3,length=400, or a bathymetry file such as GEBCO.nc"
+        )
+    return Bathymetry(path=path, **_settings(text, given, FILE_SETTINGS, "bathymetry file"))
+
+
+def _settings(
+    text: str, given: Sequence[str], known: Mapping[str, str], noun: str
+) -> dict[str, Any]:
+    """The fields that items of NAME=VALUE give."""
+    settings: dict[str, Any] = {}
+    for item in given:
+        name, sign, value = (word.strip() for word in item.partition("="))
+        if not sign:
+            raise FloorError(f"sea floor {text!r}: {item!r} must be NAME=VALUE")
+        if name not in known:
+            raise FloorError(unknown_name(f"setting of a {noun}", name, known))
+        settings[known[name]] = _value(name, value)
+    return settings
+
+
+def floor_from_dict(data: Mapping[str, Any]) -> Floor:
+    """Rebuild what `describe` wrote.
+
+    Raises:
+      FloorError: an unknown kind or setting.
+    """
+    kind = str(data.get("kind"))
+    if kind not in KINDS:
+        raise FloorError(unknown_name("kind of sea floor", kind, KINDS))
+    settings = {name: value for name, value in data.items() if name != "kind"}
+    known = [field.name for field in dataclasses.fields(cast(Any, KINDS[kind]))]
+    for name in settings:
+        if name not in known:
+            raise FloorError(unknown_name(f"setting of a {kind} sea floor", name, known))
+    return KINDS[kind](**settings)
+
+
+def _value(name: str, text: str) -> Any:
+    if name in TEXTS:
+        return text
+    try:
+        return int(text) if name == "seed" else float(text)
+    except ValueError:
+        rule = "a whole number" if name == "seed" else "a number"
+        raise FloorError(f"sea floor: {name} {text.strip()!r} must be {rule}") from None

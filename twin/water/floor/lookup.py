@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import borrowing, jit
 from twin.numbers import Array
-from twin.water.current.interpolation import locate
+from twin.water.current.sampler import locate
 
 HEADER = 3
 """nodes along north, nodes along east, meridian convergence [1/m]"""

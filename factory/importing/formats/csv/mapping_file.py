@@ -7,6 +7,7 @@ Values of a mapping's TOML file, each of the kind that its key must have, or ref
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime
 import fnmatch
@@ -31,6 +32,7 @@ from factory.importing.formats.csv.mapping import (
     Mapping,
     Signal,
 )
+from factory.importing.sample_clock import in_utc
 from factory.importing.units import in_unit, known_units
 from twin.bounded import compile_pattern, read_toml
 from twin.errors import InputError, unknown_name
@@ -90,25 +92,14 @@ def one_of(label: str, key: str, value: object, allowed: Sequence[str]) -> Any:
 def moment(label: str, value: object) -> float:
     """Unix time of a TOML date or time, or of one in a text; without a zone it is UTC."""
     found: Any = value
-    if isinstance(value, str):
-        try:
-            found = datetime.datetime.fromisoformat(value)
-        except ValueError:
-            found = None
-    if isinstance(found, datetime.date) and not isinstance(found, datetime.datetime):
-        found = datetime.datetime(found.year, found.month, found.day)
+    if isinstance(value, datetime.date | str):
+        with contextlib.suppress(ValueError):
+            found = datetime.datetime.fromisoformat(str(value))
     if not isinstance(found, datetime.datetime):
         raise InputError(
             f"{label}: start must be a time such as 2022-06-25T08:00:00Z, not {value!r}"
         )
-    if found.tzinfo is None:
-        found = found.replace(tzinfo=datetime.UTC)
-    return found.timestamp()
-
-
-def shipped_names() -> list[str]:
-    """Names of the mappings that come with the program."""
-    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    return in_utc(found)
 
 
 def load_mapping(name: str | Path, *, timed: bool = False) -> Mapping:
@@ -125,21 +116,24 @@ def load_mapping(name: str | Path, *, timed: bool = False) -> Mapping:
     if not path.is_file():
         path = SHIPPED / f"{name}.toml"
     if not path.is_file():
+        nearest = unknown_name("shipped mapping", str(name), shipped_names())
         raise InputError(
-            f"no mapping file {name}: "
-            f"{unknown_name('shipped mapping', str(name), shipped_names())}; "
-            "docs/howto/import_tables.md shows how to write one"
+            f"no mapping file {name}: {nearest}; docs/howto/import_tables.md shows how to write one"
         )
     return parse_mapping(read_toml(path, "mapping"), path.name, timed=timed)
+
+
+def shipped_names() -> list[str]:
+    """Names of the mappings that come with the program."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
 def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> Mapping:
     """A mapping from what its TOML file says; errors as `load_mapping`."""
     label = f"mapping {label}"
-    keys = ["vehicle", "frame", "dvl_lock", "model", "rows", "gap_s", "period_s", "signals",
-            "ignored"]  # fmt: skip
-    keys += ["start"] if timed else ["time", "deployment", "corrections"]
-    known_keys(label, data, keys)
+    own = ("start",) if timed else ("time", "deployment", "corrections")
+    common = ("vehicle", "frame", "dvl_lock", "model", "rows", "gap_s", "period_s", "signals")
+    known_keys(label, data, (*common, "ignored", *own))
     for key in ("vehicle", "signals") if timed else ("vehicle", "time", "signals"):
         if key not in data:
             raise InputError(
@@ -165,12 +159,12 @@ def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> M
     for pattern, why in ignored.items():
         if not isinstance(why, str) or not why.strip():
             raise InputError(f"{label}: ignored.{pattern} needs a reason, as a text, not {why!r}")
-        mapped = [n for n, s in signals.items() if fnmatch.fnmatchcase(s.column, pattern)]
-        if mapped:
-            raise InputError(
-                f"{label}: column {signals[mapped[0]].column!r} is {mapped[0]} and ignored as "
-                f"{pattern!r} too; do one"
-            )
+        for name, signal in signals.items():
+            if fnmatch.fnmatchcase(signal.column, pattern):
+                raise InputError(
+                    f"{label}: column {signal.column!r} is {name} and ignored as {pattern!r} too; "
+                    "do one"
+                )
     dvl_lock = data.get("dvl_lock")
     if dvl_lock is not None:
         one_of(label, "dvl_lock", dvl_lock, tuple(LOCKS))
@@ -185,10 +179,11 @@ def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> M
             f'{label}: rows = "dives" needs measured_depth or measured_pressure; map one, or write '
             'rows = "file", rows = "gaps" or a number of minutes'
         )
+    start = moment(label, data["start"]) if "start" in data else None
     return Mapping(
         name=label,
         vehicle=text(label, "vehicle", data["vehicle"]),
-        time=Clock(column="", start=_start(label, data)) if timed else _clock(label, data["time"]),
+        time=Clock(column="", start=start) if timed else _clock(f"{label}, time", data["time"]),
         signals=signals,
         ignored=ignored,
         corrections=tuple(
@@ -207,10 +202,6 @@ def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> M
     )
 
 
-def _start(label: str, data: Dict[str, Any]) -> float | None:
-    return moment(label, data["start"]) if "start" in data else None
-
-
 def signal_names() -> list[str]:
     """Every signal that a column can be mapped to."""
     return [*(name for name in VARIABLES if name not in MADE), *LOG_ONLY]
@@ -226,31 +217,27 @@ def declare_model(model: str) -> None:
 
 def _signal(label: str, name: str, entry: object, model: str | None) -> Signal:
     allowed = signal_names()
+    if name in MADE:
+        raise InputError(
+            f"{label}: the import makes {name} itself; map gps_latitude and gps_longitude, or "
+            "latitude and longitude of the vehicle's own track"
+        )
     if name not in allowed:
-        if name in MADE:
-            raise InputError(
-                f"{label}: the import makes {name} itself; map gps_latitude and gps_longitude, or "
-                "latitude and longitude of the vehicle's own track"
-            )
-        hint = "" if model else (
-            '; for controls of parts name the vehicle: model = "tethys" or an own vehicle.xml'
-        )  # fmt: skip
-        raise InputError(f"{label}: {unknown_name('signal', name, allowed)}{hint}")
-    if isinstance(entry, str):
-        entry = {"column": entry}
-    values = dict(table(label, "", entry))
-    known_keys(label, values, [field.name for field in dataclasses.fields(Signal)])
+        hint = '; for controls of parts name the vehicle: model = "tethys" or an own vehicle.xml'
+        raise InputError(f"{label}: {unknown_name('signal', name, allowed)}{'' if model else hint}")
+    values = table(label, "", {"column": entry} if isinstance(entry, str) else entry)
+    known_keys(label, values, _FIELDS)
     if "column" not in values:
         raise InputError(f"{label}: column is missing: which column of the table is it?")
     signal = Signal(**_checked(label, name, values))
     wanted = signal.wanted(name)
     if not signal.unit and signal.needs_unit(name):
-        raise InputError(
-            f"{label}: unit is missing; take one of {', '.join(known_units(wanted))}"
-        )  # fmt: skip
-    if signal.unit and signal.unit != wanted:
-        in_unit(np.zeros(0), signal.unit, wanted, label)
+        raise InputError(f"{label}: unit is missing; take one of {', '.join(known_units(wanted))}")
+    in_unit(np.zeros(0), signal.unit, wanted, label)
     return signal
+
+
+_FIELDS = tuple(field.name for field in dataclasses.fields(Signal))
 
 
 def _checked(label: str, name: str, values: Dict[str, Any]) -> dict[str, Any]:
@@ -286,16 +273,14 @@ def _checked(label: str, name: str, values: Dict[str, Any]) -> dict[str, Any]:
 
 
 def _clock(label: str, entry: object) -> Clock:
-    label = f"{label}, time"
-    values = dict(table(label, "", entry))
+    values = table(label, "", entry)
     known_keys(label, values, [field.name for field in dataclasses.fields(Clock)])
     if "column" not in values:
         raise InputError(f"{label}: column is missing: which column of the table is the time?")
     unit = str(values.get("unit", "s"))
-    unit = unit if "%" in unit else unit.lower()
     if "%" in unit:
         _check_layout(label, unit)
-    elif unit not in CLOCK_UNITS:
+    elif (unit := unit.lower()) not in CLOCK_UNITS:
         raise InputError(f"{label}: {unknown_name('unit of time', unit, CLOCK_UNITS)}")
     if "start" in values and "start_from_name" in values:
         raise InputError(f"{label}: start and start_from_name both set the start; give one")
@@ -308,12 +293,8 @@ def _clock(label: str, entry: object) -> Clock:
                 f"{label}: start_from_name must have one group in brackets, the date, such as "
                 r"'^(\d{8})_'"
             )
-    clock = Clock(
-        column=text(label, "column", values["column"]),
-        unit=unit,
-        start=start,
-        start_from_name=pattern,
-    )
+    column = text(label, "column", values["column"])
+    clock = Clock(column=column, unit=unit, start=start, start_from_name=pattern)
     if clock.written and (start is not None or pattern is not None):
         raise InputError(
             f"{label}: written times are whole ones; leave start and start_from_name out"
@@ -336,19 +317,18 @@ def _check_layout(label: str, layout: str) -> None:
 
 def _correction(label: str, entry: object, signals: Dict[str, Signal]) -> Correction:
     values = dict(table(label, "", entry))
-    for key in ("files", "signal", "reason"):
+    keys = ("files", "signal", "reason")
+    for key in keys:
         if key not in values:
             raise InputError(f"{label}: {key} is missing")
-    files, signal, reason = (text(label, k, values.pop(k)) for k in ("files", "signal", "reason"))
+    files, signal, reason = (text(label, key, values.pop(key)) for key in keys)
     if signal not in signals:
         raise InputError(f"{label}: {unknown_name('mapped signal', signal, signals)}")
-    allowed = [field.name for field in dataclasses.fields(Signal)]
-    known_keys(label, values, ["files", "signal", "reason", *allowed])
+    known_keys(label, values, (*keys, *_FIELDS))
     if not values:
-        raise InputError(f"{label}: it changes nothing; give one of {', '.join(allowed)}")
-    return Correction(
-        files=files, signal=signal, reason=reason, changes=_checked(label, signal, values)
-    )
+        raise InputError(f"{label}: it changes nothing; give one of {', '.join(_FIELDS)}")
+    changes = _checked(label, signal, values)
+    return Correction(files=files, signal=signal, reason=reason, changes=changes)
 
 
 def _deployment(label: str, value: object) -> tuple[Literal["file", "name", "column"], str]:

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-import dataclasses
 import datetime
 import re
 from collections.abc import Mapping as Dict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import within_a_turn
 from factory.importing.columns import MISSING, Table, column_names, read_table
+from factory.importing.deployment_log import Channel, DeploymentLog
 from factory.importing.formats.csv.mapping import HEADINGS, ISO, Clock, Mapping, Signal
-from factory.importing.formats.csv.velocity_checks import check_values
-from factory.importing.sample_clock import expect_going, parse_stamps, unix_seconds
+from factory.importing.sample_clock import expect_going, in_utc, parse_stamps, unix_seconds
 from factory.importing.tally import Tally, leave_out, note_unread
 from factory.importing.units import SECONDS, in_unit
 from twin.errors import InputError, unknown_name
+from twin.geodesy import offset
+from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 KIND = "csv table"
 """What the report calls the tables."""
 
 
-@dataclasses.dataclass(frozen=True)
-class LogPiece:
+class LogPiece(NamedTuple):
     """The mapped columns of one deployment in one file, in the store's units and axes."""
 
     path: Path
@@ -55,19 +55,17 @@ def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, Log
         mapping.time.column, time, columns, path.name,
         f"; name the column of the samples' own time in [time] of {mapping.name}{hint}",
     )  # fmt: skip
-    if mapping.deployment == "name":
-        return [(mapping.deployment_word, LogPiece(path, time, columns))]
-    if mapping.deployment == "file":
-        return [(path.name.split(".")[0], LogPiece(path, time, columns))]
+    if mapping.deployment != "column":
+        by_name = mapping.deployment == "name"
+        word = mapping.deployment_word if by_name else path.name.split(".")[0]
+        return [(word, LogPiece(path, time, columns))]
+    found = []
     words = _words(table, mapping.deployment_word, path)
-    return [
-        (
-            word,
-            LogPiece(path, time[words == word], {n: v[words == word] for n, v in columns.items()}),
-        )
-        for word in dict.fromkeys(words.tolist())
-        if word
-    ]
+    for word in filter(None, dict.fromkeys(words.tolist())):
+        mine = words == word
+        own = {n: values[mine] for n, values in columns.items()}
+        found.append((word, LogPiece(path, time[mine], own)))
+    return found
 
 
 def _words(table: Table, column: str, path: Path) -> NDArray[np.str_]:
@@ -120,26 +118,24 @@ def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
     present = [*table.columns, *table.texts]
     if clock.column not in present:
         raise InputError(f"{path.name}: time: {unknown_name('column', clock.column, present)}")
-    if clock.written or clock.column in table.texts:
-        if clock.column not in table.texts or not clock.written:
-            raise InputError(
-                f"{path.name}: time column {clock.column!r} holds "
-                f"{'text' if clock.column in table.texts else 'numbers'}: write unit = "
-                f'"{ISO if clock.column in table.texts else "s"}" in [time]'
-            )
-        time = _written(table.texts[clock.column], clock, path, tally)
+    words = table.texts.get(clock.column)
+    if clock.written != (words is not None):
+        raise InputError(
+            f"{path.name}: time column {clock.column!r} holds "
+            f"{'numbers' if words is None else 'text'}: write unit = "
+            f'"{"s" if words is None else ISO}" in [time]'
+        )
+    if words is not None:
+        time = _written(words, clock, path, tally)
     else:
         time = table.columns[clock.column] * SECONDS[clock.unit]
         start = clock.start
         if clock.start_from_name is not None:
             start = _start_by_name(path, clock.start_from_name)
-        if start is not None:
-            time = time + start
-        else:
-            time = _whole(time, path, tally)
+        time = _whole(time, path, tally) if start is None else time + start
     if not np.isfinite(time).any():
         raise InputError(f"{path.name}: no row has a time in column {clock.column!r}")
-    tally.add("read", clock.column, int(np.isfinite(time).sum()), "as time")
+    tally.add("read", clock.column, np.isfinite(time), "as time")
     return time
 
 
@@ -181,14 +177,11 @@ def _start_by_name(path: Path, pattern: str) -> float:
             f"{path.name}: its name does not fit start_from_name = {pattern!r} of the mapping"
         )
     try:
-        moment = datetime.datetime.fromisoformat(found.group(1))
+        return in_utc(datetime.datetime.fromisoformat(found.group(1)))
     except ValueError:
         raise InputError(
             f"{path.name}: {found.group(1)!r}, which start_from_name finds, is not an ISO 8601 date"
         ) from None
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=datetime.UTC)
-    return moment.timestamp()
 
 
 def values_of(
@@ -199,21 +192,194 @@ def values_of(
     if column in table.texts:
         text = next((str(word) for word in table.texts[column] if str(word)), "")
         raise InputError(f"{file}: column {column!r} is to be {name} and holds text: {text!r}")
-    values = table.columns[column].copy()
-    tally.add("read", column, int(np.isfinite(values).sum()), f"as {name}")
+    written = table.columns[column]
+    tally.add("read", column, np.isfinite(written), f"as {name}")
     if why:
-        tally.add("note", name, int(np.isfinite(values).sum()), f"{file}: {why}")
-    missing = np.isin(values, signal.sentinels)
-    tally.add("removed", column, int(missing.sum()), "no measurement: a sentinel of the mapping")
-    infinite = np.isinf(values)
-    tally.add("removed", column, int(infinite.sum()), "infinite")
-    values[missing | infinite] = np.nan
+        tally.add("note", name, np.isfinite(written), f"{file}: {why}")
+    missing = np.isin(written, signal.sentinels)
+    values = tally.removed(written, missing, column, "no measurement: a sentinel of the mapping")
+    values = tally.removed(values, np.isinf(written), column, "infinite")
     values = in_unit(values, signal.unit, signal.wanted(name), f"{file} {column}")
     if name in HEADINGS:
         values = within_a_turn(values, column, tally)
         values = -values if signal.turns == "counterclockwise" else values
         return np.mod(values * signal.sign + (90.0 if signal.zero == "east" else 0.0), 360.0)
     values = values * signal.turn(name, mapping.frame)
-    written = table.columns[column]
     check_values(name, values, written, signal.unit, signal.possible, f"{file} column {column!r}")
     return values
+
+
+FORWARD = ("measured_dvl_surge", "true_surge", "true_speed")
+SIDEWAYS = ("measured_dvl_sway", "true_sway")
+VELOCITIES = frozenset((*FORWARD, *SIDEWAYS, "measured_dvl_heave", "true_heave"))
+_MOST = 0.3
+"""A column with more impossible values than this part is no velocity with a few wild ones."""
+_ONE_VALUE = 0.1
+"""A single value, of either sign, that makes up more than this part is a sentinel."""
+_FEWEST = 100
+"""Values without which a column that never changes proves nothing."""
+_WINDOW = 10.0
+"""[s] Track and velocity are compared over so long: a GPS's metre is then 0.1 m/s."""
+_HOLE = 5.0
+"""[s] A window whose velocity has a longer hole says nothing."""
+_MOVING = 0.3
+"""[m/s] Slower, the track's noise decides."""
+_WINDOWS = 5
+"""Windows that a comparison needs."""
+SCALE = (0.4, 2.5)
+"""Track speed over velocity: a current of half the vehicle's speed either way, and noise."""
+_CURRENT = 1.5
+"""[m/s] Stronger currents are rare where vehicles go: a larger difference is no current."""
+_AGREES = 0.5
+"""Correlation from which the sign of sway is judged."""
+
+
+def check_values(
+    name: str,
+    values: Array,
+    written: Array,
+    unit: str,
+    possible: tuple[float, float] | None,
+    subject: str,
+) -> None:
+    """Refuse a column of velocities if most of them are impossible for a vehicle.
+
+    Args:
+      values: [m/s] without the mapping's sentinels.
+      written: the same samples as the file has them, in `unit`.
+      possible: [m/s] lowest and highest by the mapping, which removes a sentinel beyond them; None:
+        those of the schema.
+
+    Raises:
+      InputError: it is a distance, or has a sentinel that the mapping does not name.
+    """
+    there = np.isfinite(values)
+    good, written = values[there], written[there]
+    if name not in VELOCITIES or not good.size:
+        return
+    low, high = possible or recorded_limits(name)
+    wild = (good < low) | (good > high)
+    found, counts = np.unique(np.abs(written[wild]), return_counts=True)
+    repeats = wild & np.isin(np.abs(written), found[counts > _ONE_VALUE * good.size])
+    if possible is not None:
+        wild, good = wild[~repeats], good[~repeats]
+    if not good.size or wild.mean() <= _MOST:
+        return
+    if possible is None and repeats.any():
+        found, counts = np.unique(written[repeats], return_counts=True)
+        words = [repr(value).removesuffix(".0") for value in found.tolist()]
+        shares = " and ".join(
+            f"{word} {unit} in {100.0 * count / good.size:.0f} %"
+            for word, count in zip(words, counts, strict=True)
+        )
+        raise InputError(
+            f"{subject} is to be {name} and is {shares} of its samples: a sentinel? Name it as the "
+            f"file has it, sentinels = [{', '.join(words)}], or give what is possible, in m/s, "
+            "possible = [LOW, HIGH]"
+        )
+    raise InputError(
+        f"{subject} is to be {name} and is beyond {low:g} to {high:g} m/s in "
+        f"{100.0 * wild.mean():.0f} % of its samples (median size {np.median(np.abs(good)):.4g}), "
+        "no two alike: a distance, not a velocity. Leave the file out, or the column: [ignored]"
+    )
+
+
+def check_track(log: DeploymentLog, tally: Tally) -> None:
+    """Compare the velocities of a log with its track, where it has one and a heading.
+
+    A forward velocity that is the same in every sample is left to the report as suspect, as is a
+    sway of the other sign than the track's.
+
+    Raises:
+      InputError: the track moves many times faster or slower than the forward velocity says.
+    """
+
+    def doubt(name: str, why: str) -> None:
+        tally.doubt(name, f"{log.deployment}: {why}", len(log.channel(name)))
+
+    for name in (*FORWARD, *SIDEWAYS):
+        channel = log.channel(name)
+        if len(channel) >= _FEWEST and np.ptp(channel.values) == 0.0:
+            doubt(name, f"{channel.values[0]:g} in every sample; was the sensor off?")
+    ahead = next((n for n in FORWARD if len(log.channel(n)) > 1), None)
+    heading = log.channel("measured_heading")
+    if ahead is None or not len(heading):
+        return
+    times, north, east = _track(log)
+    if not len(times):
+        return
+    middle = 0.5 * (times[1:] + times[:-1])
+    angle = np.interp(middle, heading.time, np.unwrap(np.radians(heading.values)))
+    v_north, v_east = np.diff(north) / np.diff(times), np.diff(east) / np.diff(times)
+    forward = v_north * np.cos(angle) + v_east * np.sin(angle)
+    starboard = -v_north * np.sin(angle) + v_east * np.cos(angle)
+    said = _means(log.channel(ahead), times)
+    use = np.isfinite(said) & (np.hypot(v_north, v_east) > _MOVING)
+    if use.sum() < _WINDOWS:
+        return
+    contradiction = _scale(log, ahead, said[use], forward[use])
+    if contradiction:
+        doubt(ahead, contradiction)
+    for name in SIDEWAYS:
+        aside = _means(log.channel(name), times)
+        both = np.isfinite(aside) & use
+        if both.sum() < _WINDOWS or np.ptp(aside[both]) == 0.0 or np.ptp(starboard[both]) == 0.0:
+            continue
+        agrees = float(np.corrcoef(aside[both], starboard[both])[0, 1])
+        if agrees < -_AGREES:
+            why = f"the track moves to the other side (correlation {agrees:.2f})"
+            doubt(name, f"{why}: wrong sign or frame")
+
+
+def _scale(log: DeploymentLog, name: str, said: Array, track: Array) -> str:
+    """A difference of size between forward velocity and track that a current explains, in words.
+
+    Raises:
+      InputError: no current explains it.
+    """
+    size = float(np.median(np.abs(said)))
+    moved = float(np.median(np.abs(track)))
+    low, high = SCALE
+    if (size > 0.0 and low <= moved / size <= high) or max(size, moved) < _MOVING:
+        return ""
+    channel = log.channel(name)
+    found = f"{size:.3g} m/s where the track moves forward at {moved:.3g} m/s (medians)"
+    if size > 0.0 and low <= moved * channel.spacing / size <= high:
+        what = f"metres per sample of {channel.spacing:g} s?"
+    elif np.ptp(channel.values) == 0.0:
+        what = "a sensor that was off?"
+    elif abs(moved - size) > _CURRENT:
+        what = "a distance, or another unit?"
+    else:  # what a current can do to a velocity through the water
+        return found
+    raise InputError(
+        f"{', '.join(log.files)}: {name} has {found}, not a velocity in m/s: {what} Correct the "
+        "unit, or leave the file or the column out"
+    )
+
+
+def _track(log: DeploymentLog) -> tuple[Array, Array, Array]:
+    """Times [s] at which windows with samples of the track begin and end, and north and east [m]
+    there; empty without a track."""
+    latitude, longitude = log.channel("latitude"), log.channel("longitude")
+    if len(latitude) < 2 or len(longitude) < 2:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    windows = np.unique((latitude.time - latitude.time[0]) // _WINDOW)
+    times = latitude.time[0] + _WINDOW * np.union1d(windows, windows + 1.0)
+    times = times[times < latitude.time[-1]]
+    north, east = offset(
+        latitude.at(times), longitude.at(times),
+        float(latitude.values[0]), float(longitude.values[0]),
+    )  # fmt: skip
+    return times, north, east
+
+
+def _means(channel: Channel, times: Array) -> Array:
+    """Mean of a channel between each two times; NaN where it has a hole."""
+    found = np.full(max(len(times) - 1, 0), np.nan)
+    for k in range(len(found)):
+        inside = channel.within(times[k], times[k + 1])
+        steps = np.diff([times[k], *inside.time, times[k + 1]])
+        if len(inside) and steps.max() <= _HOLE:
+            found[k] = float(inside.values.mean())
+    return found

@@ -12,14 +12,10 @@ from numpy.typing import NDArray
 
 from factory.importing.angles import reference_declination
 from factory.importing.cleaning import LIMITS, clean
-from factory.importing.columns import (
-    stacked,
-    tidy,
-)
+from factory.importing.columns import stacked, tidy, with_values
 from factory.importing.deployment_log import (
     EMPTY,
     NEAR,
-    NO_FIXES,
     TRUNCATED,
     Channel,
     DeploymentLog,
@@ -32,14 +28,11 @@ from factory.importing.formats.csv.mapping import (
     LOCKS,
     LOG_ONLY,
     Mapping,
-    Signal,
     row_times,
 )
 from factory.importing.formats.csv.mapping_file import load_mapping, shipped_names
-from factory.importing.formats.csv.pieces import KIND, LogPiece, pieces_of
-from factory.importing.formats.csv.velocity_checks import check_track
-from factory.importing.pressures import with_dbar_by_depth
-from factory.importing.seawater import ctd_channels, pressure_of
+from factory.importing.formats.csv.pieces import KIND, LogPiece, check_track, pieces_of
+from factory.importing.pressures import ctd_channels, pressure_of, with_dbar_by_depth
 from factory.importing.tally import Tally, note_empty
 from twin.errors import InputError
 from twin.records.schema.limits import recorded_limits
@@ -65,16 +58,15 @@ def read_tables(
         )
     mapping = load_mapping(options.mapping)
     groups: dict[str, list[LogPiece]] = {}
+    valued: set[str] = set()
     for path in paths:
         for deployment, piece in pieces_of(path, mapping, tally):
             groups.setdefault(deployment, []).append(piece)
-    every = [piece.columns for pieces in groups.values() for piece in pieces]
-    valued = {n for columns in every for n, values in columns.items() if np.isfinite(values).any()}
+            valued |= {*with_values(piece.columns)}
     note_empty(KIND, (s.column for n, s in mapping.signals.items() if n not in valued), tally)
     return [
-        _log(name, pieces, mapping, options.variation_deg, tally)
-        for name, pieces in groups.items()
-    ]  # fmt: skip
+        _log(name, pieces, mapping, options.variation_deg, tally) for name, pieces in groups.items()
+    ]
 
 
 def _log(
@@ -85,25 +77,20 @@ def _log(
     tally: Tally,
 ) -> DeploymentLog:
     """The pieces of one deployment as one log."""
-    names = [name for name in mapping.signals if any(name in p.columns for p in pieces)]
-    together = stacked([{"time": p.time, **p.columns} for p in pieces], ["time", *names])
+    together = stacked([{"time": p.time, **p.columns} for p in pieces], ["time", *mapping.signals])
     time, columns = tidy(together.pop("time"), together, deployment, tally)
+    channels = channels_of(deployment, time, columns, mapping, tally)
     return mapped_log(
-        deployment,
-        channels_of(deployment, time, columns, mapping, tally),
-        mapping,
-        variation_deg,
-        tally,
-        time=time,
-        files=[piece.time for piece in pieces],
-        names=[piece.path.name for piece in pieces],
-    )
+        deployment, channels, mapping, variation_deg, tally, time=time,
+        files=[piece.time for piece in pieces], names=[piece.path.name for piece in pieces],
+    )  # fmt: skip
 
 
 def channels_of(
     deployment: str, time: Array, columns: Dict[str, Array], mapping: Mapping, tally: Tally
 ) -> dict[str, Channel]:
-    """The possible values of columns with one clock, as channels by their signals.
+    """The possible values of columns with one clock, as channels by their signals; what the mapping
+    and the schema exclude is counted.
 
     Args:
       time: [s] unix, increasing.
@@ -112,7 +99,13 @@ def channels_of(
     channels: dict[str, Channel] = {}
     for name, values in columns.items():
         signal = mapping.signals[name]
-        channel = _clean(name, signal, time, values, tally)
+        low, high = signal.possible or (-np.inf, np.inf)
+        if name not in LOG_ONLY and name not in LIMITS:
+            least, most = recorded_limits(name)
+            low, high = max(low, least), min(high, most)
+        bad = np.isfinite(values) & ((values < low) | (values > high))
+        kept = tally.removed(values, bad, name, f"outside {low:g} to {high:g}")
+        channel = clean(name, time, kept, tally)
         if len(channel):
             channels[name] = channel
         elif np.isfinite(values).any() or not signal.optional:
@@ -144,21 +137,28 @@ def mapped_log(
       InputError: a magnetic heading without a variation; a velocity that is none.
     """
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
-        has = np.isin(time, channels["measured_dvl_surge"].time).astype(np.float64)
+        has = np.isin(time, channels["measured_dvl_surge"].time)
         channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
-        tally.add(
-            "note", "measured_dvl_mode", int(has.sum()), f"{mapping.dvl_lock}, says the mapping"
-        )
+        tally.add("note", "measured_dvl_mode", has, f"{mapping.dvl_lock}, says the mapping")
     channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
-    latitude, longitude, fix = (
-        channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")
-    )
-    fixes = _fixes(latitude, longitude, fix, tally)
+    gps = [channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")]
+    fixes = _fixes(*gps, tally)
     magnetic = [n for n in HEADINGS & set(channels) if mapping.signals[n].north != "true"]
     if magnetic and variation_deg is None and not len(variation):
         variation = reference_declination(places_for(fixes, channels), deployment, tally)
-    _to_true_north(deployment, channels, magnetic, variation, variation_deg, tally)
+    for name in magnetic:
+        heading = channels[name]
+        if variation_deg is None and not len(variation):
+            raise InputError(
+                f"{deployment}: {name} is from magnetic north, and the log has neither a variation "
+                "nor a position from which it follows: give --variation-deg, or map "
+                "magnetic_variation, or latitude and longitude"
+            )
+        turn = variation.at(heading.time) if variation_deg is None else variation_deg
+        channels[name] = Channel(heading.time, np.mod(heading.values + turn, 360.0))
+        tally.add("note", name, len(heading), "turned from magnetic to true north")
+    conductivity = channels.pop("conductivity", None)
     log = DeploymentLog(
         deployment=deployment,
         platform=mapping.vehicle,
@@ -166,16 +166,18 @@ def mapped_log(
         fixes=fixes,
         magnetic_variation=variation,
         auxiliary={
-            **{n: c for n, c in channels.items() if n in LOG_ONLY and n != "conductivity"},
+            **{n: c for n, c in channels.items() if n in LOG_ONLY},
             "awake": Channel(time, np.ones(len(time))),
         },
         files=tuple(names),
         pieces=_within_depth(deployment, row_times(mapping, time, files), channels, tally),
         period=mapping.period_s or _spacing(time),
-        held=frozenset(n for n, s in mapping.signals.items() if s.held or _commands(n)),
+        held=frozenset(
+            n for n, s in mapping.signals.items() if s.held or n.startswith("commanded_")
+        ),
         model=mapping.model,
     )
-    log = _with_water(log, channels.get("conductivity"), tally)
+    log = _with_water(log, conductivity, tally)
     check_track(log, tally)
     return log
 
@@ -198,18 +200,10 @@ def _within_depth(
         begins = start if first - start <= NEAR else float(first)
         ends = end if end - last <= NEAR else float(last)
         lost = (begins - start) + (end - ends)
-        if lost > 0.0:
-            tally.add(
-                "left out", deployment, 1,
-                f"{TRUNCATED}{lost / 60.0:.0f} min of a row, in which the depth had not begun, or "
-                "had ended",
-            )  # fmt: skip
+        why = f"{lost / 60.0:.0f} min of a row, in which the depth had not begun, or had ended"
+        tally.add("left out", deployment, int(lost > 0.0), f"{TRUNCATED}{why}")
         kept.append((begins, ends))
     return tuple(kept)
-
-
-def _commands(name: str) -> bool:
-    return name.startswith("commanded_")
 
 
 def _spacing(time: Array) -> float | None:
@@ -219,57 +213,21 @@ def _spacing(time: Array) -> float | None:
     return max(float(f"{np.median(np.diff(time)):.3g}"), SHORTEST)
 
 
-def _clean(name: str, signal: Signal, time: Array, values: Array, tally: Tally) -> Channel:
-    """The possible values of a signal; what the mapping and the schema exclude is counted."""
-    low, high = signal.possible or (-np.inf, np.inf)
-    if name not in LOG_ONLY and name not in LIMITS:
-        least, most = recorded_limits(name)
-        low, high = max(low, least), min(high, most)
-    with np.errstate(invalid="ignore"):
-        bad = np.isfinite(values) & ~((values >= low) & (values <= high))
-    tally.add("removed", name, int(bad.sum()), f"outside {low:g} to {high:g}")
-    return clean(name, time, np.where(bad, np.nan, values), tally)
-
-
-def _to_true_north(
-    deployment: str,
-    channels: dict[str, Channel],
-    magnetic: Sequence[str],
-    variation: Channel,
-    variation_deg: float | None,
-    tally: Tally,
-) -> None:
-    """Turn magnetic headings to true ones, in place."""
-    for name in magnetic:
-        heading = channels[name]
-        if variation_deg is None and not len(variation):
-            raise InputError(
-                f"{deployment}: {name} is from magnetic north, and the log has neither a variation "
-                "nor a position from which it follows: give --variation-deg, or map "
-                "magnetic_variation, or latitude and longitude"
-            )
-        turn = variation.at(heading.time) if variation_deg is None else variation_deg
-        channels[name] = Channel(heading.time, np.mod(heading.values + turn, 360.0))
-        tally.add("note", name, len(heading), "turned from magnetic to true north")
-
-
 def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) -> LoggedFixes:
     """GPS fixes: a position that a log repeats in every row is one fix, and at its beginning an
     old one. Positions without a fix by the receiver are none; its last word holds."""
     both = np.intersect1d(latitude.time, longitude.time)
     if len(fix) and both.size:
         said = fix.values[np.maximum(np.searchsorted(fix.time, both, side="right") - 1, 0)] > 0.0
-        tally.add("removed", "GPS fixes", int((~said).sum()), "the receiver says that it has none")
+        tally.add("removed", "GPS fixes", ~said, "the receiver says that it has none")
         both = both[said]
-    if not both.size:
-        return NO_FIXES
     north = latitude.values[np.isin(latitude.time, both)]
     east = longitude.values[np.isin(longitude.time, both)]
     fresh = np.ones(len(both), bool)
     fresh[1:] = (np.diff(north) != 0.0) | (np.diff(east) != 0.0)
     if len(both) > 1:
         fresh[0] = fresh[1]
-    tally.add("left out", "GPS fixes", int((~fresh).sum()), "rows that repeat the position before")
+    tally.add("left out", "GPS fixes", ~fresh, "rows that repeat the position before")
     return LoggedFixes(both, north, east).keep(fresh)
 
 
@@ -280,21 +238,15 @@ def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) 
     have_salt = len(fresh) or conductivity is not None
     if not len(warm) or not have_salt or not (len(pressure) or len(depth)):
         return log
-    track = log.channel("latitude"), log.channel("longitude")
-    places = (log.fixes.latitude, log.fixes.longitude) if len(log.fixes) else (
-        track[0].values, track[1].values
+    latitude, longitude = log.fixes.middle if len(log.fixes) else (
+        float(np.median(axis.values)) if len(axis) else 0.0
+        for axis in (log.channel("latitude"), log.channel("longitude"))
     )  # fmt: skip
-    latitude, longitude = (float(np.median(p)) if len(p) else 0.0 for p in places)
-    dbar = pressure if len(pressure) else Channel(depth.time, pressure_of(depth.values, latitude))
-    both = warm.time
+    dbar = pressure or Channel(depth.time, pressure_of(depth.values, latitude))
     made = ctd_channels(
-        both,
-        temperature=warm.values,
-        pressure=dbar.known(both),
-        practical=fresh.known(both) if len(fresh) else None,
-        conductivity=None if conductivity is None else conductivity.known(both),
-        latitude=latitude,
-        longitude=longitude,
-        tally=tally,
-    )
+        warm.time, temperature=warm.values, pressure=dbar.known(warm.time),
+        practical=fresh.known(warm.time) if len(fresh) else None,
+        conductivity=None if conductivity is None else conductivity.known(warm.time),
+        latitude=latitude, longitude=longitude, tally=tally,
+    )  # fmt: skip
     return dataclasses.replace(log, channels={**log.channels, **made})

@@ -15,21 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.og1.flight_terms import LITRES, potential_density
-from factory.exporting.og1.og1_terms import (
-    ASCENT,
-    DESCENT,
-    INFLECTION,
-    SURFACING,
-)
+from factory.exporting.og1.og1_terms import ASCENT, DESCENT, INFLECTION, SURFACING
 from factory.exporting.og1.variables import ESTIMATED
-from factory.importing.angles import reference_declination
+from factory.importing.angles import calls_itself_magnetic, reference_declination
 from factory.importing.cleaning import positions
-from factory.importing.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    LoggedFixes,
-)
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, LoggedFixes
 from factory.importing.formats.og1.vocabulary import (
     CONDUCTIVITIES,
     CORRECTED,
@@ -46,13 +36,8 @@ from factory.importing.formats.og1.vocabulary import (
     flags_of,
     without_bad,
 )
-from factory.importing.netcdf import (
-    as_array,
-    attributes_of,
-    seconds_of,
-    unit_in,
-)
-from factory.importing.seawater import ctd_channels, pressure_of, siemens
+from factory.importing.netcdf import as_array, attributes_of, seconds_of, unit_in
+from factory.importing.pressures import ctd_channels, pressure_of, siemens
 from factory.importing.tally import Tally, leave_out
 from factory.importing.units import in_unit, is_of
 from twin.errors import InputError
@@ -73,43 +58,27 @@ def ctd(
 
     With `own_conductivity` also the conductivity, which was measured and not made of the others.
     """
-
-    def first(names: Sequence[str]) -> Array | None:
-        found = next((n for n in names if n in columns and np.isfinite(columns[n]).any()), None)
-        used.update([found] if found else [])
-        return columns[found] if found else None
-
-    used: set[str] = set()
+    names = [
+        next((n for n in several if n in columns and np.isfinite(columns[n]).any()), "")
+        for several in (TEMPERATURES, SALINITIES, CONDUCTIVITIES)
+    ]
+    temperature, practical, measured = (columns.get(name) for name in names)
     at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
-    temperature = first(TEMPERATURES) if len(at) else None
-    if temperature is None:
-        return {}, used
-    practical = first(SALINITIES)
-    read = set(used)
-    measured = first(CONDUCTIVITIES)
-    if practical is not None and not own_conductivity:
-        used = read  # it tells only where the CTD was off
+    if temperature is None or not len(at):
+        return {}, set()
+    # a conductivity beside a salinity tells only where the CTD was off
+    used = set(names if practical is None or own_conductivity else names[:2])
     if measured is not None:
         measured = siemens(measured, "CNDC", tally)
-    latitude, longitude = columns.get("LATITUDE"), columns.get("LONGITUDE")
-    places = fixes
-    if not len(fixes) and latitude is not None and longitude is not None:
-        there = np.isfinite(latitude) & np.isfinite(longitude)
-        places = LoggedFixes(time[there], latitude[there], longitude[there])
-    north, east = places.at(time)
+    if not len(fixes) and {"LATITUDE", "LONGITUDE"} <= set(columns):
+        fixes = LoggedFixes.finite(time, columns["LATITUDE"], columns["LONGITUDE"])
+    north, east = fixes.at(time)
     water = ctd_channels(
-        time,
-        temperature=temperature,
-        pressure=at.known(time),
-        practical=practical,
-        conductivity=measured,
-        latitude=north,
-        longitude=east,
-        tally=tally,
-    )
+        time, temperature=temperature, pressure=at.known(time), practical=practical,
+        conductivity=measured, latitude=north, longitude=east, tally=tally,
+    )  # fmt: skip
     if measured is not None and own_conductivity:
-        there = np.isfinite(measured)
-        water["measured_conductivity"] = Channel(time[there], measured[there])
+        water["measured_conductivity"] = Channel.finite(time, measured)
     return water, used
 
 
@@ -154,9 +123,7 @@ class Variation:
         """[degree] east positive: the user's, the file's or the field's; None without a place."""
         if self.given is not None:
             return np.full(len(time), self.given)
-        if len(self.stored):
-            return self.stored.at(time)
-        found = reference_declination(self.places, self.deployment, tally)
+        found = self.stored or reference_declination(self.places, self.deployment, tally)
         return found.at(time) if len(found) else None
 
 
@@ -172,8 +139,7 @@ def true_heading(
 
     A variable that calls itself magnetic needs one; others are true unless the user gives one.
     """
-    words = " ".join(str(attributes.get(k, "")) for k in ("long_name", "comment", "standard_name"))
-    if "magnetic" in words.lower():
+    if variation.given is not None or calls_itself_magnetic(attributes):
         known = variation.at(time, tally)
         if known is None:
             raise InputError(
@@ -181,33 +147,24 @@ def true_heading(
                 "from which the variation follows; give it with --variation-deg, east positive"
             )
         return np.mod(values + known, 360.0), Channel(time, known)
-    if variation.given is not None:
-        known = np.full(len(time), variation.given)
-        return np.mod(values + known, 360.0), Channel(time, known)
-    if len(variation.stored):  # the heading contains it
-        return np.mod(values, 360.0), variation.stored
-    tally.add("note", "measured_heading", len(values), "taken as true: the file does not say else")
-    return np.mod(values, 360.0), EMPTY
+    if not len(variation.stored):  # else the heading contains it
+        why = "taken as true: the file does not say else"
+        tally.add("note", "measured_heading", len(values), why)
+    return np.mod(values, 360.0), variation.stored
 
 
 def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
     """The GPS fixes, each once."""
-    if not all(name in columns for name in ("LATITUDE_GPS", "LONGITUDE_GPS")):
+    latitude, longitude = (columns.get(name) for name in ("LATITUDE_GPS", "LONGITUDE_GPS"))
+    if latitude is None or longitude is None:
         return NO_FIXES
     if RECKONED in columns and CORRECTED not in columns:
         reckoned = (columns[RECKONED] == 1.0) & (columns["TIME_GPS"] == time)
-        reckoned &= np.isfinite(columns["LATITUDE_GPS"])
-        tally.add("removed", "GPS fixes", int(reckoned.sum()), f"reckoned, says {RECKONED}")
-        latitude = np.where(reckoned, np.nan, columns["LATITUDE_GPS"])
-        columns = {**columns, "LATITUDE_GPS": latitude}
-    latitude, longitude = positions(
-        columns["LATITUDE_GPS"], columns["LONGITUDE_GPS"], "GPS fixes", tally
-    )
-    time = columns["TIME_GPS"]
-    good = np.isfinite(time) & np.isfinite(latitude) & np.isfinite(longitude)
+        reckoned &= np.isfinite(latitude)
+        latitude = tally.removed(latitude, reckoned, "GPS fixes", f"reckoned, says {RECKONED}")
+    latitude, longitude = positions(latitude, longitude, "GPS fixes", tally)
     # a fix that is repeated at the following measurements is one fix
-    unique, first = np.unique(time[good], return_index=True)
-    return LoggedFixes(unique, latitude[good][first], longitude[good][first])
+    return LoggedFixes.finite(columns["TIME_GPS"], latitude, longitude).once()
 
 
 def fixes_apart(variables: Mapping[str, Any], name: str, tally: Tally) -> LoggedFixes:
@@ -224,8 +181,8 @@ def fixes_apart(variables: Mapping[str, Any], name: str, tally: Tally) -> Logged
     flags = flags_of(variables, columns)
     columns = {one: without_bad(one, values, flags, tally) for one, values in columns.items()}
     described = attributes_of(variables["TIME_GPS"])
-    time = seconds_of(columns["TIME_GPS"], described, name, tally)
-    return fixes_in(time, {**columns, "TIME_GPS": time}, tally)
+    columns["TIME_GPS"] = seconds_of(columns["TIME_GPS"], described, name, tally)
+    return fixes_in(columns["TIME_GPS"], columns, tally)
 
 
 def deployed(variables: Mapping[str, Any]) -> LoggedFixes:
@@ -233,12 +190,9 @@ def deployed(variables: Mapping[str, Any]) -> LoggedFixes:
 
     A simulated vehicle knows its origin before it has a fix.
     """
-    if not all(name in variables for name in DEPLOYED):
-        return NO_FIXES
-    values = [as_array(variables[name][...]) for name in DEPLOYED]
-    if any(len(one) != 1 or not np.isfinite(one).all() for one in values):
-        return NO_FIXES
-    return LoggedFixes(*values)
+    values = [as_array(variables[name][...]) for name in DEPLOYED if name in variables]
+    whole = len(values) == len(DEPLOYED) and all(len(one) == 1 for one in values)
+    return LoggedFixes.finite(*values) if whole else NO_FIXES
 
 
 def with_start(fixes: LoggedFixes, start: LoggedFixes) -> LoggedFixes:
@@ -246,31 +200,25 @@ def with_start(fixes: LoggedFixes, start: LoggedFixes) -> LoggedFixes:
     if not len(start) or (len(fixes) and fixes.time[0] <= start.time[0]):
         return fixes
     return LoggedFixes(
-        np.concatenate([start.time, fixes.time]),
-        np.concatenate([start.latitude, fixes.latitude]),
-        np.concatenate([start.longitude, fixes.longitude]),
+        np.append(start.time, fixes.time),
+        np.append(start.latitude, fixes.latitude),
+        np.append(start.longitude, fixes.longitude),
     )
 
 
 def tracks_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[str, Channel]:
     """The glider's own track, its waypoints, and where a simulated one really was."""
     names = OWN_TRACK
-    if not all(name in columns for name in names):
-        names = ("LATITUDE", "LONGITUDE")
     if CORRECTED in columns:
         leave_out(["LATITUDE", "LONGITUDE"], "a track corrected at the fixes", tally)
-        names = OWN_TRACK
+    elif not set(names) <= set(columns):
+        names = ("LATITUDE", "LONGITUDE")
     found: dict[str, Channel] = {}
-    for prefix, (first, second) in (("", names), ("waypoint_", WAYPOINT), ("true_", TRUE_TRACK)):
-        if first not in columns or second not in columns:
-            continue
-        latitude, longitude = positions(
-            columns[first], columns[second], f"{first}, {second}", tally
-        )
-        good = np.isfinite(latitude) & np.isfinite(longitude)
-        if good.any():
-            found[f"{prefix}latitude"] = Channel(time[good], latitude[good])
-            found[f"{prefix}longitude"] = Channel(time[good], longitude[good])
+    for prefix, pair in (("", names), ("waypoint_", WAYPOINT), ("true_", TRUE_TRACK)):
+        if set(pair) <= set(columns):
+            places = positions(columns[pair[0]], columns[pair[1]], ", ".join(pair), tally)
+            track = LoggedFixes.finite(time, *places)
+            found |= track.channels(prefix) if len(track) else {}
     return found
 
 
@@ -291,8 +239,7 @@ def dives_in(
     for target, name in CURRENTS.items():
         if name not in columns:
             continue
-        values = np.where(there, columns[name], np.nan)
-        good = np.flatnonzero(np.isfinite(values))
+        good = np.flatnonzero(there & np.isfinite(columns[name]))
         last = good[np.append(numbers[good][1:] != numbers[good][:-1], True)] if good.size else good
         at = time[last]
         if len(fixes):
@@ -300,7 +247,7 @@ def dives_in(
             inside = following < len(fixes)
             at = np.where(inside, fixes.time[np.minimum(following, len(fixes) - 1)], at)
         unique, first = np.unique(at, return_index=True)
-        found[target] = Channel(unique, values[last][first])
+        found[target] = Channel(unique, columns[name][last][first])
     return found
 
 
@@ -329,17 +276,16 @@ def stored_columns(columns: Mapping[str, Array], flags: Mapping[str, Array]) -> 
       flags: of the variables that have some.
     """
     found = {}
-    depth = columns.get("DEPTH")
+    depth, pressure, phase = (columns.get(name) for name in ("DEPTH", "PRES", "PHASE"))
     if "DEPTH" in flags:
         found["gap_stored"] = (flags["DEPTH"] == ESTIMATED).astype(float)
-    if "PHASE" in columns:
-        phase = np.full(len(columns["PHASE"]), np.nan)
+    if phase is not None:
+        found["phase_stored"] = np.full(len(phase), np.nan)
         for code, flag in _PHASES.items():
-            phase[columns["PHASE"] == code] = flag
-        found["phase_stored"] = phase
-    pressure, latitude = columns.get("PRES"), columns.get("LATITUDE_GPS")
+            found["phase_stored"][phase == code] = flag
     if depth is not None and pressure is not None and np.isnan(pressure).any():
-        known = latitude[np.isfinite(latitude)] if latitude is not None else np.zeros(0)
+        latitude = columns.get("LATITUDE_GPS", np.zeros(0))
+        known = latitude[np.isfinite(latitude)]
         place = float(np.median(known)) if known.size else 0.0
         found["PRES"] = np.where(np.isnan(pressure), pressure_of(depth, place), pressure)
     return found

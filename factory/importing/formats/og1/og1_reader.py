@@ -17,10 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.og1.flight_terms import MADE_CONDUCTIVITY
-from factory.exporting.og1.og1_terms import (
-    TERMS,
-    VARIATION,
-)
+from factory.exporting.og1.og1_terms import TERMS, VARIATION
 from factory.exporting.og1.variables import ENDING
 from factory.importing.angles import LoggedAngle, attitude_degrees
 from factory.importing.cleaning import clean, downward
@@ -33,7 +30,7 @@ from factory.importing.deployment_log import (
     each_file,
     places_for,
 )
-from factory.importing.formats.base import ReadOptions, WrongFormat
+from factory.importing.formats.base import ReadOptions, WrongFormat, other_format
 from factory.importing.formats.og1.derived import (
     STORED,
     Variation,
@@ -74,6 +71,7 @@ from factory.importing.netcdf import (
     SINCE,
     as_array,
     attributes_of,
+    is_number,
     open_netcdf,
     seconds_of,
     text_of,
@@ -81,7 +79,7 @@ from factory.importing.netcdf import (
 )
 from factory.importing.payload import payload_channels, payload_names
 from factory.importing.pressures import pressure_by_flight, to_dbar
-from factory.importing.sample_clock import NoClock, sample_clock
+from factory.importing.sample_clock import sample_clock
 from factory.importing.tally import Tally, leave_out, note_empty, note_unread
 from factory.importing.units import converted, declared, is_of, unit_of
 from twin.errors import InputError
@@ -128,39 +126,35 @@ def signals_in(
     tally: Tally,
 ) -> tuple[dict[str, Channel], set[str], Channel]:
     """Channels, the names that they come from, and the variation that was added."""
-    applied = EMPTY
-    sources = {target: name for name, target in OURS.items() if name in columns}
-    own = own_signals(attributes)
-    sources |= {target: name for name, target in own.items() if name in columns}
+
+    def in_store(name: str, wanted: str, tally: Tally) -> Array | None:
+        unit = unit_in(attributes[name])
+        return declared(columns[name], unit, wanted, name, tally, deployment=deployment)
+
+    applied, deployment = EMPTY, variation.deployment
+    known = {**OURS, **own_signals(attributes)}
+    sources = {target: name for name, target in known.items() if name in columns}
     for target, names in ALIASES.items():
         found = next((n for n in names if n in columns and np.isfinite(columns[n]).any()), None)
         if found is not None:
             sources[target] = found
-    channels: dict[str, Channel] = {}
     name_of_depth = sources.get("measured_depth", "")
-    depth = columns.get(name_of_depth)
-    if depth is not None:
-        unit = unit_in(attributes[name_of_depth])
-        depth = declared(
-            depth, unit, "m", name_of_depth, tally, deployment=variation.deployment
-        )  # fmt: skip
+    depth = in_store(name_of_depth, "m", tally) if name_of_depth in columns else None
     if depth is not None:  # the pressure is compared with it
         depth = downward(depth, name_of_depth, tally)
     below = depth
     if below is None and (name := sources.get("measured_pressure")) is not None:
-        below = declared(columns[name], unit_in(attributes[name]), "dbar", name, Tally())
-    attitude = attitude_degrees(
-        {
-            kind: LoggedAngle(
-                values=columns[sources[target]], unit=unit_in(attributes[sources[target]]),
-                subject=sources[target],
-            )
-            for target, kind in ATTITUDE.items() if target in sources
-        },
-        time, below, tally, deployment=variation.deployment,
-    )  # fmt: skip
+        below = in_store(name, "dbar", Tally())
+    angles = {
+        kind: LoggedAngle(
+            values=columns[sources[target]], unit=unit_in(attributes[sources[target]]),
+            subject=sources[target],
+        )
+        for target, kind in ATTITUDE.items() if target in sources
+    }  # fmt: skip
+    attitude = attitude_degrees(angles, time, below, tally, deployment=deployment)
+    channels: dict[str, Channel] = {}
     for target, name in sources.items():
-        unit = unit_in(attributes[name])
         if target in ATTITUDE:
             values = attitude.get(ATTITUDE[target])
         elif target == "measured_depth":
@@ -168,23 +162,20 @@ def signals_in(
         elif name in UNITS:  # converted already
             values = columns[name]
         else:
-            values = declared(
-                columns[name], unit, unit_of(target), name, tally, deployment=variation.deployment
-            )
+            values = in_store(name, unit_of(target), tally)
         if values is None:
             continue
         if target == "measured_pressure":
             values = to_dbar(
-                values, depth, name, tally, native="dbar", declared=unit,
-                deployment=variation.deployment,
+                values, depth, name, tally, native="dbar", declared=unit_in(attributes[name]),
+                deployment=deployment,
             )  # fmt: skip
         if target == "measured_heading":
             values, applied = true_heading(values, time, attributes[name], variation, path, tally)
         channels[target] = clean(target, time, values, tally, subject=name)
     pressure = channels.get("measured_pressure", EMPTY)
     if depth is None and len(pressure):
-        pitch = channels.get("measured_pitch", EMPTY)
-        name = sources["measured_pressure"]
+        pitch, name = channels.get("measured_pitch", EMPTY), sources["measured_pressure"]
         channels["measured_pressure"] = pressure_by_flight(pressure, pitch, name, tally)
     if depth is not None and len(pressure):
         channels.pop("measured_depth", None)  # computed from pressure, as for every log
@@ -226,42 +217,38 @@ def _overlap(one: DeploymentLog, other: DeploymentLog) -> bool:
 def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     with open_netcdf(path) as file:
         variables = file.variables
+        names = list(variables)
         if "TIME" not in variables or DIMENSION not in file.dimensions:
             why = f"an OG1.0 file has TIME along the dimension {DIMENSION}"
-            raise WrongFormat(path, [*variables, *file.groups], why=why)
-        try:
-            raw = {
-                name: as_array(variable[:])
-                for name, variable in variables.items()
-                if variable.dimensions == (DIMENSION,) and variable.dtype != str
-                and variable.dtype.kind in "fiu" and not name.endswith(ENDING)
-            }  # fmt: skip
-            attributes = {name: attributes_of(variables[name]) for name in raw}
-            flags = flags_of(variables, raw)
-            names = list(variables)
-            name = _deployment(file, path)
-            said = deployment_words(file, name)
-        except (RuntimeError, OSError) as error:
-            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+            raise WrongFormat(path, [*names, *file.groups], why=why)
+        raw = {
+            name: as_array(variable[:])
+            for name, variable in variables.items()
+            if variable.dimensions == (DIMENSION,) and is_number(variable)
+            and not name.endswith(ENDING)
+        }  # fmt: skip
+        attributes = {name: attributes_of(variables[name]) for name in raw}
+        flags = flags_of(variables, raw)
+        name = _deployment(file, path)
+        said = deployment_words(file, name)
         platform = text_of(variables.get("PLATFORM_MODEL")) or str(
             getattr(file, "platform", "underwater glider")
         )
         simulated = "simul" in str(getattr(file, "title", "")).lower()
-        begun = deployed(variables) if CORRECTED in raw else NO_FIXES
+        ours = CORRECTED in raw
+        begun = deployed(variables) if ours else NO_FIXES
         apart = fixes_apart(variables, path.name, tally)
     for key, values in raw.items():
         values = without_bad(key, values, flags, tally)
         raw[key] = _within_limits(key, values, attributes[key], tally)
     clock = _clock(path, raw, attributes, names, tally)
-    time = raw.pop(clock)
-    columns = dict(raw)
+    time, columns = raw.pop(clock), dict(raw)
     for key in ("TIME_GPS", *ORIGINAL_TIMES.values()):
         if np.isfinite(raw.get(key, np.zeros(0))).any():
             columns[key] = seconds_of(raw[key], attributes[key], path.name, tally)
     time = seconds_of(time, attributes[clock], path.name, tally)
     if not np.isfinite(columns.get("TIME_GPS", np.zeros(0))).any():
         columns["TIME_GPS"] = time  # the fixes are at the measurements
-    ours = CORRECTED in raw
     if ours:
         columns |= stored_columns(columns, flags)
     else:
@@ -271,9 +258,8 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
                 attributes[standard] = attributes[alias]
     time, columns = tidy(time, columns, path.name, tally)
     units = {n: unit_in(described) for n, described in attributes.items()}
-    columns = converted(
-        with_values(columns, ("TIME_GPS",)), units, UNITS, tally, deployment=name
-    )  # fmt: skip
+    columns = with_values(columns, ("TIME_GPS",))
+    columns = converted(columns, units, UNITS, tally, deployment=name)
     tally.add("read", path.name, len(time), "measurements")
     extra = payload_names(options.payload)
     own = own_signals(attributes)
@@ -287,8 +273,9 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     if simulated:
         tally.add("note", path.name, 1, "its title says that it is simulated, not observed")
     fixes = with_start(fixes_in(time, columns, tally) or apart, begun)
+    series = {n: Channel.finite(time, values) for n, values in columns.items()}
     track = tracks_in(time, columns, tally)
-    stored = _series(time, columns, VARIATION)
+    stored = series.get(VARIATION, EMPTY)
     variation = Variation(options.variation_deg, places_for(fixes, track), name, stored)
     channels, used, applied = signals_in(time, columns, attributes, variation, path, tally)
     made = attributes.get("CNDC", {}).get("long_name", "") == MADE_CONDUCTIVITY
@@ -297,7 +284,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     channels |= water
     if dense is not None:  # with what the store had where the CTD was off
         channels["measured_density"] = dense
-    found = {n: one for n in extra if len(one := _series(time, columns, n))}
+    found = {n: series[n] for n in extra if n in series}
     if PER_MASS in found:  # for a potential density a metre is a dbar
         pressure = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
         found[PER_MASS] = oxygen_per_volume(
@@ -314,9 +301,8 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     unused = [n for n in unused if n not in made_of]
     leave_out(unused, "another variable of the file gives it", tally)
     track |= dives_in(time, columns, fixes, tally)
-    track |= {f"{kind}_original": _series(time, columns, n) for kind, n in ORIGINAL_TIMES.items()}
-    track |= {kind: _series(time, columns, kind) for kind in STORED}
-    steps = np.diff(time)
+    track |= {f"{kind}_original": series.get(n, EMPTY) for kind, n in ORIGINAL_TIMES.items()}
+    track |= {kind: series.get(kind, EMPTY) for kind in STORED}
     return DeploymentLog(
         deployment=name,
         platform=platform,
@@ -327,7 +313,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         files=(path.name,),
         # an export has a grid, whose depth is zeroed and whose rows lie between fixes
         station=ours or "seaglider" in platform.lower() or bool(_SEAGLIDER.match(name)),
-        period=float(np.median(steps)) if ours and len(steps) else None,
+        period=float(np.median(np.diff(time))) if ours and len(time) > 1 else None,
         gridded=ours,
         simulated=simulated,
         said=said,
@@ -354,22 +340,11 @@ def _clock(
             with contextlib.suppress(InputError):  # units that are none: no clock
                 clocks.setdefault(name, seconds_of(raw[name], attributes[name], "", Tally()))
     measured = {name: values for name, values in raw.items() if name not in clocks}
-    try:
+    with other_format(path, names):
         return sample_clock(clocks, measured, path.name, tally)
-    except NoClock as error:
-        why = str(error).removeprefix(f"{path.name}: ")
-        raise WrongFormat(path, names, why=why) from error
 
 
 PER_MASS = "DOXY"
-
-
-def _series(time: Array, columns: Mapping[str, Array], name: str) -> Channel:
-    """The finite values of a column; empty without it."""
-    if name not in columns:
-        return EMPTY
-    there = np.isfinite(columns[name])
-    return Channel(time[there], columns[name][there])
 
 
 def _deployment(file: Any, path: Path) -> str:
@@ -382,15 +357,9 @@ def _deployment(file: Any, path: Path) -> str:
 
 def _within_limits(name: str, values: Array, attributes: Mapping[str, Any], tally: Tally) -> Array:
     """Values outside the variable's own valid range as NaN, counted."""
-    low, high = attributes.get("valid_min"), attributes.get("valid_max")
-    bad = np.zeros(len(values), bool)
-    with np.errstate(invalid="ignore"):
-        if low is not None and name != "DEPTH":
-            bad |= values < float(low)
-        if high is not None:
-            bad |= values > float(high)
-    tally.add("removed", name, int(bad.sum()), "outside the file's valid range")
-    return np.where(bad, np.nan, values)
+    low = -np.inf if name == "DEPTH" else float(attributes.get("valid_min", -np.inf))
+    bad = (values < low) | (values > float(attributes.get("valid_max", np.inf)))
+    return tally.removed(values, bad, name, "outside the file's valid range")
 
 
 _SEAGLIDER = re.compile(r"sg\d{3}(_|$)", re.IGNORECASE)

@@ -106,19 +106,13 @@ PEOPLE = frozenset(
         "references", "keywords", "keywords_vocabulary",
     }
 )  # fmt: skip
-"""Attributes that a person wrote: ACDD's and the format's"""
 _PERSON = re.compile(r"(creator|publisher|contributor)_\w+")
 _OURS = re.compile(r"(SIMULATED )?OceanGliders trajectory file, deployment .*|\d+ dives of .*")
 """Title and summary that an export writes by itself"""
 _NOTHING = frozenset({"", "n/a", "glider-twin", "No QC applied", NOT_LOGGED})
-_DEVICE = {
-    "long_name": "long_name",
-    "sensor_model": "make_model",
-    "sensor_maker": "make",
-    "sensor_serial_number": "serial_number",
-    "sensor_calibration_date": "calibration_date",
-    "comment": "comment",
-}
+_DEVICE = {"long_name": "long_name", "sensor_model": "make_model", "sensor_maker": "make",
+           "sensor_serial_number": "serial_number", "sensor_calibration_date": "calibration_date",
+           "comment": "comment"}  # fmt: skip
 
 
 def deployment_words(file: Any, deployment: str) -> str | None:
@@ -187,6 +181,5 @@ def without_bad(name: str, values: Array, flags: Mapping[str, Array], tally: Tal
         return values
     codes = NO_FIX if name.endswith("_GPS") else BAD
     bad = np.isin(flags[name], codes) & np.isfinite(values)
-    said = ", ".join(str(code) for code in codes)
-    tally.add("removed", name, int(bad.sum()), f"bad by the file's own flags ({said})")
-    return np.where(bad, np.nan, values)
+    why = f"bad by the file's own flags ({', '.join(map(str, codes))})"
+    return tally.removed(values, bad, name, why)

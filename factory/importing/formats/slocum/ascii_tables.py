@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.importing.columns import MISSING, Table
+from factory.importing.columns import MISSING, Table, plain
 from factory.importing.deployment_log import TRUNCATED
 from factory.importing.tally import Tally
-from twin.bounded import unpacked_file
 from twin.errors import InputError
 
 LABEL = b"dbd_label:"
@@ -32,7 +31,7 @@ def is_text(path: Path) -> bool:
     """Whether a Slocum's file is text by its first line, whatever its name; packed by gzip or
     not."""
     try:
-        with _binary(path) as file:
+        with plain(path) as file:
             first = file.readline(100)
     except (OSError, EOFError, InputError):
         return False  # its reader says what is wrong
@@ -46,7 +45,7 @@ def read_text_table(path: Path, tally: Tally) -> Table:
       InputError: cut within its header, or rows that are none.
     """
     try:
-        with _binary(path) as binary:
+        with plain(path) as binary:
             text = io.TextIOWrapper(binary, encoding="latin-1")
             header = _header(text, path)
             labels = [text.readline().split() for _ in range(_count(header, "num_label_lines"))]
@@ -76,10 +75,6 @@ def read_text_table(path: Path, tally: Tally) -> Table:
     return Table(path, columns, owner=vehicle.replace("_", ""))
 
 
-def _binary(path: Path) -> io.BufferedReader:
-    return unpacked_file(path) if path.suffix.lower() == ".gz" else path.open("rb")
-
-
 def _header(text: io.TextIOWrapper, path: Path) -> dict[str, str]:
     header: dict[str, str] = {}
     for read in range(1, MOST_TAGS + 1):
@@ -88,9 +83,9 @@ def _header(text: io.TextIOWrapper, path: Path) -> dict[str, str]:
             break
         header[key.strip()] = value.strip()
         # the names of the segments come after the lines that are counted
-        tags = _count(header, "num_ascii_tags", MOST_TAGS)
-        if read >= tags and len([k for k in header if k.startswith("segment_")]) >= _count(
-            header, "num_segments", 0
+        named = sum(key.startswith("segment_") for key in header)
+        if read >= _count(header, "num_ascii_tags", MOST_TAGS) and (
+            named >= _count(header, "num_segments", 0)
         ):
             return header
     raise InputError(f"{path.name} is truncated within its header: it has {len(header)} lines")

@@ -10,14 +10,13 @@ End of a Slocum's binary file: whether its last cycle is whole.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import tempfile
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -87,8 +86,7 @@ _CLOCKS = ("m_present_time", "sci_m_present_time")
 """The times of flight and science."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Decoded:
+class Decoded(NamedTuple):
     """One binary file."""
 
     vehicle: str
@@ -121,7 +119,7 @@ def read_slocum_binary(
     units: dict[str, str] = {}
     files: dict[str, list[str]] = {}
     kinds: dict[str, set[str]] = {}
-    cut: list[str] = []
+    cut: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:
         shelf = CacheShelf(Path(folder), options.cache, caches)
         decoded = each_file(paths, lambda path: _decoded(reader, path, shelf, wanted), tally)
@@ -131,29 +129,27 @@ def read_slocum_binary(
         units |= one.units
         kind = f"{path.suffix.lower()} file"
         note_unread(kind, one.names, (*_CLOCKS, *wanted), tally)
+        filled = kinds.setdefault(kind, set())
         rows, last = 0, -np.inf
         for name, (time, values) in one.sensors.items():
-            time, columns = tidy(
-                np.asarray(time, np.float64),
-                {name: np.asarray(values, np.float64)},
-                f"{path.name} {name}" if name == "m_depth" else "binary sensors",
-                tally,
-            )
-            there = np.isfinite(columns[name])
-            own.setdefault(name, []).append(Channel(time[there], columns[name][there]))
-            rows = max(rows, int(there.sum()))
-            if there.any():
-                last = max(last, float(time[there][-1]))
-                kinds.setdefault(kind, set()).add(name)
+            subject = f"{path.name} {name}" if name == "m_depth" else "binary sensors"
+            column = {name: np.asarray(values, np.float64)}
+            time, columns = tidy(np.asarray(time, np.float64), column, subject, tally)
+            channel = Channel.finite(time, columns[name])
+            own.setdefault(name, []).append(channel)
+            if len(channel):
+                rows, last = max(rows, len(channel)), max(last, float(channel.time[-1]))
+                filled.add(name)
         tally.add("read", path.name, rows, "samples of the fullest sensor")
         if not rows:
             tally.add("note", path.name, 1, "holds no sample of a sensor that is used")
         if not one.whole:
-            cut.append(path.name)
+            cut.add(path.name)
             goes = f"goes to {utc_minute(last)} UTC" if rows else "holds no sample that is used"
             tally.add("note", path.name, 1, f"{TRUNCATED}{goes}")
-    for kind in {f"{path.suffix.lower()} file" for path, _ in decoded}:
-        note_empty(kind, [n for n in wanted if n not in kinds.get(kind, ())], tally)
+    for kind, filled in kinds.items():
+        note_empty(kind, [n for n in wanted if n not in filled], tally)
+
     logs: list[DeploymentLog] = []
     refused: list[tuple[str, InputError]] = []
     for vehicle, own in pieces.items():
@@ -161,9 +157,9 @@ def read_slocum_binary(
             logs.append(_log(vehicle, own, units, files[vehicle], cut, options, tally))
         except InputError as error:
             refused.append((vehicle, error))
-    if not logs:
-        raise refused[0][1]
     for vehicle, why in refused:
+        if not logs:
+            raise why
         tally.add("left out", UNREADABLE, len(files[vehicle]), str(why))
     return logs
 
@@ -173,7 +169,7 @@ def _log(
     own: dict[str, list[Channel]],
     units: dict[str, str],
     files: Sequence[str],
-    cut: Sequence[str],
+    cut: Collection[str],
     options: ReadOptions,
     tally: Tally,
 ) -> DeploymentLog:
@@ -188,22 +184,16 @@ def _log(
                 f"{vehicle}: neither depth nor pressure in {some}; add the flight files (.dbd or "
                 ".sbd)"
             )
-    first = min(c.time[0] for c in native.values() if len(c))
     variation = EMPTY
     if options.variation_deg is not None:
+        first = min(c.time[0] for c in native.values() if len(c))
         variation = Channel(np.array([first]), np.array([options.variation_deg]))
         if len(native.get("m_gps_mag_var", ())):
             leave_out(["m_gps_mag_var"], "the user gives the variation", tally)
     return slocum_log(
-        vehicle,
-        native,
-        fixes=NO_FIXES,
-        variation=variation,
-        payload=options.payload,
-        units=units,
-        files=files,
-        tally=tally,
-    )
+        vehicle, native, fixes=NO_FIXES, variation=variation, payload=options.payload, units=units,
+        files=files, tally=tally,
+    )  # fmt: skip
 
 
 def _decoder() -> Any:
@@ -253,13 +243,7 @@ def _decoded(reader: Any, path: Path, shelf: CacheShelf, wanted: Sequence[str]) 
                 f"{path.name} cannot be decoded: {' '.join(str(error).split())[:160]} "
                 f"({type(error).__name__})"
             ) from error
-    if len(names) == 1:
-        values = [values]
-    return Decoded(
-        # the name that tables of the vehicle carry: unit_334 is unit334
-        vehicle=vehicle_of(header, path).replace("_", ""),
-        names=tuple(file.parameterNames),
-        units=dict(file.parameterUnits),
-        sensors=dict(zip(names, values, strict=True)),
-        whole=whole,
-    )
+    sensors = dict(zip(names, [values] if len(names) == 1 else values, strict=True))
+    # the name that tables of the vehicle carry: unit_334 is unit334
+    vehicle = vehicle_of(header, path).replace("_", "")
+    return Decoded(vehicle, tuple(file.parameterNames), dict(file.parameterUnits), sensors, whole)

@@ -7,9 +7,9 @@ Endings of a Slocum's own files.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
-import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -218,27 +218,22 @@ class CacheShelf:
         Raises:
           InputError: it is not there, or is another file's.
         """
-        name = header["sensor_list_crc"].lower()
-        counts = ("total_num_sensors", "sensors_per_cycle")
-        total = tuple(_number(header, key, path.name) for key in counts)
+        name = header[_LIST].lower()
+        total = tuple(_number(header, key, path.name) for key in _NEEDED[2:])
         if (name, total) in self._checked and not lists_itself(header):
             return
-        target = self.folder / f"{name}.cac"
         if lists_itself(header):
-            source = path
-            target.write_bytes(sensor_list(plain, header))
+            source, listing = path, sensor_list(plain, header)
         else:
             source = self._source(path, name)
-            if source.suffix.lower() in CACHES and not is_compressed(source):
-                shutil.copyfile(source, target)
-            else:
-                with tempfile.TemporaryDirectory() as folder:
-                    whole = _plain(source, Path(folder))
-                    if source.suffix.lower() in CACHES:
-                        shutil.copyfile(whole, target)
-                    else:
-                        target.write_bytes(sensor_list(whole, read_header(whole, source.name)))
-        lines = target.read_text("latin-1").split("\n")
+            with tempfile.TemporaryDirectory() as folder:
+                whole = _plain(source, Path(folder))
+                if source.suffix.lower() in CACHES:
+                    listing = whole.read_bytes()
+                else:
+                    listing = sensor_list(whole, read_header(whole, source.name))
+        (self.folder / f"{name}.cac").write_bytes(listing)
+        lines = listing.decode("latin-1").split("\n")
         listed = [line.split() for line in lines if line.startswith("s:")]
         used = sum(1 for words in listed if len(words) > 1 and words[1] == "T")
         if (len(listed), used) != total:
@@ -255,46 +250,42 @@ class CacheShelf:
         Raises:
           InputError: there is neither.
         """
-        found = self._at_hand(path)
+        beside = [path.parent, *(cache.parent for cache in self._named)]
+        folders = beside if self._given is None else [self._given, *beside]
+        found: dict[str, Path] = {}
+        for folder in folders:
+            if folder not in self._places:
+                self._places[folder] = _caches_in(folder)
+            found = {**self._places[folder], **found}
         if name in found:
             return found[name]
-        for folder in dict.fromkeys([path.parent, *self._folders(path)]):
+        for folder in dict.fromkeys([path.parent, *folders]):
             if folder not in self._listing:
                 self._listing[folder] = _self_listing(folder)
             if name in self._listing[folder]:
                 return self._listing[folder][name]
-        raise InputError(f"{path.name}: {self._missing(path, name, found)}")
-
-    def _missing(self, path: Path, name: str, found: Mapping[str, Path]) -> str:
-        """What is missing, and the folder that has it where one of the neighbours does."""
         if name not in self._told:
-            others = ", ".join(sorted(one.name for one in found.values())[:4]) or "no cache file"
-            places = ", ".join(dict.fromkeys(str(p) for p in self._folders(path)))
-            near = _folder_with(name, self._folders(path))
-            advice = "give its folder with --cache" if near is None else f"give --cache {near}"
-            self._told[name] = (
-                f"cache file {name}.cac is missing, and no log beside it lists its sensors itself; "
-                f"there is {others} in {places}; {advice}"
-            )
-        return self._told[name]
+            self._told[name] = _missing(name, found, folders)
+        raise InputError(f"{path.name}: {self._told[name]}")
 
-    def _folders(self, path: Path) -> list[Path]:
-        beside = [path.parent, *(cache.parent for cache in self._named)]
-        return beside if self._given is None else [self._given, *beside]
 
-    def _at_hand(self, path: Path) -> dict[str, Path]:
-        """Cache files by their number, plain ones before compressed ones."""
-        found: dict[str, Path] = {}
-        for folder in self._folders(path):
-            if folder not in self._places:
-                every = sorted(folder.iterdir(), key=lambda one: one.suffix.lower())
-                here: dict[str, Path] = {}
-                for one in every:
-                    if one.suffix.lower() in CACHES:
-                        here.setdefault(one.stem.lower(), one)
-                self._places[folder] = here
-            found = {**self._places[folder], **found}
-        return found
+def _caches_in(folder: Path) -> dict[str, Path]:
+    """Cache files by their number, plain ones before compressed ones."""
+    every = [one for one in folder.iterdir() if one.suffix.lower() in CACHES]
+    every.sort(key=lambda one: one.suffix.lower(), reverse=True)
+    return {one.stem.lower(): one for one in every}
+
+
+def _missing(name: str, found: Mapping[str, Path], folders: Sequence[Path]) -> str:
+    """Which cache file is missing, and the folder that has it where one of the neighbours does."""
+    others = ", ".join(sorted(one.name for one in found.values())[:4]) or "no cache file"
+    places = ", ".join(dict.fromkeys(map(str, folders)))
+    near = _folder_with(name, folders)
+    advice = "give its folder with --cache" if near is None else f"give --cache {near}"
+    return (
+        f"cache file {name}.cac is missing, and no log beside it lists its sensors itself; "
+        f"there is {others} in {places}; {advice}"
+    )
 
 
 def _plain(path: Path, folder: Path) -> Path:
@@ -312,9 +303,9 @@ def _self_listing(folder: Path) -> dict[str, Path]:
             with tempfile.TemporaryDirectory() as temporary:
                 plain = _plain(path, Path(temporary))
                 header = read_header(plain, path.name)
-                if lists_itself(header) and header["sensor_list_crc"].lower() not in found:
+                if lists_itself(header):
                     sensor_list(plain, header)
-                    found[header["sensor_list_crc"].lower()] = path
+                    found.setdefault(header[_LIST].lower(), path)
         except OF_THE_MACHINE:
             raise
         except Exception:
@@ -326,14 +317,9 @@ def _folder_with(name: str, folders: Sequence[Path]) -> Path | None:
     """The folder in or beside one of these that holds a cache file of this number."""
     for folder in dict.fromkeys(folders):
         for around in (folder, Path(os.path.normpath(folder / ".."))):
-            try:
-                near = sorted(one for one in around.iterdir() if one.is_dir())
-                for one in near:
-                    if any(
-                        file.stem.lower() == name and file.suffix.lower() in CACHES
-                        for file in one.iterdir()
-                    ):
+            # a folder that may not be looked into offers nothing
+            with contextlib.suppress(OSError):
+                for one in sorted(one for one in around.iterdir() if one.is_dir()):
+                    if name in _caches_in(one):
                         return one
-            except OSError:
-                continue  # a folder that may not be looked into offers nothing
     return None

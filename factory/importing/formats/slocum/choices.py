@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from factory.importing.cleaning import clean
 from factory.importing.deployment_log import EMPTY, Channel
 from factory.importing.gps_fixes import nearest
-from factory.importing.pressures import to_dbar
-from factory.importing.seawater import pressure_of
+from factory.importing.pressures import pressure_of, to_dbar
 from factory.importing.tally import Tally, leave_out
 from factory.importing.units import to_cm3
 
 Array = NDArray[np.float64]
 
+INCH_HG = 3386.389
+"""[Pa] in an inch of mercury at 0 degC (NIST SP 811)"""
 PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
 """[bar] Candidates; the one with the least noise is taken."""
 OWN = PRESSURES[1:]
@@ -92,14 +93,12 @@ def slocum_pressure(
     enough = [n for n in enough if n in PRESSURES] or enough  # a sensor before what is made of it
     noise = {n: pressure_noise(found[n]) for n in found}
     best = min(enough, key=lambda n: noise[n])
+    pressure = found.pop(best)
     others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
-    said = f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else ""
-    tally.add(
-        "note", "measured_pressure", len(found[best]),
-        f"from {best}{said}" + (f" (not {others})" if others else ""),
-    )  # fmt: skip
-    pressure = found[best]
-    for name in sorted((n for n in found if n != best), key=lambda n: noise[n]):
+    said = f"from {best}" + (f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else "")
+    said += f" (not {others})" if others else ""
+    tally.add("note", "measured_pressure", len(pressure), said)
+    for name in sorted(found, key=lambda n: noise[n]):
         pressure, added = filled(pressure, found[name], sparse=name == "m_depth")
         tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
         if not added:
@@ -130,28 +129,26 @@ def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[
     edges = np.concatenate([[-np.inf], pressure.time, [np.inf]])
     at = np.searchsorted(edges, other.time, side="right") - 1
     inside = (edges[at + 1] - edges[at] > reach) & (edges[at] < other.time)
-    if not inside.any():
-        return pressure, 0
-    shift = _shift(pressure, other)
+    shift = _shift(pressure, other) if inside.any() else None
     if shift is None:
         return pressure, 0
-    added, low, high = other.time[inside], edges[at[inside]], edges[at[inside] + 1]
+    at, added = at[inside], other.time[inside]
+    low, high = edges[at], edges[at + 1]
     steps = [_step(pressure, other, shift, edge) for edge in (low, high)]
     if sparse:
         gaps = np.concatenate([[np.inf], np.diff(edges), [np.inf]])
-        alone = gaps[at[inside]] > reach, gaps[at[inside] + 2] > reach
+        alone = gaps[at] > reach, gaps[at + 2] > reach
         steps = [np.where(lone, np.nan, step) for lone, step in zip(alone, steps, strict=True)]
     # a zero that has moved since: what is left at both edges, on the way up and down, alike
-    moved = _moved(at[inside], 0.5 * (steps[0] + steps[1]))
+    moved = _moved(at, 0.5 * (steps[0] + steps[1]))
     shifts = shift + moved
     for edge, step in zip((low, high), steps, strict=True):
-        shifts += np.where(np.isfinite(step), step - moved, 0.0) * np.clip(
-            1.0 - np.abs(added - edge) / _RAMP, 0.0, 1.0
-        )
+        ramp = np.clip(1.0 - np.abs(added - edge) / _RAMP, 0.0, 1.0)
+        shifts += np.where(np.isfinite(step), step - moved, 0.0) * ramp
     time = np.concatenate([pressure.time, added])
     values = np.concatenate([pressure.values, other.values[inside] - shifts])
     order = np.argsort(time, kind="stable")
-    return Channel(time[order], values[order]), int(inside.sum())
+    return Channel(time[order], values[order]), len(added)
 
 
 def _moved(hole: NDArray[np.intp], step: Array) -> Array:
@@ -248,17 +245,20 @@ def slocum_pump(
     Args:
       declared: sensors whose unit the files say, so that their range is no guess of it.
     """
-    there = [pair for pair in PUMPS if any(len(native.get(name, ())) for name in pair)]
-    if not there:
+    weights = {
+        pair: _weight(*(native.get(name, EMPTY) for name in pair))
+        for pair in PUMPS
+        if any(len(native.get(name, ())) for name in pair)
+    }
+    if not weights:
         return {}
-    weights = {pair: _weight(native, pair) for pair in there}
     most = max(moved for moved, _ in weights.values())
-    best = max(there, key=lambda pair: (weights[pair][0] >= _PART * most, weights[pair][1]))
-    others = [pair for pair in there if pair is not best]
+    best = max(weights, key=lambda pair: (weights[pair][0] >= _PART * most, weights[pair][1]))
+    others = [pair for pair in weights if pair is not best]
     channels: dict[str, Channel] = {}
     for name, target in zip(best, ("measured_pump", "commanded_pump"), strict=True):
-        one = native.get(name)
-        if one is not None and len(one):
+        one = native.get(name, EMPTY)
+        if len(one):
             volume = one.values if name in declared else to_cm3(one.values, name, tally)
             channels[target] = clean(target, one.time, volume, tally, subject=name)
     for pair in others:
@@ -266,22 +266,70 @@ def slocum_pump(
             if len(native.get(name, ())):
                 why = f"another pump's: {best[0]} has the samples and moves"
                 leave_out([name], why, tally, samples=len(native[name]))
-    if others:
-        found = ", ".join(
-            f"{pair[0]} {len(native.get(pair[0], ()))} samples, {weights[pair][0]:.4g} cm3"
-            for pair in others
-        )
         tally.add(
             "note", "measured_pump", len(native.get(best[0], ())),
-            f"from {best[0]}, moves by {weights[best][0]:.4g} cm3 (not {found})",
+            f"from {best[0]}, moves by {weights[best][0]:.4g} cm3 (not {pair[0]} "
+            f"{len(native.get(pair[0], ()))} samples, {weights[pair][0]:.4g} cm3)",
         )  # fmt: skip
     return channels
 
 
-def _weight(native: Mapping[str, Channel], pair: tuple[str, str]) -> tuple[float, int]:
+def _weight(measured: Channel, commanded: Channel) -> tuple[float, int]:
     """How far a pump moves, 0 when it stands, and how many samples say so."""
-    one = native.get(pair[0])
-    if one is None or not len(one):
-        return 0.0, len(native.get(pair[1], ()))
-    moved = float(np.ptp(np.percentile(one.values, [1.0, 99.0])))
-    return (moved if moved > _MOVES else 0.0), len(one)
+    if not len(measured):
+        return 0.0, len(commanded)
+    moved = float(np.ptp(np.percentile(measured.values, [1.0, 99.0])))
+    return (moved if moved > _MOVES else 0.0), len(measured)
+
+
+def slocum_batteries(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
+    """Channels of a Slocum's native sensors; of two with the same meaning the first is taken."""
+    found: dict[str, Channel] = {}
+    for target, (names, factor) in SLOCUM.items():
+        there = [name for name in names if len(native.get(name, ()))]
+        if not there:
+            continue
+        one = native[there[0]]
+        found[target] = clean(target, one.time, factor * one.values, tally, subject=there[0])
+        leave_out(there[1:], f"{there[0]} says the same", tally)
+    return found | _thruster(native, found.get("measured_voltage", EMPTY), tally)
+
+
+def _thruster(native: Mapping[str, Channel], voltage: Channel, tally: Tally) -> dict[str, Channel]:
+    """Power [W] that the thruster takes from the batteries: its current at their voltage.
+
+    `m_thruster_power` is the current at the motor's own, lower voltage; it stands in for it.
+    """
+    current, power = (native.get(name, EMPTY) for name in THRUSTER)
+    if len(current) and len(voltage):
+        leave_out(THRUSTER[1:], f"{THRUSTER[0]} at the batteries' voltage is taken", tally)
+        power = Channel(current.time, current.values * voltage.at(current.time))
+    if not power.values.any():
+        return {}  # a vehicle without one writes 0 once
+    name = "measured_thruster_power"
+    return {name: clean(name, power.time, power.values, tally)}
+
+
+THRUSTER = ("m_thruster_current", "m_thruster_power")
+"""[A], [W] of a Slocum's thruster"""
+
+
+SLOCUM = {
+    "measured_charge": (("m_coulomb_amphr_total", "m_coulomb_amphr"), 1.0),
+    "measured_voltage": (("m_battery", "m_battery_inst"), 1.0),
+    "measured_battery_current": (("m_coulomb_current",), 1.0),
+    "measured_vacuum": (("m_vacuum",), INCH_HG),
+}
+"""Store's name, a Slocum's sensors by preference, and the store's units in one of theirs."""
+
+
+SLOCUM_UNITS = {
+    **dict.fromkeys(SLOCUM["measured_charge"][0], "A h"),
+    **dict.fromkeys(SLOCUM["measured_voltage"][0], "V"),
+    "m_coulomb_current": "A", "m_thruster_current": "A", "m_thruster_power": "W",
+    "m_vacuum": "inHg",
+}  # fmt: skip
+"""What these sensors are in"""
+
+
+SLOCUM_SENSORS = (*(name for names, _ in SLOCUM.values() for name in names), *THRUSTER)

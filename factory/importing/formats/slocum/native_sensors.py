@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.importing.angles import jointly_degrees, reference_declination, to_degrees
-from factory.importing.batteries import SLOCUM_SENSORS, SLOCUM_UNITS, slocum_batteries
 from factory.importing.cleaning import clean, positions
-from factory.importing.deployment_log import (
-    EMPTY,
-    NO_FIXES,
-    Channel,
-    DeploymentLog,
-    LoggedFixes,
+from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, DeploymentLog, LoggedFixes
+from factory.importing.formats.slocum.choices import (
+    PRESSURES,
+    PUMPS,
+    SLOCUM_SENSORS,
+    SLOCUM_UNITS,
+    slocum_batteries,
+    slocum_pressure,
+    slocum_pump,
 )
-from factory.importing.formats.slocum.choices import PRESSURES, PUMPS, slocum_pressure, slocum_pump
 from factory.importing.payload import PayloadSignal, payload_channels
-from factory.importing.pressures import pressure_by_flight, to_dbar
-from factory.importing.seawater import ctd_channels, siemens
+from factory.importing.pressures import ctd_channels, pressure_by_flight, siemens, to_dbar
 from factory.importing.tally import Tally, leave_out
 from factory.importing.units import converted, is_declared
 from twin.errors import InputError
@@ -127,62 +127,51 @@ def slocum_log(
     native = in_native_units(native, units, deployment, tally)
     sure = {name for name in units if is_declared(units[name])}
     if not len(fixes):
-        fixes = gps_fixes(
-            *at_common_times(native, ("m_gps_lat", "m_gps_lon", "m_gps_status")), tally=tally
-        )
+        places = at_common_times(native, ("m_gps_lat", "m_gps_lon", "m_gps_status"))
+        fixes = gps_fixes(*places, tally=tally)
+    variation = variation or native_variation(native.get("m_gps_mag_var", EMPTY), tally)
     if not len(variation):
-        variation = native_variation(native.get("m_gps_mag_var", EMPTY), tally)
-    if not len(variation):
-        variation = reference_declination(
-            fixes if len(fixes) else on_board_places(native), deployment, tally
-        )
+        places = fixes if len(fixes) else on_board_places(native)
+        variation = reference_declination(places, deployment, tally)
     channels: dict[str, Channel] = {}
+
+    def put(target: str, name: str, values: Array) -> None:
+        channels[target] = clean(target, native[name].time, values, tally, subject=name)
+
     likely = jointly_degrees(native, ATTITUDE)
-    for name, (target, kind) in ANGLES.items():
-        if name in native:
-            values = to_degrees(native[name].values, name, tally, kind=kind, likely=likely)
-            channels[target] = clean(target, native[name].time, values, tally, subject=name)
+    for name in [name for name in ANGLES if name in native]:
+        target, kind = ANGLES[name]
+        put(target, name, to_degrees(native[name].values, name, tally, kind=kind, likely=likely))
     for name, target in (("m_heading", "measured_heading"), ("c_heading", "commanded_heading")):
         if name in native:
-            channel = native[name]
             if not len(variation):
                 raise InputError(
                     f"{deployment}: {name} is magnetic and no file gives the magnetic variation "
                     "(m_gps_mag_var, mag_var_rad) or a position from which it follows; give it "
                     "with --variation-deg, east positive"
                 )
-            magnetic = to_degrees(channel.values, name, tally, kind="heading", likely=likely)
-            true = np.mod(magnetic + variation.at(channel.time), 360.0)
-            channels[target] = clean(target, channel.time, true, tally, subject=name)
-    channels |= slocum_pump(native, tally, sure)
-    batteries = (("m_battpos", "measured_shift"), ("c_battpos", "commanded_shift"))
-    unit = _shift_unit(
-        [native[name].values for name, _ in batteries if name in native], tally,
-        declared="m_battpos" in sure,
-    )  # fmt: skip
-    for name, target in batteries:
-        if name in native:
             one = native[name]
-            channels[target] = clean(target, one.time, unit * one.values, tally, subject=name)
-    middle = float(np.median(fixes.latitude)) if len(fixes) else 0.0
-    channels |= slocum_pressure(native, tally, latitude=middle)
-    if "measured_pressure" in channels and not len(native.get("m_depth", EMPTY)):
+            magnetic = to_degrees(one.values, name, tally, kind="heading", likely=likely)
+            put(target, name, np.mod(magnetic + variation.at(one.time), 360.0))
+    channels |= slocum_pump(native, tally, sure)
+    batteries = {"m_battpos": "measured_shift", "c_battpos": "commanded_shift"}
+    there = [name for name in batteries if name in native]
+    unit = _shift_unit([native[n].values for n in there], tally, declared="m_battpos" in sure)
+    for name in there:
+        put(batteries[name], name, unit * native[name].values)
+    channels |= slocum_pressure(native, tally, latitude=fixes.middle[0])
+    pressure = channels.get("measured_pressure")
+    if pressure is not None and not len(native.get("m_depth", EMPTY)):
         pitch = channels.get("measured_pitch", EMPTY)
-        channels["measured_pressure"] = pressure_by_flight(
-            channels["measured_pressure"], pitch, "pressure", tally
-        )
-    if "measured_pressure" not in channels and "m_depth" in native:
-        one = native["m_depth"]
-        channels["measured_depth"] = clean(
-            "measured_depth", one.time, one.values, tally, subject="m_depth"
-        )
+        channels["measured_pressure"] = pressure_by_flight(pressure, pitch, "pressure", tally)
+    if pressure is None and "m_depth" in native:
+        put("measured_depth", "m_depth", native["m_depth"].values)
     channels |= slocum_batteries(native, tally)
     channels |= _ctd(native, channels, fixes, tally)
     channels |= payload_channels(native, payload, tally, units=units)
     if len(truth_speed):
         channels["true_speed"] = truth_speed
     auxiliary, reported = on_board(native, variation, tally)
-    channels |= reported
     flown = [native[name].time for name in FLIGHT if len(native.get(name, EMPTY))]
     if flown:
         awake = np.unique(np.concatenate(flown))
@@ -190,7 +179,7 @@ def slocum_log(
     return DeploymentLog(
         deployment=deployment,
         platform="Slocum glider",
-        channels={name: c for name, c in channels.items() if len(c)},
+        channels=channels | reported,
         fixes=fixes,
         magnetic_variation=variation,
         auxiliary=auxiliary,
@@ -201,8 +190,7 @@ def slocum_log(
 def native_variation(channel: Channel, tally: Tally) -> Channel:
     """[degree] east positive, from the vehicle's rad with the opposite sign."""
     values = to_degrees(channel.values, "magnetic variation", tally, kind="variation")
-    there = np.isfinite(values)
-    return Channel(channel.time[there], -values[there])
+    return Channel.finite(channel.time, -values)
 
 
 def gps_fixes(
@@ -212,10 +200,9 @@ def gps_fixes(
     if not time.size:
         return NO_FIXES
     bad = np.isfinite(status) & (status != GOOD_FIX)
-    tally.add("removed", "GPS fixes", int(bad.sum()), "status is not valid")
+    tally.add("removed", "GPS fixes", bad, "status is not valid")
     latitude, longitude = positions(latitude, longitude, "GPS fixes", tally)
-    good = ~bad & np.isfinite(latitude) & np.isfinite(longitude)
-    return LoggedFixes(time[good], latitude[good], longitude[good])
+    return LoggedFixes.finite(time, np.where(bad, np.nan, latitude), longitude)
 
 
 _TRAVELS = (
@@ -233,72 +220,61 @@ def _shift_unit(positions_: Sequence[Array], tally: Tally, *, declared: bool) ->
 
     Where inches are declared, a battery that hardly moves is one that stands.
     """
-    for values in positions_:
-        good = values[np.isfinite(values)]
-        if good.size <= 100:
-            continue
-        travel = float(np.ptp(np.percentile(good, [2.0, 98.0])))
-        for low, high, factor, unit in _TRAVELS:
-            if low < travel <= high and not (declared and unit == "metres"):
-                if unit != "inches":
-                    tally.add(
-                        "repaired", "m_battpos", good.size,
-                        f"was in {unit} where inches are native: travels {travel:.3g}",
-                    )  # fmt: skip
-                return factor
-        if travel > _TRAVELS[-1][1]:
-            tally.doubt(
-                "measured_shift",
-                f"the battery travels {travel:.3g}, in no unit that of a glider",
-                good.size,
-            )
+    long = [good for values in positions_ if (good := values[np.isfinite(values)]).size > 100]
+    if not long:
         return INCH
+    good, travel = long[0], float(np.ptp(np.percentile(long[0], [2.0, 98.0])))
+    for low, high, factor, unit in _TRAVELS:
+        if low < travel <= high and not (declared and unit == "metres"):
+            if unit != "inches":
+                why = f"was in {unit} where inches are native: travels {travel:.3g}"
+                tally.add("repaired", "m_battpos", good.size, why)
+            return factor
+    if travel > _TRAVELS[-1][1]:
+        why = f"the battery travels {travel:.3g}, in no unit that of a glider"
+        tally.doubt("measured_shift", why, good.size)
     return INCH
 
 
 def _ctd(
     native: Native, channels: Mapping[str, Channel], fixes: LoggedFixes, tally: Tally
 ) -> dict[str, Channel]:
-    conductivity = native.get("sci_water_cond", EMPTY)
-    temperature = native.get("sci_water_temp", EMPTY)
-    pressure = native.get("sci_water_pressure", EMPTY)
-    if not len(temperature):
+    warm, conductivity, pressure, depth = (
+        native.get(name, EMPTY)
+        for name in ("sci_water_temp", "sci_water_cond", "sci_water_pressure", "m_depth")
+    )
+    if not len(warm) or not (len(pressure) or "measured_pressure" in channels):
         return {}
     if len(pressure):
-        at = pressure.known(temperature.time)
-        depth = native.get("m_depth", EMPTY)
-        beside = depth.at(temperature.time) if len(depth) else None
+        beside = depth.at(warm.time) if len(depth) else None
+        at = pressure.known(warm.time)
         at = to_dbar(at, beside, "sci_water_pressure", Tally(), native="bar")
-    elif "measured_pressure" in channels:
-        at = channels["measured_pressure"].known(temperature.time)
     else:
-        return {}
-    same = np.full(len(temperature), np.nan)
+        at = channels["measured_pressure"].known(warm.time)
+    same = None
     if len(conductivity):
-        _, mine, its = np.intersect1d(temperature.time, conductivity.time, return_indices=True)
-        same[mine] = siemens(conductivity.values, "sci_water_cond", tally)[its]
+        own = siemens(conductivity.values, "sci_water_cond", tally)
+        same = _at_samples(Channel(conductivity.time, own), warm.time)
+    latitude, longitude = fixes.middle
     return ctd_channels(
-        temperature.time,
-        temperature=temperature.values,
-        pressure=at,
-        conductivity=same if len(conductivity) else None,
-        latitude=float(np.median(fixes.latitude)) if len(fixes) else 0.0,
-        longitude=float(np.median(fixes.longitude)) if len(fixes) else 0.0,
-        tally=tally,
-    )
+        warm.time, temperature=warm.values, pressure=at, conductivity=same, latitude=latitude,
+        longitude=longitude, tally=tally,
+    )  # fmt: skip
 
 
 def at_common_times(native: Mapping[str, Channel], names: Sequence[str]) -> list[Array]:
     """Times of the first sensor, and all the sensors at them; NaN where one has no sample."""
     first = native.get(names[0], EMPTY)
-    columns = [first.time, first.values]
-    for name in names[1:]:
-        values = np.full(len(first), np.nan)
-        other = native.get(name, EMPTY)
-        _, mine, its = np.intersect1d(first.time, other.time, return_indices=True)
-        values[mine] = other.values[its]
-        columns.append(values)
-    return columns
+    others = [_at_samples(native.get(name, EMPTY), first.time) for name in names[1:]]
+    return [first.time, first.values, *others]
+
+
+def _at_samples(channel: Channel, times: Array) -> Array:
+    """Samples of a channel at exactly these times, NaN where it has none."""
+    values = np.full(len(times), np.nan)
+    _, mine, its = np.intersect1d(times, channel.time, return_indices=True)
+    values[mine] = channel.values[its]
+    return values
 
 
 def on_board(
@@ -307,57 +283,48 @@ def on_board(
     """Auxiliary channels (see `DeploymentLog`), and signals: the current that the vehicle uses."""
     found: dict[str, Channel] = {}
     signals: dict[str, Channel] = {}
+
+    def present(names: Sequence[str]) -> list[str]:
+        return [name for name in names if len(native.get(name, ()))]
+
     for names, target in ((TRACK, "onboard"), *((pair, "dac") for pair in CURRENTS)):
-        there = [name for name in names if len(native.get(name, ()))]
-        if not len(variation):
-            leave_out(there, "along magnetic axes, and no variation is known", tally)
-            continue
         time, east, north = at_common_times(native, names)
         both = np.isfinite(east) & np.isfinite(north)
-        if not both.any():
-            leave_out(there, "without the other component", tally)
+        if not len(variation) or not both.any():
+            axes = "along magnetic axes, and no variation is known"
+            why = "without the other component" if len(variation) else axes
+            leave_out(present(names), why, tally)
             continue
         true = turn(east[both], north[both], variation.at(time[both]))
         pair = {
-            f"{target}_{axis}": Channel(time[both], values)
+            axis: Channel(time[both], values)
             for axis, values in zip(("north", "east"), true, strict=True)
         }
-        found |= {name: channel for name, channel in pair.items() if name not in found}
+        for axis, channel in pair.items():
+            found.setdefault(f"{target}_{axis}", channel)
         if names == CURRENTS[1]:  # the better record of what the vehicle steers by
-            signals = {f"measured_current_{n[4:]}": channel for n, channel in pair.items()}
+            signals = {f"measured_current_{axis}": channel for axis, channel in pair.items()}
     if not signals and "dac_north" in found:
         signals = {f"measured_current_{n}": found[f"dac_{n}"] for n in ("north", "east")}
-    running = [name for name in THRUSTERS if len(native.get(name, ()))]
+    running = present(THRUSTERS)
     if running:
         found["thruster"] = native[running[0]]
         leave_out(running[1:], f"{running[0]} says when the thruster runs", tally)
     here = on_board_places(native)
     if "onboard_north" in found:
-        there = [name for name in PLACE if len(native.get(name, ()))]
-        leave_out(there, f"the on-board track is that of {TRACK[0]}, {TRACK[1]}", tally)
+        why = f"the on-board track is that of {TRACK[0]}, {TRACK[1]}"
+        leave_out(present(PLACE), why, tally)
     elif len(here):
-        found["latitude"] = Channel(here.time, here.latitude)
-        found["longitude"] = Channel(here.time, here.longitude)
+        found |= here.channels()
     time, latitude, longitude = at_common_times(native, WAYPOINT)
-    if time.size:
-        unset = (latitude == 0.0) & (longitude == 0.0)
-        tally.add("removed", "c_wpt_lat, c_wpt_lon", int(unset.sum()), "no waypoint yet (0, 0)")
-        latitude, longitude = positions(
-            np.where(unset, np.nan, latitude), np.where(unset, np.nan, longitude),
-            "c_wpt_lat, c_wpt_lon", Tally(),
-        )  # fmt: skip
-        good = np.isfinite(latitude) & np.isfinite(longitude)
-        if good.any():
-            found["waypoint_latitude"] = Channel(time[good], latitude[good])
-            found["waypoint_longitude"] = Channel(time[good], longitude[good])
-    return found, signals
+    unset = (latitude == 0.0) & (longitude == 0.0)
+    latitude = tally.removed(latitude, unset, ", ".join(WAYPOINT), "no waypoint yet (0, 0)")
+    places = positions(latitude, longitude, ", ".join(WAYPOINT), Tally())
+    waypoints = LoggedFixes.finite(time, *places)
+    return found | (waypoints.channels("waypoint_") if len(waypoints) else {}), signals
 
 
 def on_board_places(native: Native) -> LoggedFixes:
     """Positions [degree] that the vehicle itself reckons."""
-    time, latitude, longitude = at_common_times(native, PLACE)
-    if not time.size:
-        return LoggedFixes(time, latitude, longitude)
-    latitude, longitude = positions(latitude, longitude, "m_lat, m_lon", Tally())
-    both = np.isfinite(latitude) & np.isfinite(longitude)
-    return LoggedFixes(time[both], latitude[both], longitude[both])
+    time, *places = at_common_times(native, PLACE)
+    return LoggedFixes.finite(time, *positions(*places, "m_lat, m_lon", Tally()))

@@ -9,7 +9,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from factory.importing.deployment_log import (
 from factory.importing.formats.base import ReadOptions, WrongFormat
 from factory.importing.formats.slocum.ascii_tables import is_text, read_text_table
 from factory.importing.formats.slocum.native_sensors import (
+    PLACE,
     WANTED,
     gps_fixes,
     native_variation,
@@ -71,10 +73,11 @@ class DeploymentTables:
     speed: list[Channel] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)
 
-    def put(self, name: str, channel: Channel) -> None:
-        """Add a piece of a native sensor."""
-        if len(channel):
-            self.native.setdefault(name, []).append(channel)
+    def put(self, time: Array, columns: Mapping[str, Array], names: Iterable[str] = WANTED) -> None:
+        """Add pieces of the native sensors of these names, as far as they have values."""
+        for name in names:
+            if name in columns and len(channel := Channel.finite(time, columns[name])):
+                self.native.setdefault(name, []).append(channel)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -133,7 +136,7 @@ def read_slocum_tables(
         kind = f"{which} table"
         wanted = _READ.get(which, ()) + (extra if which in ("flight", "science") else ())
         note_unread(kind, names, (*TIMES, *wanted), tally)
-        values = {n for t in some for n, v in t.columns.items() if np.isfinite(v).any()}
+        values = {n for table in some for n in with_values(table.columns)}
         note_empty(kind, [n for n in wanted if n not in values], tally)
     if "flight" not in tables:
         raise InputError(
@@ -146,7 +149,7 @@ def read_slocum_tables(
         tally.add("read", table.path.name, len(time), "flight rows")
         key = table.owner or _ROLE_WORDS.split(table.path.name.split(".")[0])[0]
         parts = groups.setdefault(key, DeploymentTables(key))
-        _native(parts, time, columns, extra)
+        parts.put(time, columns, (*WANTED, *extra))
         parts.files.append(table.path.name)
     for parts in groups.values():
         if not any(parts.native.get(n) for n in ("m_depth", "m_pressure", "m_pitch")):
@@ -154,25 +157,22 @@ def read_slocum_tables(
     for which in ("gps", "science", "truth", "events", "segments"):
         for table in tables.get(which, []):
             _attach(which, table, list(groups.values()), extra, tally)
-    logs = []
-    for parts in groups.values():
-        native = {name: joined(pieces) for name, pieces in parts.native.items()}
-        variation = joined(parts.variation)
-        if options.variation_deg is not None:
-            variation = Channel(np.array([parts.span[0]]), np.array([options.variation_deg]))
-        logs.append(
-            slocum_log(
-                parts.name,
-                native,
-                fixes=_joined_fixes(parts.fixes),
-                variation=variation,
-                truth_speed=joined(parts.speed),
-                payload=options.payload,
-                files=parts.files,
-                tally=tally,
-            )
-        )
-    return logs
+    return [_log(parts, options, tally) for parts in groups.values()]
+
+
+def _log(parts: DeploymentTables, options: ReadOptions, tally: Tally) -> DeploymentLog:
+    variation = joined(parts.variation)
+    if options.variation_deg is not None:
+        variation = Channel(np.array([parts.span[0]]), np.array([options.variation_deg]))
+    fixes = NO_FIXES
+    if parts.fixes:
+        every = [(one.time, one.latitude, one.longitude) for one in parts.fixes]
+        fixes = LoggedFixes(*(np.concatenate(one) for one in zip(*every, strict=True))).once()
+    return slocum_log(
+        parts.name, {name: joined(pieces) for name, pieces in parts.native.items()}, fixes=fixes,
+        variation=variation, truth_speed=joined(parts.speed), payload=options.payload,
+        files=parts.files, tally=tally,
+    )  # fmt: skip
 
 
 def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Array, dict]:
@@ -181,10 +181,8 @@ def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Ar
     there = [n for n in TIMES if n in valued] or [n for n in TIMES if n in table.columns]
     there = [time_name] if time_name else there
     if not there:
-        raise InputError(
-            f"{subject} has no column of time ({', '.join(TIMES)}); it has "
-            f"{', '.join(list(table.columns)[:5])}"
-        )
+        some = ", ".join(list(table.columns)[:5])
+        raise InputError(f"{subject} has no column of time ({', '.join(TIMES)}); it has {some}")
     measured = {n: v for n, v in table.columns.items() if n not in TIMES}
     clocks = {there[0]: _seconds(table, there[0], tally)}
     for one in there[1:]:
@@ -201,15 +199,6 @@ def _seconds(table: Table, name: str, tally: Tally) -> Array:
     words = table.texts.get(name)
     time = table.columns[name] if words is None else parse_stamps(words)
     return unix_seconds(time, table.path.name, tally)
-
-
-def _native(
-    parts: DeploymentTables, time: Array, columns: dict[str, Array], extra: Sequence[str]
-) -> None:
-    for name in (*WANTED, *extra):
-        if name in columns:
-            there = np.isfinite(columns[name])
-            parts.put(name, Channel(time[there], columns[name][there]))
 
 
 def _attach(
@@ -243,27 +232,20 @@ def _attach(
             columns[next(n for n in (*(n for n in names if n in valued), *names) if n in columns)]
             for names in (LATITUDES, LONGITUDES)
         )
-        unknown = np.full(len(time), np.nan)
-        status = valued.get("status", valued.get("m_gps_status", unknown))
-        unfixed = ~has_fix(columns, len(time))
-        tally.add("removed", "GPS fixes", int(unfixed.sum()), "the receiver says that it has none")
-        latitude = np.where(unfixed, np.nan, latitude)
+        status = valued.get("status", valued.get("m_gps_status", np.full(len(time), np.nan)))
+        why = "the receiver says that it has none"
+        latitude = tally.removed(latitude, ~has_fix(columns, len(time)), "GPS fixes", why)
         fixes = gps_fixes(time, latitude, longitude, status, tally=tally)
-        fixes = _same_place(subject, fixes, parts, tally)
-        parts.fixes.append(fixes)
-        for name in ("mag_var_rad", "m_gps_mag_var"):
-            if name in columns and np.isfinite(columns[name]).any():
-                there = np.isfinite(columns[name])
-                native = Channel(time[there], columns[name][there])
-                parts.variation.append(native_variation(native, tally))
-                break
+        parts.fixes.append(_same_place(subject, fixes, parts, tally))
+        for name in [n for n in ("mag_var_rad", "m_gps_mag_var") if n in valued][:1]:
+            native = Channel.finite(time, valued[name])
+            parts.variation.append(native_variation(native, tally))
     elif which == "truth":
-        values = _metres_per_second(columns["U_dvl_ms"], tally)
-        there = np.isfinite(values)
-        parts.speed.append(Channel(time[there], values[there]))
-        tally.add("read", "U_dvl_ms", int(there.sum()), "finite truth samples")
+        speed = Channel.finite(time, _metres_per_second(columns["U_dvl_ms"], tally))
+        parts.speed.append(speed)
+        tally.add("read", "U_dvl_ms", len(speed), "finite truth samples")
     else:
-        _native(parts, time, columns, extra)
+        parts.put(time, columns, (*WANTED, *extra))
 
 
 _CM_PER_M = 100.0
@@ -295,9 +277,7 @@ def _attach_events(table: Table, groups: list[DeploymentTables], tally: Tally) -
     for name in dict.fromkeys(str(n) for n in names):
         if name in WANTED:
             rows = names == name
-            at, columns = tidy(time[rows], {name: table.columns["value"][rows]}, subject, tally)
-            there = np.isfinite(columns[name])
-            parts.put(name, Channel(at[there], columns[name][there]))
+            parts.put(*tidy(time[rows], {name: table.columns["value"][rows]}, subject, tally))
 
 
 def _owner(subject: str, time: Array, groups: list[DeploymentTables]) -> DeploymentTables:
@@ -308,7 +288,8 @@ def _owner(subject: str, time: Array, groups: list[DeploymentTables]) -> Deploym
         start, end = parts.span
         inside = (good >= start - _SLACK) & (good <= end + _SLACK)
         if inside.any():
-            alike = len(_common_start(parts.name, subject))
+            same = takewhile(lambda two: two[0] == two[1], zip(parts.name, subject, strict=False))
+            alike = len(list(same))
             shared.append((alike, float(inside.mean()), parts))
     if not shared:
         raise InputError(
@@ -322,46 +303,26 @@ _SLACK = 3600.0
 """[s] GPS may begin before and end after the flight rows."""
 
 
-def _common_start(a: str, b: str) -> str:
-    for k, (x, y) in enumerate(zip(a, b, strict=False)):
-        if x != y:
-            return a[:k]
-    return a[: min(len(a), len(b))]
-
-
 def _same_place(
     subject: str, fixes: LoggedFixes, parts: DeploymentTables, tally: Tally
 ) -> LoggedFixes:
     """Refuse fixes far from where the vehicle itself says it was; swapped ones are repaired."""
-    latitude, longitude = joined(parts.native.get("m_lat", [])), joined(
-        parts.native.get("m_lon", [])
-    )  # fmt: skip
-    if not len(latitude) or not len(longitude) or not len(fixes):
+    own = [joined(parts.native.get(name, [])).values for name in PLACE]
+    if not all(map(len, own)) or not len(fixes):
         return fixes
-    middle = float(np.median(latitude.values)), float(np.median(longitude.values))
-    spread = offset(
-        np.array([latitude.values.min(), latitude.values.max()]),
-        np.array([longitude.values.min(), longitude.values.max()]),
-        *middle,
-    )
-    reach = _FAR + float(np.hypot(np.ptp(spread[0]), np.ptp(spread[1])))
-    away = float(np.median(np.hypot(*offset(fixes.latitude, fixes.longitude, *middle))))
-    if away <= reach:
+    middle = float(np.median(own[0])), float(np.median(own[1]))
+
+    def away(latitude: Array, longitude: Array) -> float:
+        return float(np.median(np.hypot(*offset(latitude, longitude, *middle))))
+
+    corners = offset(*(np.array([one.min(), one.max()]) for one in own), *middle)
+    reach = _FAR + float(np.hypot(*(np.ptp(axis) for axis in corners)))
+    if away(fixes.latitude, fixes.longitude) <= reach:
         return fixes
-    if float(np.median(np.hypot(*offset(fixes.longitude, fixes.latitude, *middle)))) <= reach:
+    if away(fixes.longitude, fixes.latitude) <= reach:
         tally.add("repaired", subject, len(fixes), "latitude and longitude were swapped")
         return LoggedFixes(fixes.time, fixes.longitude, fixes.latitude)
     raise InputError(
-        f"{subject}: its fixes are {away / 1e3:.0f} km from the vehicle's place in {parts.name}; "
-        "they are another vehicle's"
+        f"{subject}: its fixes are {away(fixes.latitude, fixes.longitude) / 1e3:.0f} km from the "
+        f"vehicle's place in {parts.name}; they are another vehicle's"
     )
-
-
-def _joined_fixes(pieces: Sequence[LoggedFixes]) -> LoggedFixes:
-    if not pieces:
-        return NO_FIXES
-    time = np.concatenate([piece.time for piece in pieces])
-    unique, first = np.unique(time, return_index=True)
-    latitude = np.concatenate([piece.latitude for piece in pieces])[first]
-    longitude = np.concatenate([piece.longitude for piece in pieces])[first]
-    return LoggedFixes(unique, latitude, longitude)

@@ -17,7 +17,7 @@ from glider_twin_ops.forecast.draws import (
 from glider_twin_ops.forecast.pool import Mixture
 from twin.errors import VehicleError
 from twin.identify.calibration import load_calibration
-from twin.identify.vehicle_draws import draw_vehicles, identified
+from twin.identify.unknowns import draw_vehicles, identified
 from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import steady_glide
 from twin.navigation.current import CurrentFilter

@@ -20,7 +20,7 @@ from twin.errors import CurrentError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.water.current import Series
-from twin.water.current.current_text import parse_field
+from twin.water.current.base import parse_field
 
 PARTS = ((0.16, 5.3, 0.2, 1.0), (0.14, 9.1, 1.9, -0.7), (0.12, 19.0, 4.0, 0.4))
 """m/s, hours, phase of the northward part, and how much of it is eastward, of the true current"""

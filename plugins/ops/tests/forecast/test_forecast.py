@@ -62,7 +62,7 @@ from twin.show.style import moment_of
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current import Uniform
 from twin.water.current.axes import Origin
-from twin.water.current.current_text import parse_current
+from twin.water.current.base import parse_current
 
 PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")
 UNIX = 1.795e9

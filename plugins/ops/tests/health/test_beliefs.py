@@ -1,10 +1,8 @@
 """Beliefs end at the fit to all dives, are as far off as they say, and look back."""
 
-import importlib.util
-
+import identify_logs as simulated
 import numpy as np
 import pytest
-from examples import ROOT
 from logs import SHARED
 
 from factory.importing import import_logs
@@ -16,12 +14,6 @@ from twin.identify.start_values import start_vehicle
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.vehicle.vehicle import load_vehicle
-
-_SPEC = importlib.util.spec_from_file_location(
-    "identify_logs", ROOT / "tests" / "twin" / "identify" / "identify_logs.py"
-)
-simulated = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(simulated)
 
 NAMES = ("neutral_density", "drag")
 DIVES = 10

@@ -12,7 +12,7 @@ from PIL import Image
 
 import twin
 from twin.errors import InputError
-from twin.faults.wing_lost import WingLost
+from twin.faults.hull import WingLost
 from twin.show.render import canvas as palette
 from twin.show.render import sea, tags
 from twin.show.render.camera import (

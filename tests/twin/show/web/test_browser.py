@@ -17,7 +17,7 @@ from pictures import (
 )
 
 from twin.__main__ import PROGRAM
-from twin.faults.wing_lost import WingLost
+from twin.faults.hull import WingLost
 from twin.frames import flip_vector
 from twin.logs import logged_trajectory
 from twin.mission.shipped_missions import load_mission_for

@@ -25,7 +25,7 @@ from pictures import (
 
 from twin.__main__ import PROGRAM
 from twin.errors import InputError
-from twin.faults.wing_lost import WingLost
+from twin.faults.hull import WingLost
 from twin.logs import logged_trajectory
 from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory

@@ -1,0 +1,390 @@
+"""Linear motion: how a glide answers small turns and moves of its parts, and loops placed on it.
+
+About a straight glide the sway, roll rate, yaw rate and roll of a vehicle with a plane of symmetry
+part from the rest (Fossen 2011, section 7.5). The coefficients are central differences of the
+same equations that the Fossen model integrates, so that every part, fin, added mass and lever of
+a vehicle counts. Two things are asked of them:
+
+- sway and yaw rate while the roll is the log's: what turns the vehicle, whoever rolled it;
+- roll while the battery's rotation is the log's.
+
+Both are linear in the sine of the roll and in what the turning part does, and are integrated
+exactly between samples.
+
+For guidance the glide of each phase is linearised about its trim in both planes. The steering part
+follows with its lag, and the loop is closed once per control period. `with_gains` takes the fastest
+loop whose every mode dies out in dives and in climbs, at half and at twice its gain, and does not
+swing at its own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.fossen.equations import mass_distribution, rigid_body_mass
+from twin.fossen.forces import ForceParameters, parameters_of
+from twin.fossen.model import FossenModel
+from twin.fossen.steady import SteadyProblem
+from twin.identify.calibration import Calibration
+from twin.mission.turning import turn_factor
+from twin.mission.way import Way, way
+from twin.vehicle.parts import BatteryHinge, Fin
+from twin.vehicle.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+SWAY, ROLL_RATE, YAW_RATE, ROLL = 1, 3, 5, 6
+"""Places in the state of `SteadyProblem.rate`: (u, v, w, p, q, r, roll, pitch)."""
+LATERAL = (SWAY, ROLL_RATE, YAW_RATE, ROLL)
+TERMS = 10
+"""Of the series, at a norm below 1/8: the rest is below 1e-17"""
+STEP = 1e-4
+"""[SI] of the central differences of rates, roll and part's position."""
+LONGITUDINAL = (0, 2, 4, 7)
+"""Places of (u, w, q, pitch) in the state."""
+PACES = tuple(0.2 * 0.8**k for k in range(24))
+"""[rad/s] of the loops that are tried, fastest first."""
+MARGIN = (0.5, 1.0, 2.0)
+"""Times its gain at which a loop must be stable."""
+DAMPED = 0.3
+"""Least damping ratio of the loop's modes at its own gain: no swinging."""
+INTEGRAL = 0.15
+"""Of the loop's pace at which its integral works"""
+FULL_ERROR = math.radians(40.0)
+"""[rad] heading error for which the whole travel may be used: larger gains only saturate"""
+PITCH_PACE = 0.02
+"""[rad/s] largest pace of the pitch loop's integral: pilots' loops correct pitch once a minute"""
+
+
+class Glide(NamedTuple):
+    """A straight glide, as a log flew it."""
+
+    surge: float
+    """[m/s]"""
+    heave: float
+    """[m/s]"""
+    pitch: float
+    """[rad]"""
+    net_mass: float
+    """[kg], + = heavy"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Lateral:
+    """d(v, p, r, roll)/dt = matrix @ (v, p, r, roll) + drive * position + yaw * yaw moment."""
+
+    matrix: Array
+    """(4, 4)"""
+    drive: Array
+    """(4,) per unit of the turning part's position"""
+    yaw: Array
+    """(4,) per N m of a constant yaw moment"""
+    inertia: Array
+    """(3, 3) of sway, roll rate and yaw rate, with added mass"""
+    pitch: float
+    """[rad]"""
+
+    def gains(self) -> tuple[float, float]:
+        """Steady yaw rate [rad/s] and roll [rad] per unit of the turning part's position."""
+        steady = -np.linalg.solve(self.matrix, self.drive)
+        return float(steady[2]), float(steady[3])
+
+    def turned_by_roll(self, period: float) -> tuple[Array, Array]:
+        """One step of (sway, yaw rate) with the roll known.
+
+        Returns the transition (2, 2) and the response (2, 4) to roll, roll's slope, the part's
+        position and a yaw moment, each linear between samples taken at their mean.
+        """
+        # what rolls it is known to be balanced: side force and yaw moment alone move the two
+        keep = [0, 2]
+        free_inertia = np.linalg.inv(self.inertia[np.ix_(keep, keep)])
+
+        def moved(accelerations: Array) -> Array:
+            return free_inertia @ (self.inertia @ accelerations[:3])[keep]
+
+        a, drive, yaw = moved(self.matrix), moved(self.drive), moved(self.yaw)
+        # roll rate is not free: d(roll)/dt = p + r tan(pitch)
+        free = a[:, keep].copy()
+        free[:, 1] -= a[:, 1] * math.tan(self.pitch)
+        return _discrete(free, np.stack([a[:, 3], a[:, 1], drive, yaw], axis=1), period)
+
+    def rolled_by_part(self, period: float) -> tuple[Array, Array]:
+        """One step of (v, p, r, roll): transition (4, 4), response (4, 2) to position and yaw."""
+        return _discrete(self.matrix, np.stack([self.drive, self.yaw], axis=1), period)
+
+
+def _discrete(a: Array, b: Array, period: float) -> tuple[Array, Array]:
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a * period, b * period
+    whole = exponential(block)
+    return whole[:n, :n], whole[:n, n:]
+
+
+def exponential(matrix: Array) -> Array:
+    """exp of a small square matrix: Taylor's series of a small part of it, squared again.
+
+    The matrices of one fit are many and small: scipy's takes a hundred times as long on them.
+    """
+    norm = float(np.max(np.sum(np.abs(matrix), axis=1), initial=0.0))
+    halvings = max(0, math.ceil(math.log2(max(norm, 1e-300))) + 3)
+    part = matrix / 2.0**halvings
+    unit = np.eye(len(matrix))
+    out = unit
+    for order in range(TERMS, 0, -1):
+        out = unit + part @ out / order
+    for _ in range(halvings):
+        out = out @ out
+    return out
+
+
+def turning_part(vehicle: Vehicle) -> BatteryHinge | Fin | None:
+    """The hinge or rudder that guidance turns it with; None: it has neither."""
+    part = vehicle.steered("heading")
+    return part if isinstance(part, BatteryHinge | Fin) else None
+
+
+def jacobians(vehicle: Vehicle, state: Array, positions: Array) -> tuple[Array, Array]:
+    """Rates of `SteadyProblem.rate` per state, (8, 8), and per position of a part, (8, parts).
+
+    Args:
+      state: (u, v, w, p, q, r, roll, pitch), (8,). positions: of the parts, (parts,).
+    """
+    parameters = _parameters(vehicle)
+    place = vehicle.steered_index("heading")
+
+    def problem(positions: Array) -> SteadyProblem:
+        return SteadyProblem(parameters, positions, place, driven=False)
+
+    here = problem(positions)
+    by_state = [
+        (here.rate(state + step) - here.rate(state - step)) / (2.0 * STEP)
+        for step in STEP * np.eye(8)
+    ]
+    by_part = []
+    for k, part in enumerate(vehicle.parts):
+        step = np.zeros(len(positions))
+        step[k] = STEP * min(part.high - part.low, 1.0)
+        ahead, behind = (problem(positions + s * step).rate(state) for s in (1.0, -1.0))
+        by_part.append((ahead - behind) / (2.0 * step[k]))
+    return np.stack(by_state, axis=1), np.stack(by_part, axis=1)
+
+
+def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
+    """The lateral motion about a glide, with the turning part at rest."""
+    positions = vehicle.rest.copy()
+    pump = vehicle.steered_index("buoyancy")
+    assert pump is not None
+    positions[pump] = vehicle.pump_for_net_mass(glide.net_mass)
+    state = np.array([glide.surge, 0.0, glide.heave, 0.0, 0.0, 0.0, 0.0, glide.pitch])
+    slide = vehicle.steered_index("pitch")
+    if slide is not None:
+        positions[slide] += _balancing(vehicle, state, positions, slide)
+    by_state, by_part = jacobians(vehicle, state, positions)
+    keep = list(LATERAL)
+    place = vehicle.steered_index("heading")
+    inertia = _inertia(vehicle, positions)
+    return Lateral(
+        matrix=by_state[np.ix_(keep, keep)],
+        drive=by_part[keep, place] if place is not None else np.zeros(4),
+        yaw=np.append(np.linalg.solve(inertia, [0.0, 0.0, 1.0]), 0.0),
+        inertia=inertia,
+        pitch=glide.pitch,
+    )
+
+
+def _balancing(vehicle: Vehicle, state: Array, positions: Array, slide: int) -> float:
+    """Change of the pitching part at which the pitch moments balance: the place of the weight
+    along the hull turns a rolled glider too."""
+    parameters = _parameters(vehicle)
+    place = vehicle.steered_index("heading")
+    step = np.zeros(len(positions))
+    step[slide] = STEP
+    here, there = (
+        SteadyProblem(parameters, x, place, driven=False).rate(state)[4]
+        for x in (positions, positions + step)
+    )
+    return float(-here * STEP / (there - here)) if there != here else 0.0
+
+
+def _parameters(vehicle: Vehicle) -> ForceParameters:
+    """In water of the reference density."""
+    return parameters_of(vehicle, np.array([0.0, 1e4]), np.full(2, vehicle.reference_density))
+
+
+def _inertia(vehicle: Vehicle, positions: Array) -> Array:
+    """Mass matrix of sway, roll rate and yaw rate, with added mass, (3, 3)."""
+    mass, moment, inertia = mass_distribution(_parameters(vehicle), positions)
+    whole = np.asarray(rigid_body_mass(mass, moment / mass, inertia)) + vehicle.added_mass
+    keep = [SWAY, ROLL_RATE, YAW_RATE]
+    return np.asarray(whole[np.ix_(keep, keep)])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Phase:
+    """A steady dive or climb of the log."""
+
+    pitch: float
+    """[rad]"""
+    net_mass: float
+    """[kg] at the vehicle's reference density, + = heavy"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Plane:
+    """One plane of a trimmed glide with its steering part."""
+
+    matrix: Array
+    """(states, states)"""
+    drive: Array
+    """(states,) per position of the part"""
+    angle: Array
+    """(states,) what makes the angle that is steered: pitch, or the rate of the heading"""
+    rate: Array
+    """(states,) what the loop's damping sees [rad/s]"""
+    heading: bool
+    """the angle is an integral of `angle`"""
+    gain: float
+    """steady angle (of heading: rate of it) per position"""
+
+
+def way_of(vehicle: Vehicle, phase: Phase) -> Way:
+    """The steady way of a phase; MissionError where the vehicle has none."""
+    where = "the climb of the log" if phase.pitch > 0.0 else "the dive of the log"
+    return way(vehicle, where, "pitch_deg", math.degrees(phase.pitch), phase.net_mass, None)
+
+
+def trimmed(vehicle: Vehicle, phase: Phase) -> tuple[Array, Array]:
+    """State (8,) and positions (parts,) of the stable glide at the phase's pitch.
+
+    Raises:
+      MissionError: too shallow, or the battery does not reach so far.
+      NoSteadyState: it has no stable glide there.
+    """
+    positions = way_of(vehicle, phase).command
+    named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
+    motion = FossenModel(vehicle).steady_motion(positions=named)
+    trim = motion.trim
+    angles = [math.radians(trim.roll_deg), math.radians(trim.pitch_deg)]
+    return np.concatenate([motion.nu_r, angles]), positions
+
+
+def plane_of(vehicle: Vehicle, state: Array, positions: Array, control: str) -> Plane | None:
+    """The plane that the control acts in, "pitch" or "heading"; None without such a part."""
+    place = vehicle.steered_index(control)
+    if place is None:
+        return None
+    by_state, by_part = jacobians(vehicle, state, positions)
+    heading = control == "heading"
+    keep = list(LATERAL if heading else LONGITUDINAL)
+    matrix, drive = by_state[np.ix_(keep, keep)], by_part[keep, place]
+    angle, rate = np.zeros(4), np.zeros(4)
+    if heading:
+        angle[2] = rate[2] = 1.0 / math.cos(state[7])
+    else:
+        angle[3], rate[2] = 1.0, 1.0
+    gain = float(-angle @ np.linalg.solve(matrix, drive))
+    return Plane(matrix=matrix, drive=drive, angle=angle, rate=rate, heading=heading, gain=gain)
+
+
+def loop_modes(plane: Plane, pid: Sequence[float], lag: float, period: float) -> Array:
+    """Eigenvalues [1/s] of the closed loop, complex, by its discrete form.
+
+    `pid` acts on the part's position, with the sign that steers the right way.
+    """
+    n = 4
+    # states: plane, heading (or none), part; held command as the last column
+    size = n + 2
+    whole = np.zeros((size + 1, size + 1))
+    whole[:n, :n], whole[:n, n + 1] = plane.matrix, plane.drive
+    if plane.heading:
+        whole[n, :n] = plane.angle
+    whole[n + 1, n + 1], whole[n + 1, size] = -1.0 / lag, 1.0 / lag
+    step = exponential(whole * period)
+    transition, command = step[:size, :size], step[:size, size]
+    sees, damps = np.zeros(size), np.append(plane.rate, np.zeros(size - n))
+    if plane.heading:
+        sees[n] = 1.0
+    else:
+        sees[:n] = plane.angle
+    kp, ki, kd = pid
+    # command = -kp angle - kd rate + ki integral; integral' = integral - period angle
+    closed = np.zeros((size + 1, size + 1))
+    feedback = -kp * sees - kd * damps
+    closed[:size, :size] = transition + np.outer(command, feedback)
+    closed[:size, size] = command * ki
+    closed[size, :size] = -period * sees
+    closed[size, size] = 1.0
+    if not plane.heading:
+        closed = np.delete(np.delete(closed, n, axis=0), n, axis=1)
+    values = np.linalg.eigvals(closed).astype(complex)
+    values = values[np.abs(values) > 1e-9]
+    return np.asarray(np.log(values) / period)
+
+
+def _settles(plane: Plane, pid: Sequence[float], lag: float, period: float) -> bool:
+    """Whether every mode of a loop dies out within its margin, and none swings at its own gain."""
+    for factor in MARGIN:
+        modes = loop_modes(plane, [factor * gain for gain in pid], lag, period)
+        if np.max(modes.real) >= 0.0:
+            return False
+        if factor == 1.0 and np.any(-modes.real < DAMPED * np.abs(modes)):
+            return False
+    return True
+
+
+def _placed(
+    planes: Sequence[Plane], factors: Sequence[float], lag: float, period: float, travel: float
+) -> tuple[float, float, float] | None:
+    """Gains of the fastest loop that settles in every plane; None: no pace settles.
+
+    Args:
+      factors: what guidance multiplies the gains by in each plane, with the sign that steers.
+    """
+    largest = max(abs(plane.gain * factor) for plane, factor in zip(planes, factors, strict=True))
+    most = travel / FULL_ERROR / max(map(abs, factors))
+    for pace in PACES:
+        if planes[0].heading:
+            kp = min(pace / largest, most)
+            ki = INTEGRAL * kp * kp * largest
+        else:
+            ki = min(pace, PITCH_PACE) / largest
+            kp = ki / (2.0 * pace)
+        pairs = zip(planes, factors, strict=True)
+        if all(_settles(one, (f * kp, f * ki, 0.0), lag, period) for one, f in pairs):
+            return kp, ki, 0.0
+    return None
+
+
+def with_gains(calibration: Calibration, phases: Sequence[Phase]) -> Calibration:
+    """The vehicle with `pitch_pid` and `heading_pid` placed on its dynamics in these phases.
+
+    A loop that settles at no pace, or that the vehicle has no part for, keeps its gains.
+
+    Raises:
+      MissionError, NoSteadyState: it does not trim in one of the phases.
+    """
+    vehicle = calibration.vehicle
+    trims = [trimmed(vehicle, phase) for phase in phases]
+    changes: dict[str, tuple[float, float, float]] = {}
+    for control in ("pitch", "heading"):
+        part = vehicle.steered(control)
+        if part is None:
+            continue
+        planes = [plane_of(vehicle, state, there, control) for state, there in trims]
+        if control == "heading":
+            factors = [turn_factor(vehicle, way_of(vehicle, phase)) for phase in phases]
+        else:
+            factors = [part.sense("pitch")] * len(phases)
+        travel = 0.5 * (part.high - part.low)
+        known = [plane for plane in planes if plane is not None]
+        found = _placed(known, factors, part.lag, vehicle.control_period, travel)
+        if found is not None:
+            changes[f"{control}_pid"] = found
+    return calibration.with_vehicle(**changes)
