@@ -270,7 +270,8 @@ class Renderer {
     this.use(this.line, {
       clip: this.clip, eyeCoarse: [cx, cy], eyeFine: [x - cx, y - cy], eyeZ: z,
       size: [gl.drawingBufferWidth, gl.drawingBufferHeight], stretch: this.stretch, lift, wide,
-      points: 1, scale: 0, part, start: first, cut, future: future ? 1 : 0, onFloor: onFloor ? 1 : 0, byValue: colour ? 0 : 1,
+      points: 1, scale: 0, part, start: first, cut, future: future ? 1 : 0,
+      onFloor: onFloor ? 1 : 0, byValue: colour ? 0 : 1,
       hull: Vector.sub(hull, this.eye), clear, plain: colour || [1, 1, 1], fog: this.fog, murk: this.murk });
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, path.texture);

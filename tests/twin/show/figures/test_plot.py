@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from pictures import (
     call,
     dead_reckoned,
-    measured,
     refused,
     short_scenario,
     write_tracks,
@@ -34,11 +33,6 @@ from twin.show.figures.signals import truth_of
 from twin.show.figures.water import mean_profile
 
 WITH_TRACKS = tuple(name for name, kind in FIGURES.items() if kind.takes_tracks)
-
-
-@pytest.fixture(scope="module")
-def trajectory():
-    return measured(simulate(short_scenario()))
 
 
 def has_unit(label):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pictures import dead_reckoned, needs_gl, short_scenario, short_subject
+from pictures import dead_reckoned, needs_gl, short_scenario
 from PIL import Image
 
 import twin
@@ -46,11 +46,6 @@ SEEN = 25
 """Summed difference of the colours from which a pixel has changed"""
 
 every_camera = pytest.mark.parametrize("camera", CAMERAS)
-
-
-@pytest.fixture(scope="module")
-def subject():
-    return short_subject()
 
 
 @pytest.fixture(scope="module")

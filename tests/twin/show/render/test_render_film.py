@@ -14,7 +14,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from patience import HANG_S
-from pictures import call, needs_gl, refused, short_subject, write_tracks
+from pictures import call, needs_gl, refused, write_tracks
 from PIL import Image
 
 from twin.records.store import read_trajectory
@@ -87,8 +87,7 @@ def test_png_of_a_moment(capsys, store, tmp_path):
 
 
 @needs_gl
-def test_two_workers_give_the_same_frames_as_one(tmp_path):
-    subject = short_subject()
+def test_two_workers_give_the_same_frames_as_one(subject, tmp_path):
     shot = Shot(width=128, height=80, fps=10.0, speed_up=300.0, camera="chase")
     videos = []
     for workers in (1, 2):

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from patience import HANG_S
-from pictures import refused, short_scenario, short_subject
+from pictures import refused, short_scenario
 
-from twin.physics.simulation import simulate
 from twin.show.render.context import DISPLAYS
 from twin.show.render.playback import poses
 from twin.show.render.subject import Live, Replay
@@ -71,21 +70,19 @@ def assert_same(row, expected, tolerance):
         )
 
 
-def test_a_replay_shows_what_was_recorded():
-    trajectory = short_subject().trajectory
+def test_a_replay_shows_what_was_recorded(subject):
+    trajectory = subject.trajectory
     replay = Replay(trajectory)
     for time in (0.0, 17.5, 17.6, 250.25, 300.0):
         assert_same(replay.at(time), poses(trajectory, np.array([time])), 1e-9)
 
 
-def test_a_live_flight_is_the_simulation_and_goes_back():
-    scenario = short_scenario()
-    trajectory = simulate(scenario)
-    live = Live(scenario)
+def test_a_live_flight_is_the_simulation_and_goes_back(subject):
+    live = Live(short_scenario())
     for time in (50.0, 140.0, 100.0, 100.1):  # back: it is flown again
         row = live.at(time)
         # the log holds samples, the physics goes on between them
-        expected = poses(trajectory, row.time)
+        expected = poses(subject.trajectory, row.time)
         assert abs(row.time[0] - time) < 0.11
         np.testing.assert_allclose(row.position, expected.position, atol=2e-3)
         np.testing.assert_allclose(row.pitch, expected.pitch, atol=0.02)

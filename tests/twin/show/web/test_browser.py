@@ -9,14 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from pictures import (
-    dead_reckoned,
-    short_scenario,
-    short_subject,
-    write_dives,
-)
+from pictures import dead_reckoned, short_scenario, write_page
 
-from twin.__main__ import PROGRAM
 from twin.faults.hull import WingLost
 from twin.frames import flip_vector
 from twin.logs import logged_trajectory
@@ -26,7 +20,7 @@ from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory
 from twin.show.render.playback import poses
 from twin.show.render.subject import Shot, Subject
-from twin.show.web.page import assemble, page_text
+from twin.show.web.page import assemble
 from twin.show.web.server import LiveMission, PageServer
 from twin.vehicle.vehicle import load_vehicle
 
@@ -153,17 +147,9 @@ def test_the_mouse_turns_and_the_wheel_comes_nearer(browser, page):
     np.testing.assert_allclose(scene(browser), before, atol=3.0)
 
 
-def test_currents_and_tracks_are_drawn(browser, tmp_path):
-    subject = short_subject()
-    with_tracks = Subject(
-        trajectory=subject.trajectory,
-        vehicle=subject.vehicle,
-        tracks=dead_reckoned(subject.trajectory),
-        title="tracks",
-    )
-    out = tmp_path / "tracks.html"
-    out.write_text(page_text(with_tracks, Shot(camera="map")), encoding="utf-8")
-    browser.open(out)
+def test_currents_and_tracks_are_drawn(browser, subject, tmp_path):
+    with_tracks = dataclasses.replace(subject, tracks=dead_reckoned(subject.trajectory))
+    browser.open(write_page(tmp_path / "tracks.html", with_tracks, camera="map"))
     browser.run("page.seek(300)")
     picture = scene(browser).astype(int)
     for track in ((0.15, 0.90, 0.50), (1.00, 0.58, 0.78)):
@@ -176,11 +162,9 @@ def test_currents_and_tracks_are_drawn(browser, tmp_path):
     assert "current, up to" in legend
 
 
-def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, tmp_path):
-    store, out = write_dives(tmp_path, 2), tmp_path / "log.html"
-    assert PROGRAM.main(["render", str(store), "--html", str(out), "--missions", "all"]) == 0
-    log = logged_trajectory(store, [0, 1])
-    browser.open(out)
+def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, dives, log_page):
+    log = logged_trajectory(dives, [0, 1, 2])
+    browser.open(log_page)
     k = int(np.argmax((log["true_depth"] > 20.0) & (log["measured_gap"] == 0.0)))
     slide_to(browser, float(log.time[k]))
     shown = readouts(browser)
@@ -199,11 +183,8 @@ def test_moving_parts_stand_where_mujoco_has_them(browser, tmp_path, name):
     vehicle = load_vehicle(name)
     plan = load_mission_for(vehicle, None)
     trajectory = simulate(Scenario(vehicle=vehicle, mission=plan, duration=400.0))
-    out = tmp_path / "parts.html"
-    out.write_text(
-        page_text(Subject(trajectory=trajectory, vehicle=vehicle), Shot()), encoding="utf-8"
-    )
-    browser.open(out)
+    subject = Subject(trajectory=trajectory, vehicle=vehicle)
+    browser.open(write_page(tmp_path / "parts.html", subject))
     found = browser.run("page.scene.vehicle.poses(page.recording.at(350))")
     pose = poses(trajectory, np.array([350.0]))
     model = mujoco.MjModel.from_xml_string(vehicle.xml)
@@ -256,8 +237,8 @@ def test_without_webgl_the_map_is_flat_and_the_page_says_so(page, store):
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
 
 
-def test_a_browser_follows_a_live_mission(browser):
-    mission = LiveMission(short_scenario(), short_subject(), Shot(), 40.0)
+def test_a_browser_follows_a_live_mission(browser, subject):
+    mission = LiveMission(short_scenario(), subject, Shot(), 40.0)
     with PageServer(0) as server:
         server.show(assemble(mission.mission, connect="'self'"), mission)
         browser.problems.clear()
@@ -275,25 +256,19 @@ def test_a_browser_follows_a_live_mission(browser):
         browser.until("!page.live.running")
         assert browser.run("page.recording.last") == 300.0
         slide_to(browser, 150.0)
-        expected = simulate(short_scenario())
+        expected = subject.trajectory
         k = int(np.searchsorted(expected.time, 150.0))
         assert abs(number(readouts(browser)["depth"]) - expected["true_depth"][k]) < 0.056
         assert complaints(browser) == []
 
 
-def test_a_lost_wing_is_not_drawn_from_its_moment_on(browser, tmp_path):
-    scenario = short_scenario()
-    pages = []
-    for name, faults in (("whole", []), ("torn", [WingLost(side="both", start=150.0)])):
-        flown = simulate(scenario)  # the same flight: what differs is the drawing
-        subject = dataclasses.replace(short_subject(), trajectory=flown, faults=faults)
-        pages.append(tmp_path / f"{name}.html")
-        pages[-1].write_text(page_text(subject, Shot(camera="chase")))
-    pictures = {}
-    for page in pages:
-        browser.open(page)
+def test_a_lost_wing_is_not_drawn_from_its_moment_on(browser, subject, tmp_path):
+    pictures = []  # of the same flight: what differs is the drawing
+    for faults in ([], [WingLost(side="both", start=150.0)]):
+        drawn = dataclasses.replace(subject, faults=faults)
+        browser.open(write_page(tmp_path / f"{len(faults)}.html", drawn, camera="chase"))
         for time in (100.0, 200.0):
             slide_to(browser, time)
-            pictures[page.stem, time] = scene(browser).astype(int)
-    changed = [np.abs(pictures["whole", t] - pictures["torn", t]).max() for t in (100.0, 200.0)]
-    assert changed[0] < 40 < changed[1]
+            pictures.append(scene(browser).astype(int))
+    before, after = (np.abs(pictures[k] - pictures[k + 2]).max() for k in range(2))
+    assert before < 40 < after
