@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from factory.importing import import_logs
+from twin.errors import InputError
 from twin.geodesy import from_tangent_plane
 
 Array = NDArray[np.float64]
@@ -145,6 +148,18 @@ def write_slocum(
         write_csv(folder / f"{name}_flight.csv", kept),
         write_csv(folder / f"{name}_gps.csv", gps_columns(flight)),
     ]
+
+
+def slocum(folder: Path, flight: Flight, name: str = "unit1", **changes: Array | None) -> Any:
+    """What the import makes of the tables of `write_slocum`: dataset and report."""
+    return import_logs("slocum", write_slocum(folder, flight, name, **changes))
+
+
+def refused(match: str, *args: Any, by: Callable[..., Any] = import_logs, **options: Any) -> None:
+    """Call what shall raise an InputError of one line that matches."""
+    with pytest.raises(InputError, match=match) as caught:
+        by(*args, **options)
+    assert "\n" not in str(caught.value)
 
 
 def write_seaglider(folder: Path, flight: Flight, name: str = "SG999") -> list[Path]:

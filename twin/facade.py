@@ -19,13 +19,11 @@ from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
 from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation
-from twin.physics.ballast import weighed
-from twin.physics.condition import BODY, INSTRUMENTS, differs, healthy
-from twin.physics.electric import electric_signals
-from twin.physics.lookup_tables import floor_table
+from twin.physics.condition import BODY, INSTRUMENTS, differs, electric_signals, healthy
+from twin.physics.model_block import floor_table
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
-from twin.physics.start import parse_place
+from twin.physics.start import parse_place, weighed
 from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle

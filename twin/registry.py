@@ -177,6 +177,11 @@ class Registry(Mapping[str, Kind]):
         self[name]
         return zlib.crc32(name.encode())
 
+    def kernels(self, attribute: str) -> dict[int, Any]:
+        """Compiled functions that kinds have in an attribute, by code; without None."""
+        found = {self.code(name): getattr(kind, attribute) for name, kind in self.items()}
+        return {code: kernel for code, kernel in found.items() if kernel is not None}
+
     def loaded(self) -> tuple[Kind, ...]:
         """The kinds that have been used or registered so far."""
         return (*self._loaded.values(), *self._registered.values())

@@ -45,11 +45,7 @@ class ExportOptions:
     @property
     def given(self) -> list[str]:
         """Names of the options that were used."""
-        return [
-            field.name
-            for field in dataclasses.fields(self)
-            if getattr(self, field.name) is not None
-        ]
+        return [name for name, value in vars(self).items() if value is not None]
 
 
 Writer = Callable[..., "list[Path]"]
@@ -82,21 +78,21 @@ class Exporter:
     """Extra of this project, or `plugins/NAME`, with the packages which writing needs."""
 
     def __post_init__(self) -> None:
+        why = ""
         if not re.fullmatch(r"[a-z][a-z0-9_-]*", self.name):
             raise InputError(
                 f"exporter name {self.name!r}: use small letters, digits, - and _, such as 'og1'"
             )
         if not self.title:
-            raise InputError(f"exporter {self.name!r}: title is empty; state what it writes")
-        if not re.fullmatch(r"[.-][a-z0-9._-]+", self.ending):
-            raise InputError(
-                f"exporter {self.name!r}: ending {self.ending!r} must be like '.parquet' for a "
-                "file or '-og1' for a folder"
+            why = "title is empty; state what it writes"
+        elif not re.fullmatch(r"[.-][a-z0-9._-]+", self.ending):
+            why = (
+                f"ending {self.ending!r} must be like '.parquet' for a file or '-og1' for a folder"
             )
-        if not (callable(self.write) or isinstance(self.write, str)):
-            raise InputError(
-                f"exporter {self.name!r}: write must be a function, not {self.write!r}"
-            )
+        elif not (callable(self.write) or isinstance(self.write, str)):
+            why = f"write must be a function, not {self.write!r}"
+        if why:
+            raise InputError(f"exporter {self.name!r}: {why}")
 
     @property
     def target(self) -> str:

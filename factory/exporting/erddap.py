@@ -107,15 +107,10 @@ def dataset(
     made = ElementTree.Element(
         "dataset", type="EDDTableFromMultidimNcFiles", datasetID=name, active="true"
     )
-    for tag, value in (
-        ("reloadEveryNMinutes", DAY),
-        ("fileDir", str(options.file_dir)),
-        ("fileNameRegex", pattern),
-        ("recursive", "false"),
-        ("accessibleViaFiles", "true"),
-        ("metadataFrom", "last"),
-    ):
-        ElementTree.SubElement(made, tag).text = value
+    _tags(
+        made, reloadEveryNMinutes=DAY, fileDir=str(options.file_dir), fileNameRegex=pattern,
+        recursive="false", accessibleViaFiles="true", metadataFrom="last",
+    )  # fmt: skip
     with netCDF4.Dataset(file) as source:
         variables = list(source.variables.values())
         once = ",".join(_destination(one.name) for one in variables if not one.dimensions)
@@ -150,12 +145,7 @@ def _variable(one: Any) -> ElementTree.Element:
     kind = "String" if one.dtype is str else TYPES[one.dtype.name]
     own = one.__dict__
     made = ElementTree.Element("dataVariable")
-    for tag, value in (
-        ("sourceName", one.name),
-        ("destinationName", _destination(one.name)),
-        ("dataType", kind),
-    ):
-        ElementTree.SubElement(made, tag).text = value
+    _tags(made, sourceName=one.name, destinationName=_destination(one.name), dataType=kind)
     added: list[tuple[str, str, str | None]] = [("ioos_category", _category(kind, own), None)]
     if own.get("standard_name") == "time":
         added.append(("time_precision", MILLISECONDS, None))
@@ -173,6 +163,11 @@ def _category(kind: str, own: Mapping[str, Any]) -> str:
         if re.fullmatch(pattern, standard):
             return category
     return "Identifier" if kind == "String" else "Other"
+
+
+def _tags(made: ElementTree.Element, **texts: str) -> None:
+    for tag, text in texts.items():
+        ElementTree.SubElement(made, tag).text = text
 
 
 def _attributes(made: ElementTree.Element, said: Sequence[tuple[str, str, str | None]]) -> None:

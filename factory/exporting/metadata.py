@@ -88,11 +88,7 @@ def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
 
 
 def read_metadata(path: Path) -> Metadata:
-    """Of a YAML file.
-
-    Raises:
-      InputError: it cannot be read or has another layout.
-    """
+    """Of a YAML file; errors as `parse_metadata`, and where it cannot be read."""
     return parse_metadata(read_text(path, "metadata", most=MOST_SETTINGS), str(path))
 
 
@@ -120,11 +116,8 @@ def parse_metadata(text: str, path: str) -> Metadata:
         )
     said = _words(path, loaded, GLOBAL)
     vehicle = _words(path, loaded, (VEHICLE,))
-    devices: dict[str, Any] = {}
-    for name in DEVICES:
-        if isinstance(loaded.get(name), dict):
-            devices = loaded[name]
-            break
+    sections = (loaded.get(name) for name in DEVICES)
+    devices = next((one for one in sections if isinstance(one, dict)), {})
     return Metadata(
         attributes={SPELT.get(name, name): text for name, text in said.items() if name not in OWN},
         devices={

@@ -325,10 +325,8 @@ def naming(log: DeploymentLog) -> Iterator[None]:
     except (InputError, *OF_THE_MACHINE):
         raise
     except Exception as error:
-        raise InputError(
-            f"{log.deployment} ({summarise(log.files, 1)}) holds what cannot be cut into dives: "
-            f"{_described(error)}"
-        ) from error
+        what = f"{log.deployment} ({summarise(log.files, 1)}) holds what cannot be cut into dives"
+        raise InputError(f"{what}: {_described(error)}") from error
 
 
 def _reason(path: Path, error: InputError) -> str:

@@ -170,9 +170,9 @@ def _check_contents(importer: Importer, path: Path) -> None:
     kind, or its reader judges it.
     """
     begins = kinds_by_bytes(path)
-    if begins and importer.name not in begins:
-        raise WrongFormat(path, (), kind=begins[0])
     if begins:
+        if importer.name not in begins:
+            raise WrongFormat(path, (), kind=begins[0])
         return
     check_plugin(path)
     if holds_arrays(path):

@@ -268,19 +268,13 @@ def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
 
 def _explained(error: WrongFormat, importer: Importer) -> InputError:
     """The error with the kind of log that the file looks like."""
-    check_plugin(error.path, error.names)
-    kind = error.kind
+    path, kind = error.path, error.kind
+    check_plugin(path, error.names)
     if kind is None and error.names:
-        kind = kind_that_takes(
-            error.path, error.names, arrays=holds_arrays(error.path), others=(importer.name,)
-        )
+        arrays = holds_arrays(path)
+        kind = kind_that_takes(path, error.names, arrays=arrays, others=(importer.name,))
+    what = f"{path.name} is not a log of the kind {importer.name}"
     if kind is not None and kind != importer.name:
-        return InputError(
-            f"{error.path.name} is not a log of the kind {importer.name}, it looks like {kind}: "
-            f"use `factory import {kind}`"
-        )
+        return InputError(f"{what}, it looks like {kind}: use `factory import {kind}`")
     why = f": {error.why}" if error.why else ""
-    return InputError(
-        f"{error.path.name} is not a log of the kind {importer.name} as it is known here{why}; it "
-        f"holds {error.some}"
-    )
+    return InputError(f"{what} as it is known here{why}; it holds {error.some}")

@@ -141,20 +141,19 @@ def log_of_messages(
         if table is None or field not in table.columns:
             if signal.optional:
                 continue
-            wrong = unknown_name("topic", topic, topics)
-            if topic in topics:
-                wrong = f"{topic} has no number {field!r} in every message"
+            lacking = f"{topic} has no number {field!r} in every message"
+            wrong = lacking if topic in topics else unknown_name("topic", topic, topics)
             raise InputError(
                 f"{path.name}: {name}: {wrong}; correct {mapping.name}, or write optional = true"
             )
         clock = table.time + (mapping.time.start or 0.0)
-        known = clock[np.isfinite(clock)]
-        if len(clock) and not known.size:
+        latest = np.max(clock, where=np.isfinite(clock), initial=-np.inf)
+        if len(clock) and latest == -np.inf:
             tally.add("left out", name, len(clock), f"{topic} has no time in any message")
             continue
-        if known.size and known.max() < EARLIEST:
+        if len(clock) and latest < EARLIEST:
             raise InputError(
-                f"{path.name}: times run from {known.min():g} s: the vehicle's clock was not "
+                f"{path.name}: times run from {np.nanmin(clock):g} s: the vehicle's clock was not "
                 "set; give what it began at in a --mapping, start = 2026-06-25T08:00:00Z"
             )
         one = Table(Path(path.name), {signal.column: table.columns[field]})
@@ -171,9 +170,8 @@ def log_of_messages(
         deployment, channels, mapping, options.variation_deg, tally,
         time=np.unique(np.concatenate(times)), files=times, names=[path.name],
     )  # fmt: skip
-    return dataclasses.replace(
-        log, period=mapping.period_s, auxiliary={**_driven(log), **log.auxiliary}
-    )
+    auxiliary = {**_driven(log), **log.auxiliary}
+    return dataclasses.replace(log, period=mapping.period_s, auxiliary=auxiliary)
 
 
 def _driven(log: DeploymentLog) -> dict[str, Channel]:

@@ -37,7 +37,7 @@ from twin.errors import (
 )
 from twin.mission import Mission, Segment
 from twin.physics.lanes import Aground, Lane, flown_abreast
-from twin.physics.lookup_tables import Tables
+from twin.physics.model_block import Tables
 from twin.physics.scenario import ENGINES, SAMPLE_PERIOD, Scenario
 from twin.physics.simulation import Simulation
 from twin.records.schema import VARIABLES

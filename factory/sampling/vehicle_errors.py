@@ -9,7 +9,7 @@ import numpy as np
 
 from factory.sampling.draw import Parameters
 from factory.sampling.vehicle_parameters import ADDED_MASS
-from twin.physics.ballast import Ballast
+from twin.physics.start import Ballast
 from twin.vehicle.parts import Part
 from twin.vehicle.vehicle import Vehicle
 

@@ -18,13 +18,7 @@ from twin.identify.answer import Identification
 from twin.identify.log_check import LogCheck
 from twin.identify.log_flight import legs_flown
 from twin.identify.logged_missions import Log
-from twin.identify.replayed_dive import (
-    PHASES,
-    RUDDER,
-    USUAL_NAMES,
-    ReplayedDive,
-    log_signal,
-)
+from twin.identify.replayed_dive import PHASES, RUDDER, USUAL_NAMES, ReplayedDive, log_signal
 from twin.identify.speed import FlightModel, SpeedEstimate, estimate
 from twin.records.reader import MissionStore
 from twin.records.store import read_trajectory

@@ -10,10 +10,10 @@ from factory.exporting.base import Advance, Exporter, ExportOptions
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from factory.exporting.og1.flight_terms import FlownTracks as FlownTracks
     from factory.exporting.og1.flight_terms import JoinedDives as JoinedDives
     from factory.exporting.og1.flight_terms import flight_terms as flight_variables  # noqa: F401
-    from factory.exporting.og1.flown_track import FlownTracks as FlownTracks
-    from factory.exporting.og1.flown_track import flown as flown
+    from factory.exporting.og1.flight_terms import flown as flown
     from factory.exporting.og1.missions import corrected_places as corrected_places
     from factory.exporting.og1.variables import Og1Variable as Og1Variable
     from twin.records.reader import MissionStore

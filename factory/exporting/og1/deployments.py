@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 
 from factory.exporting.base import Advance, no_progress
 from factory.exporting.metadata import Metadata
-from factory.exporting.og1.flight_terms import JoinedDives, conductivity, flight_terms, payload
-from factory.exporting.og1.flown_track import FlownTracks, flown
+from factory.exporting.og1.flight_terms import (
+    FlownTracks,
+    JoinedDives,
+    conductivity,
+    flight_terms,
+    flown,
+    payload,
+)
 from factory.exporting.og1.missions import corrected_places, gps_fixes, tracks
 from factory.exporting.og1.og1_terms import (
     ASCENT,
@@ -160,13 +166,11 @@ def _series(
             yield _signal(name, values, stored, **own)
     yield from conductivity(track)
     yield from payload(track)
-    for stored in PROFILER:
-        if stored in seen:
-            yield _signal(stored.upper(), track.signal(stored), stored)
-    written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE}
-    for stored in logs.signals():  # parts of other vehicles, commands, any payload
-        if stored not in written and stored not in RAW_TIMES:
-            yield _signal(stored.upper(), track.signal(stored), stored)
+    written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE, *RAW_TIMES}
+    # after the profiler's, parts of other vehicles, commands, any payload
+    others = [stored for stored in logs.signals() if stored not in written]
+    for stored in (*(stored for stored in PROFILER if stored in seen), *others):
+        yield _signal(stored.upper(), track.signal(stored), stored)
     if DVL_MODE in seen:
         word = VARIABLES[DVL_MODE].long_name
         yield variable("DVL_MODE", track.signal(DVL_MODE), long_name=word)
@@ -204,20 +208,19 @@ def _currents(track: JoinedDives) -> Variables:
 
 def _sensor(name: str, metadata: Metadata) -> dict[str, str]:
     known = metadata.sensor(name)
-    attributes = {
-        "long_name": known.get("long_name", SENSOR_NAMES.get(name, TERMS["sensors"][name][1])),
-        "sensor_model": known.get("make_model", known.get("model", NOT_LOGGED)),
-        "sensor_maker": known.get("make", known.get("maker", NOT_LOGGED)),
-        "sensor_serial_number": known.get("serial_number", known.get("serial", "n/a")),
+    usual = SENSOR_NAMES.get(name, TERMS["sensors"][name][1])
+    found = {
+        ours: next((known[word] for word in theirs if word in known), otherwise)
+        for ours, theirs, otherwise in (
+            ("long_name", ("long_name",), usual),
+            ("sensor_model", ("make_model", "model"), NOT_LOGGED),
+            ("sensor_maker", ("make", "maker"), NOT_LOGGED),
+            ("sensor_serial_number", ("serial_number", "serial"), "n/a"),
+            ("sensor_calibration_date", ("calibration_date", "factory_calibrated"), ""),
+            ("comment", ("comment",), ""),
+        )
     }
-    for ours, theirs in (
-        ("sensor_calibration_date", ("calibration_date", "factory_calibrated")),
-        ("comment", ("comment",)),
-    ):
-        found = next((known[word] for word in theirs if word in known), "")
-        if found:
-            attributes[ours] = found
-    return attributes
+    return {ours: words for ours, words in found.items() if words}
 
 
 def _signal(name: str, values: Array, stored: str, **more: str) -> tuple[str, Og1Variable]:

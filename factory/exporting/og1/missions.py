@@ -21,8 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata
-from factory.exporting.og1.flight_terms import JoinedDives, reckoning
-from factory.exporting.og1.flown_track import FlownTrack, FlownTracks, flown
+from factory.exporting.og1.flight_terms import (
+    FlownTrack,
+    FlownTracks,
+    JoinedDives,
+    flown,
+    reckoning,
+)
 from factory.exporting.og1.og1_terms import (
     ASCENT,
     DESCENT,
@@ -32,11 +37,12 @@ from factory.exporting.og1.og1_terms import (
     SURFACING,
     TERMS,
     TRACKS,
+    SimulatedMission,
     global_attributes,
     sensor_attributes,
+    simulated_mission,
     simulated_terms,
 )
-from factory.exporting.og1.simulated import SimulatedMission, simulated_mission
 from factory.exporting.og1.variables import (
     ENDING,
     Og1Variable,
@@ -202,10 +208,9 @@ def tracks(track: JoinedDives) -> Variables:
         def metres(mission: int, names: list[str] = names) -> Array:
             return np.stack([track.logs.signal(name, mission) for name in names], axis=1)
 
-        for name, values in zip(("latitude", "longitude"), _degrees(track, metres), strict=True):
-            yield variable(
-                ending.format(name.upper()), values, like=name, long_name=f"{name} {word}"
-            )
+        for axis, values in zip(("latitude", "longitude"), _degrees(track, metres), strict=True):
+            name, described = ending.format(axis.upper()), f"{axis} {word}"
+            yield variable(name, values, like=axis, long_name=described)
 
 
 def gps_fixes(track: JoinedDives, time: Array) -> Variables:
@@ -213,19 +218,14 @@ def gps_fixes(track: JoinedDives, time: Array) -> Variables:
     logs = track.logs
     places = np.full((3, len(time)), np.nan)
     for mission in track.missions:
-        start, end = logs.fixes(mission)
         begin = logs.starts[mission]
         last = begin + float(logs.log_rows[mission].duration)
-        for when, fix in ((begin, start), (last, end)):
+        for when, fix in zip((begin, last), logs.fixes(mission), strict=True):
             if np.isfinite([*fix, when]).all():
                 places[:, int(np.argmin(np.abs(time - when)))] = when, *fix
     yield variable("TIME_GPS", places[0])
-    yield variable("LONGITUDE_GPS", _wrap(places[2]))
+    yield variable("LONGITUDE_GPS", np.mod(places[2] + 180.0, 360.0) - 180.0)
     yield variable("LATITUDE_GPS", places[1])
-
-
-def _wrap(longitude: Array) -> Array:
-    return np.asarray(np.mod(longitude + 180.0, 360.0) - 180.0)
 
 
 def _degrees(track: JoinedDives, of: Callable[[int], Array]) -> tuple[Array, Array]:

@@ -1,9 +1,13 @@
-"""Terms of OG1.0: vocabularies, names and global attributes, as simulated missions fill them."""
+"""Terms of OG1.0: vocabularies, names and global attributes, as simulated missions fill them.
+
+Simulated mission: what a file says of it beside its signals, whichever store it is in.
+"""
 
 from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +16,104 @@ import yaml
 from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata, with_metadata
-from factory.exporting.og1.simulated import SimulatedMission
 from factory.generation.generated_store import GeneratedStore, StoredFlight
+from factory.sampling.mission_water import mission_place
 from twin.bounded import file_names
+from twin.errors import StoreError
 from twin.records.attributes import made_at
+from twin.records.coordinates import (
+    NOMINAL,
+    START_LATITUDE,
+    START_LONGITUDE,
+    START_TIME,
+    read_place,
+)
 from twin.records.logged import LogStore
-from twin.records.schema import SIMULATED
+from twin.records.schema import MISSION, SIMULATED
 from twin.records.trajectory import actuator_names
 from twin.sensors import SensorSuite
 from twin.version import __version__
+from twin.water.current.axes import DEFAULT_TIME, Origin
+
+EARLIEST = datetime.datetime(2001, 9, 9, 1, 46, 40, tzinfo=datetime.UTC)
+"""OG1.0's valid_min of times, 1e9 s after 1970"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedMission:
+    """Identity, place and date of one simulated mission."""
+
+    name: str
+    """Identifier of the mission, without spaces"""
+    said: str
+    """One sentence of the mission; it says which of place and date are nominal"""
+    vehicle: str
+    latitude: float
+    """[degree] of the origin"""
+    longitude: float
+    """[degree] of the origin"""
+    start: datetime.datetime
+    """UTC"""
+    duration: float
+    """[s]"""
+    source: str
+    """What made it"""
+    history: str
+
+
+def simulated_mission(run: GeneratedStore | StoredFlight, mission: int) -> SimulatedMission:
+    """Identity, place and date of a mission of a store.
+
+    Raises:
+      StoreError: its date is earlier than the format allows.
+    """
+    latitude, longitude, start, nominal = _began(run, mission)
+    if isinstance(run, StoredFlight):
+        plan, vehicle = (str(run.attributes[name]) for name in ("mission", "vehicle"))
+        verb = "are" if " and " in nominal else "is"
+        name = f"{plan.replace(' ', '_')}_mission{mission}"
+        said = f"Mission {plan!r}{f'; its {nominal} {verb} nominal' if nominal else ''}."
+        duration = (int(run.samples[mission]) - 1) * run.period
+        program, history = "glider-twin", f"{run.path.name}: twin.simulate"
+    else:
+        preset, vehicle = (str(run.settings[name]) for name in ("preset", "vehicle"))
+        name = f"{preset}_seed{run.seed}_mission{mission}"
+        said = f"Preset {preset}, seed {run.seed}, mission {mission}, split {run.splits[mission]}."
+        duration = float(run.array("duration")[mission])
+        program, history = f"glider-twin {__version__}", str(run.history)
+    return SimulatedMission(
+        name=name, said=said, vehicle=vehicle, latitude=latitude, longitude=longitude, start=start,
+        duration=duration, source=f"simulation: {program}, vehicle {vehicle}", history=history,
+    )  # fmt: skip
+
+
+def _began(
+    run: GeneratedStore | StoredFlight, mission: int
+) -> tuple[float, float, datetime.datetime, str]:
+    """Latitude, longitude [degree], UTC, and which of place and date are nominal.
+
+    Stores of earlier versions may not say it: those of the factory have the parameters, for single
+    flights the defaults of today stand.
+    """
+    place, default = read_place(run.dataset.isel({MISSION: mission})), Origin()
+    if not place and isinstance(run, GeneratedStore):
+        place = mission_place(run.parameters(mission), run.given_current)
+    lacking = [
+        word
+        for word, name in (("place", START_LATITUDE), ("date", START_TIME))
+        if name not in place
+    ]
+    nominal = str(place.get(NOMINAL, " and ".join(lacking)))
+    said = str(place.get(START_TIME, DEFAULT_TIME))
+    start = datetime.datetime.fromisoformat(said).replace(tzinfo=datetime.UTC)
+    if start < EARLIEST:
+        raise StoreError(
+            f"mission {mission} of {run.path} begins at {said}: OG1.0 has no dates "
+            f"before {EARLIEST:%Y-%m-%d}; fly it at a later start time"
+        )
+    latitude = float(place.get(START_LATITUDE, default.latitude_deg))
+    return latitude, float(place.get(START_LONGITUDE, default.longitude_deg)), start, nominal
+
 
 Array = NDArray[np.float64]
 

@@ -138,19 +138,11 @@ def deployment(start: float, latitude: float, longitude: float) -> Variables:
 Mask = NDArray[np.bool_]
 
 NOT_CHECKED, GOOD, ESTIMATED, MISSING = 0, 1, 8, 9
-FLAGS = {
-    NOT_CHECKED: "no_qc_performed",
-    GOOD: "good_data",
-    2: "probably_good_data",
-    3: "bad_data_that_are_potentially_correctable",
-    4: "bad_data",
-    5: "value_changed",
-    6: "not_used",
-    7: "not_used",
-    ESTIMATED: "estimated_value",
-    MISSING: "missing_value",
-}
-"""Argo reference table 2, which the format takes"""
+FLAGS = dict(enumerate((
+    "no_qc_performed", "good_data", "probably_good_data",
+    "bad_data_that_are_potentially_correctable", "bad_data", "value_changed", "not_used",
+    "not_used", "estimated_value", "missing_value",
+)))  # fmt: skip
 ENDING = "_QC"
 
 

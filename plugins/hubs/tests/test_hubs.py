@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import yaml
 from hubs import read_with
-from logs import Flight, write_slocum
+from logs import Flight, refused, write_slocum
 
 from factory.exporting import ExportOptions
 from factory.generation.generated_store import GeneratedStore
@@ -22,9 +22,8 @@ from factory.generation.generation import generate
 from factory.importing import import_logs
 from factory.sampling.recipe import make_recipe
 from glider_twin_hubs import HUGGINGFACE, LEROBOT, huggingface
-from glider_twin_hubs.data_card import licence_identifier
-from glider_twin_hubs.lerobot_features import Total, episode_statistics
-from twin.errors import InputError
+from glider_twin_hubs.huggingface import licence_identifier
+from glider_twin_hubs.lerobot import Total, episode_statistics
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 
@@ -141,8 +140,14 @@ def test_what_people_say_of_a_log_is_kept(log_store, tmp_path):
     assert "CC BY 4.0" in text
     assert "Example Institute" in text
     assert "Simulated" not in text.split("## Signals")[0]
-    with pytest.raises(InputError, match="huggingface export takes no --vehicle"):
-        HUGGINGFACE.export(log_store, [0], tmp_path / "b", options=ExportOptions(vehicle="glider"))
+    refused(
+        "huggingface export takes no --vehicle",
+        log_store,
+        [0],
+        tmp_path / "b",
+        options=ExportOptions(vehicle="glider"),
+        by=HUGGINGFACE.export,
+    )
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,10 @@ are in is not published: they need a mapping.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,14 +101,13 @@ OF_PRODUCTS: tuple[_Standard, ...] = (
 )
 
 
-@dataclasses.dataclass(frozen=True)
-class Instruments:
+class Instruments(NamedTuple):
     """Content of one file."""
 
     product: bool
     tables: dict[str, MessageTable]
     """Numbers by instrument; times [s] unix"""
-    units: dict[str, str] = dataclasses.field(default_factory=dict)
+    units: Mapping[str, str] = MappingProxyType({})
     """As a netCDF file declares them, by instrument and field with a blank between"""
 
 
@@ -193,26 +193,22 @@ def _standard(
 def _turn_west(tables: dict[str, MessageTable], tally: Tally) -> None:
     """Count the receiver's longitudes eastward where they count westward: the vehicle's own track
     has the other sign."""
-    gps, own = (tables.get(name) for name in ("gps", "navigation"))
-    nothing = np.zeros(0)
-    names = [
-        n for n in ("longitude", "longitudeNav")
-        if own is not None and np.isfinite(own.columns.get(n, nothing)).any()
-    ]  # fmt: skip
-    if gps is None or own is None or "longitude" not in gps.columns:
+    nothing = MessageTable(np.zeros(0), {})
+    gps, own = (tables.get(name, nothing) for name in ("gps", "navigation"))
+    west = gps.columns.get("longitude", nothing.time)
+    if not np.isfinite(west).any() or "navigation" not in tables:
         return
-    west = gps.columns["longitude"]
-    if not np.isfinite(west).any():
-        return
-    if not names:
+    every = [own.columns.get(name, nothing.time) for name in ("longitude", "longitudeNav")]
+    track = [values for values in every if np.isfinite(values).any()]
+    if not track:
         why = "taken as eastward: no track in degrees says its sign"
         tally.add("note", "gps longitude", 1, why)
         return
-    there, here = np.nanmedian(west), np.nanmedian(own.columns[names[0]])
+    there, here = np.nanmedian(west), np.nanmedian(track[0])
     if abs(there + here) < NEAR < abs(there - here):
         tables["gps"] = MessageTable(gps.time, {**gps.columns, "longitude": -west})
-        count = int(np.isfinite(west).sum())
-        tally.add("repaired", "gps longitude", count, "counted westward, by the vehicle's track")
+        why = "counted westward, by the vehicle's track"
+        tally.add("repaired", "gps longitude", np.isfinite(west), why)
 
 
 def _instruments(path: Path, tally: Tally) -> Instruments:
@@ -260,10 +256,8 @@ def _possible(stored: NDArray[Any], path: Path, tally: Tally) -> Array:
     """A field's numbers without those that damaged bytes make."""
     with np.errstate(invalid="ignore"):
         values = stored.astype(np.float64)
-        good = np.abs(values) < LARGEST
-    count = int((~good & ~np.isnan(values)).sum())
-    tally.add("removed", path.name, count, "values beyond any measurement")
-    return np.where(good, values, np.nan)
+        bad = np.abs(values) >= LARGEST
+    return tally.removed(values, bad, path.name, "values beyond any measurement")
 
 
 def _netcdf(path: Path, tally: Tally) -> Instruments:

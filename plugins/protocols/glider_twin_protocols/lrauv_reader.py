@@ -55,31 +55,30 @@ Array = NDArray[np.float64]
 
 MODEL = "tethys"
 """Vehicle file that stands for them: the channels of actuators have the names of its parts."""
-_PROPELLER = ("platform_propeller_rotation_rate", "platform_propeller_rotation_rate_1")
 SOURCES = {
-    "measured_depth": ("depth",),
-    "measured_pressure": ("sea_water_pressure",),
-    "measured_pitch": ("platform_pitch_angle",),
-    "measured_roll": ("platform_roll_angle",),
-    "measured_heading": ("platform_orientation",),
-    "measured_pump": ("platform_buoyancy_position",),
-    "measured_shift": ("platform_mass_position",),
-    "measured_rudder": ("platform_rudder_angle",),
-    "measured_elevator": ("platform_elevator_angle",),
-    "measured_propeller": _PROPELLER,
-    "measured_charge": ("platform_battery_charge",),
-    "measured_voltage": ("platform_battery_voltage",),
-    "commanded_pump": ("VerticalControl.buoyancyAction",),
-    "commanded_shift": ("VerticalControl.massPositionAction",),
-    "commanded_elevator": ("VerticalControl.elevatorAngleAction",),
-    "commanded_rudder": ("HorizontalControl.rudderAngleAction",),
-    "commanded_propeller": ("SpeedControl.propOmegaAction",),
+    "depth": "measured_depth",
+    "sea_water_pressure": "measured_pressure",
+    "platform_pitch_angle": "measured_pitch",
+    "platform_roll_angle": "measured_roll",
+    "platform_orientation": "measured_heading",
+    "platform_buoyancy_position": "measured_pump",
+    "platform_mass_position": "measured_shift",
+    "platform_rudder_angle": "measured_rudder",
+    "platform_elevator_angle": "measured_elevator",
+    "platform_propeller_rotation_rate": "measured_propeller",
+    "platform_propeller_rotation_rate_1": "measured_propeller",
+    "platform_battery_charge": "measured_charge",
+    "platform_battery_voltage": "measured_voltage",
+    "VerticalControl.buoyancyAction": "commanded_pump",
+    "VerticalControl.massPositionAction": "commanded_shift",
+    "VerticalControl.elevatorAngleAction": "commanded_elevator",
+    "HorizontalControl.rudderAngleAction": "commanded_rudder",
+    "SpeedControl.propOmegaAction": "commanded_propeller",
 }
-"""Channels of the store, and the variables that they come from."""
+"""Channels of the store by the variables that they come from; of two the first with values."""
 _READ = (
-    *(name for names in SOURCES.values() for name in names), "latitude", "longitude",
-    "latitude_fix", "longitude_fix", "sea_water_temperature", "sea_water_salinity",
-    "EpochSeconds", "Timestamp", "time", "time_fix",
+    *SOURCES, "latitude", "longitude", "latitude_fix", "longitude_fix", "sea_water_temperature",
+    "sea_water_salinity", "EpochSeconds", "Timestamp", "time", "time_fix",
 )  # fmt: skip
 _WITH_UNIT = re.compile(r"^\s*([-+0-9.eE]+|nan)\s*([^\d\s].*)?$", re.IGNORECASE)
 _TURNING = 1.0
@@ -107,11 +106,7 @@ def _series(path: Path) -> tuple[dict[str, TimedValues], list[str]]:
     if path.suffix.lower() in _SIMULATOR:
         return _csv(path), ["EpochSeconds", "Timestamp"]
     with open_netcdf(path) as file:
-        try:
-            found = _groups(file) if file.groups else {}
-            found |= {n: s for n, s in _variables(file).items() if n not in found}
-        except (RuntimeError, OSError) as error:
-            raise InputError(f"{path.name} is damaged: {' '.join(str(error).split())}") from error
+        found = _variables(file) | (_groups(file) if file.groups else {})
         names = [*file.groups, *file.variables]
         others = [*file.variables, *(n for n, g in file.groups.items() if not g.groups)]
     if "depth" not in found and "sea_water_pressure" not in found:
@@ -149,12 +144,9 @@ def _variables(file: Any) -> dict[str, TimedValues]:
     for name, variable in file.variables.items():
         if len(variable.dimensions) != 1 or variable.dtype == str:
             continue
-        dimension = variable.dimensions[0]
-        clock = next(
-            (file.variables[n] for n in (f"{name}_time", dimension, "time") if n in file.variables),
-            None,
-        )
-        if clock is None or clock is variable or variable.dtype.kind not in "fiu":
+        clocks = (f"{name}_time", variable.dimensions[0], "time")
+        clock = next((file.variables[n] for n in clocks if n in file.variables), variable)
+        if clock is variable or variable.dtype.kind not in "fiu":
             continue
         time, values = as_array(clock[:]), as_array(variable[:])
         if len(time) == len(values):
@@ -172,11 +164,9 @@ def _csv(path: Path) -> dict[str, TimedValues]:
     if time is None:
         time = parse_stamps(table.texts["Timestamp"])
     found: dict[str, TimedValues] = {n: (time, v, "") for n, v in table.columns.items()}
-    for name, words in table.texts.items():
-        if name == "Timestamp":
-            continue
-        values, units = np.full(len(words), np.nan), set()
-        for i, word in enumerate(words):
+    for name in [name for name in table.texts if name != "Timestamp"]:
+        values, units = np.full(len(time), np.nan), set()
+        for i, word in enumerate(table.texts[name]):
             match = _WITH_UNIT.match(str(word))
             if match and match.group(1).lower() != "nan":
                 values[i] = float(match.group(1))
@@ -194,28 +184,34 @@ def _log(
     options: ReadOptions,
     tally: Tally,
 ) -> DeploymentLog:
-    variation_deg = options.variation_deg
     deployment = path.name.split(".")[0]
+    extra = payload_names(options.payload)
+
+    def raw(source: str, wanted: str = "", name: str = "") -> Channel:
+        """The values of a variable in a unit, or as they are; empty for another quantity."""
+        written, values, unit = series[source]
+        if wanted:
+            own = declared(values, unit, wanted, source, tally, deployment=deployment)
+            if own is None:
+                return EMPTY
+            values = own
+        time = unix_seconds(written, f"{path.name} {source}", Tally())
+        time, columns = tidy(time, {name or source: values}, source, tally)
+        return Channel.finite(time, *columns.values())
 
     def channel(name: str, source: str, wanted: str) -> Channel:
-        written, numbers, unit = series[source]
-        values = declared(numbers, unit, wanted, source, tally, deployment=deployment)
-        if values is None:
-            return EMPTY
-        time = unix_seconds(written, f"{path.name} {source}", Tally())
-        time, columns = tidy(time, {name: values}, source, tally)
-        return clean(name, time, columns[name], tally, subject=source)
+        one = raw(source, wanted, name)
+        return clean(name, one.time, one.values, tally, subject=source)
 
-    wanted = (*_READ, *payload_names(options.payload))
+    wanted = (*_READ, *extra)
     clocks = [f"{name}_time" for name in series if name in wanted]
     note_unread("LRAUV log", [*series, *others], [*wanted, *clocks], tally)
     empty = [n for n, (_, values, _) in series.items() if not np.isfinite(values).any()]
     note_empty("LRAUV log", [*empty, *(f"{name}_time" for name in empty)], tally)
     declare_parts(load_vehicle(MODEL))
     channels: dict[str, Channel] = {}
-    for target, names in SOURCES.items():
-        source = next((n for n in names if n in series and np.isfinite(series[n][1]).any()), None)
-        if source is not None:
+    for source, target in SOURCES.items():
+        if source in series and source not in empty and target not in channels:
             channels[target] = channel(target, source, unit_of(target))
     if "measured_charge" in channels:
         channels["measured_charge"] = used_of_left(channels["measured_charge"])
@@ -223,12 +219,13 @@ def _log(
         raise InputError(f"{path.name} holds no depth")
     tally.add("read", path.name, max(len(c) for c in channels.values()), "samples")
     channels = with_dbar_by_depth(channels, tally, deployment)
-    if "measured_heading" in channels and variation_deg is not None:
-        turned = channels["measured_heading"]
-        channels["measured_heading"] = Channel(
-            turned.time, np.mod(turned.values + variation_deg, 360.0)
-        )
-    fixes = _fixes(path, series, tally)
+    if "measured_heading" in channels and options.variation_deg is not None:
+        one = channels["measured_heading"]
+        turned = np.mod(one.values + options.variation_deg, 360.0)
+        channels["measured_heading"] = Channel(one.time, turned)
+    fixes = NO_FIXES
+    if {"latitude_fix", "longitude_fix"} <= set(series):
+        fixes = _fixes(*(raw(f"{axis}_fix", "degree") for axis in ("latitude", "longitude")), tally)
     depth = channels.get("measured_depth") or channels["measured_pressure"]
     if "sea_water_temperature" in series:
         warm = channel("measured_temperature", "sea_water_temperature", "degree_Celsius")
@@ -238,37 +235,23 @@ def _log(
             practical = fresh.known(warm.time)
         north, east = fixes.at(warm.time)
         channels |= ctd_channels(
-            warm.time,
-            temperature=warm.values,
-            pressure=depth.known(warm.time),
-            practical=practical,
-            latitude=north,
-            longitude=east,
-            tally=tally,
-        )
-    found, units = {}, {}
-    for name in payload_names(options.payload):
-        if name in series:
-            written, values, units[name] = series[name]
-            time, columns = tidy(
-                unix_seconds(written, f"{path.name} {name}", Tally()), {name: values}, name, tally
-            )
-            there = np.isfinite(columns[name])
-            found[name] = Channel(time[there], columns[name][there])
+            warm.time, temperature=warm.values, pressure=depth.known(warm.time),
+            practical=practical, latitude=north, longitude=east, tally=tally,
+        )  # fmt: skip
+    found = {name: raw(name) for name in extra if name in series}
+    units = {name: series[name][2] for name in found}
     channels |= payload_channels(found, options.payload, tally, units=units)
     auxiliary: dict[str, Channel] = {}
     if "latitude" in series and "longitude" in series:
-        latitude = channel("latitude", "latitude", "degree")
-        longitude = channel("longitude", "longitude", "degree")
-        if len(latitude) > 1 and len(longitude) > 1:
-            auxiliary |= {"latitude": latitude, "longitude": longitude}
+        track = {axis: channel(axis, axis, "degree") for axis in ("latitude", "longitude")}
+        auxiliary |= track if all(len(one) > 1 for one in track.values()) else {}
     spin = channels.get("measured_propeller", EMPTY)
     if len(spin):
         auxiliary["thruster"] = Channel(spin.time, (np.abs(spin.values) > _TURNING).astype(float))
     return DeploymentLog(
         deployment=deployment,
         platform="LRAUV",
-        channels={name: c for name, c in channels.items() if len(c)},
+        channels=channels,
         fixes=fixes,
         magnetic_variation=EMPTY,
         auxiliary=auxiliary,
@@ -279,21 +262,9 @@ def _log(
     )
 
 
-def _fixes(path: Path, series: Mapping[str, TimedValues], tally: Tally) -> LoggedFixes:
+def _fixes(latitude: Channel, longitude: Channel, tally: Tally) -> LoggedFixes:
     """GPS fixes: latitude and longitude are logged milliseconds apart and belong together."""
-    if not {"latitude_fix", "longitude_fix"} <= set(series):
-        return NO_FIXES
-    parts = []
-    for name in ("latitude_fix", "longitude_fix"):
-        written, numbers, unit = series[name]
-        values = declared(numbers, unit, "degree", name, tally, deployment=path.name.split(".")[0])
-        if values is None:
-            return NO_FIXES
-        time = unix_seconds(written, f"{path.name} {name}", Tally())
-        time, columns = tidy(time, {name: values}, name, tally)
-        there = np.isfinite(columns[name])
-        parts.append((time[there], columns[name][there]))
-    (time, latitude), (other, longitude) = parts
+    time, other = latitude.time, longitude.time
     if not len(time) or not len(other):
         return NO_FIXES
     right = np.clip(np.searchsorted(other, time), 0, len(other) - 1)
@@ -301,9 +272,8 @@ def _fixes(path: Path, series: Mapping[str, TimedValues], tally: Tally) -> Logge
     near = np.where(np.abs(other[left] - time) < np.abs(other[right] - time), left, right)
     pair = np.abs(other[near] - time) < _TOGETHER
     tally.add("removed", "GPS fixes", ~pair, "latitude without longitude")
-    latitude, longitude = positions(latitude[pair], longitude[near][pair], "GPS fixes", tally)
-    good = np.isfinite(latitude) & np.isfinite(longitude)
-    return LoggedFixes(time[pair][good], latitude[good], longitude[good])
+    north, east = latitude.values[pair], longitude.values[near][pair]
+    return LoggedFixes.finite(time[pair], *positions(north, east, "GPS fixes", tally))
 
 
 _TOGETHER = 2.0

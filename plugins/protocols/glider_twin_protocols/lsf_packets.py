@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +60,9 @@ def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) 
     import imcpy
 
     data = _content(path, tally)
-    numbers = {imcpy.Factory.id_from_abbrev(name): name for name in wanted if _known(name)}
-    said = {imcpy.Factory.id_from_abbrev(n): n for n in ("EntityInfo", "LoggingControl")}
+    number_of = imcpy.Factory.id_from_abbrev
+    numbers = {number_of(name): name for name in wanted if _answers(number_of, name)}
+    said = {number_of(name) for name in ("EntityInfo", "LoggingControl")}
     found = Packets()
     every: dict[int, tuple[str, bool]] = {}
     for number, system, entity, packet in _packets(path, data, tally):
@@ -114,16 +115,20 @@ def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, 
     A packet ends where the next one begins or the log ends, or its sum is right. What claims to be
     one and is not is damage, and the search goes on behind its first byte.
     """
+    import imcpy
+
     place = end = lost = 0
     while 0 <= place <= len(data) - HEADER - FOOTER:
         order = ORDERS.get(data[place : place + 2])
         if order is not None:
             number, size, _, system, entity = struct.unpack_from(f"{order}HHdHB", data, place + 2)
             stop = place + HEADER + size + FOOTER
-            follows = stop == len(data) or data[stop : stop + 2] in ORDERS
-            if follows or (stop < len(data) and _is_whole(data[place:stop])):
+            whole = stop == len(data) or data[stop : stop + 2] in ORDERS
+            packet = data[place:stop]
+            # else its sum, and its message must be known
+            if whole or (stop < len(data) and _answers(imcpy.Packet.deserialize, packet)):
                 lost += place - end
-                yield number, system, entity, data[place:stop]
+                yield number, system, entity, packet
                 place = end = stop
                 continue
         place = min((p for s in ORDERS if (p := data.find(s, place + 1)) >= 0), default=-1)
@@ -132,22 +137,10 @@ def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, 
         tally.add("note", path.name, 1, f"{TRUNCATED}{len(data) - end} byte behind the last packet")
 
 
-def _is_whole(packet: bytes) -> bool:
-    """Check the sum of a packet, whose message must be known."""
-    import imcpy
-
+def _answers(function: Callable[[Any], object], argument: object) -> bool:
+    """Whether DUNE's code knows what it is given."""
     try:
-        imcpy.Packet.deserialize(packet)
-    except RuntimeError:
-        return False
-    return True
-
-
-def _known(name: str) -> bool:
-    import imcpy
-
-    try:
-        imcpy.Factory.id_from_abbrev(name)
+        function(argument)
     except RuntimeError:
         return False
     return True

@@ -103,11 +103,8 @@ def files(run: MissionStore, missions: Sequence[int]) -> Iterator[tuple[str, lis
 
 def about(run: MissionStore, missions: Sequence[int], first: McapSamples) -> dict[str, str]:
     """Metadata of a file."""
-    said = {
-        name: str(run.attributes[name])
-        for name in (TITLE, SOURCE, COMMENT, HISTORY, PLATFORM)
-        if name in run.attributes
-    }
+    names = (TITLE, SOURCE, COMMENT, HISTORY, PLATFORM)
+    said = {name: str(run.attributes[name]) for name in names if name in run.attributes}
     if not run.logged:
         said["data"] = SIMULATED
     if NOMINAL in first.place:

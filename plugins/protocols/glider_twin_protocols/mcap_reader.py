@@ -146,26 +146,26 @@ def _tables(
             broken.setdefault(channel.topic, []).append(" ".join(str(error).split())[:120])
             continue
         if channel.topic not in taken:
-            taken[channel.topic] = _getter(
-                [f for f in raw[topic] if _has(message, f) or f == "mode"], channel.topic
-            )
             raw[topic] = [f for f in raw[topic] if _has(message, f) or f == "mode"]
+            taken[channel.topic] = _getter(raw[topic], channel.topic)
         times.setdefault(topic, []).append(_moment(message, moment))
         rows.setdefault(topic, []).append(taken[channel.topic](message))
     for topic, whys in broken.items():
-        tally.add("removed", topic, len(whys), f"{path.name}: messages that no {kinds[topic]} are: "
-                  f"{whys[0]}")  # fmt: skip
+        why = f"{path.name}: messages that no {kinds[topic]} are: {whys[0]}"
+        tally.add("removed", topic, len(whys), why)
     tables = {}
+    units = {signal.column: signal.unit for signal in reversed(mapping.signals.values())}
     for topic, some in rows.items():
         values = np.array(some, float).reshape(len(some), -1)
         found = dict(zip(raw[topic], values.T, strict=True))
         unit_quaternions(found, topic, tally)
         there = set(found) | NO_MEASUREMENT
         columns = {f: column_of(f, found) for f in wanted[topic] if set(raw_fields(f)) <= there}
-        if GAUGE in columns:
-            moments, unit = np.array(times[topic]), _unit_of(f"{topic} {GAUGE}", mapping)
+        moments = np.array(times[topic])
+        if GAUGE in columns:  # in the unit of the user's mapping, else of the standard message
+            unit = units.get(f"{topic} {GAUGE}", "Pa")
             columns[GAUGE] = without_air(moments, columns[GAUGE], unit, topic, tally)
-        tables[topic] = MessageTable(np.array(times[topic]), columns)
+        tables[topic] = MessageTable(moments, columns)
     mapping = with_standard(mapping, valued(sources, tables, tally), tally)
     _ask_ned(mapping, tables, frames, tally)
     return sorted(every), tables, mapping
@@ -216,12 +216,6 @@ def _fields_of_all(mapping: Mapping, sources: dict[str, list[Signal]]) -> dict[s
             known = found.setdefault(topic, [])
             known += [field for field in fields if field not in known]
     return found
-
-
-def _unit_of(column: str, mapping: Mapping) -> str:
-    """Unit of a pressure by the user's mapping, else by the standard message."""
-    said = [one.unit for one in mapping.signals.values() if one.column == column]
-    return said[0] if said else "Pa"
 
 
 def _moment(message: Any, logged: int) -> float:

@@ -51,14 +51,9 @@ def _pose(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
 
 
 def _pose_ned(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
-    turned = {"onboard_north": "x", "onboard_east": "y"}
+    turned = {"onboard_north": f"{prefix}position.x", "onboard_east": f"{prefix}position.y"}
     return [
-        (
-            signal,
-            f"{prefix}position.{turned[signal]}" if signal in turned else field,
-            unit,
-            {"frame": "FRD"},
-        )
+        (signal, turned.get(signal, field), unit, {"frame": "FRD"})
         for signal, field, unit, _ in _pose(prefix)
     ]
 
@@ -127,9 +122,9 @@ def standard_signals(
 ) -> dict[str, list[Signal]]:
     """Signals of the standard messages of a recording, each with its sources, the best first."""
     found: dict[str, list[Signal]] = {}
-    rank = list(_KINDS)
+    rank = {kind: k for k, kind in enumerate(_KINDS)}
     known = set(signal_names())
-    for topic in sorted(kinds, key=lambda t: (not _ours(t), _rank(kinds[t], rank), t)):
+    for topic in sorted(kinds, key=lambda t: (not _ours(t), rank.get(kinds[t], len(rank)), t)):
         ned = _is_ned(frames.get(topic, ("", "")))
         if ned:
             why = f"frame {', '.join(filter(None, frames[topic]))}: north, east, down"
@@ -140,12 +135,8 @@ def standard_signals(
     return found
 
 
-def _rank(kind: str, rank: list[str]) -> int:
-    return rank.index(kind) if kind in rank else len(rank)
-
-
 def _ours(topic: str) -> bool:
-    return topic.split("/")[1:2] != [] and topic.split("/")[1] in GROUPS
+    return topic.partition("/")[2].partition("/")[0] in GROUPS
 
 
 def _is_ned(frames: tuple[str, str]) -> bool:

@@ -123,15 +123,12 @@ def _standard(samples: Samples) -> Iterator[Topic]:
                 samples, f"/{GROUPS[group]}/temperature", "sensor_msgs/msg/Temperature",
                 {"temperature": samples.signal(f"{group}_temperature")}, [f"{group}_temperature"],
             )  # fmt: skip
-        current = _names(group, *CURRENT[:2])
-        if _all_of(samples, *current):
-            names = _names(group, *CURRENT)
-            vector = world(
-                *_vector(samples, group, "current_north", "current_east", "current_down")
-            )
+        current = _names(group, *CURRENT)
+        if _all_of(samples, *current[:2]):
+            vector = world(*_vector(samples, group, *CURRENT))
             yield _stamped(
                 samples, f"/{GROUPS[group]}/current", "geometry_msgs/msg/Vector3Stamped",
-                {"vector": _xyz(vector)}, names, frame=MAP,
+                {"vector": _xyz(vector)}, current, frame=MAP,
             )  # fmt: skip
     if _all_of(samples, "measured_pressure"):
         pressure = SURFACE_PRESSURE + PASCAL * samples.signal("measured_pressure")
@@ -264,17 +261,18 @@ def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, 
 
     White noise, bias instability and turn-on bias of a sample, each as its deviation.
     """
+
+    def of(density: float, instability: float, bias: float) -> tuple[float, ...]:
+        variance = density**2 / samples.period + instability**2 + bias**2
+        return tuple(np.diag([variance] * 3).ravel().tolist())
+
     imu = samples.imu
     if imu is None:
         return (0.0,) * 9, (0.0,) * 9
-    found = []
-    for density, instability, bias in (
-        (imu.gyro_noise_density, imu.gyro_bias_instability, imu.gyro_turn_on_bias),
-        (imu.accel_noise_density, imu.accel_bias_instability, imu.accel_turn_on_bias),
-    ):
-        variance = density**2 / samples.period + instability**2 + bias**2
-        found.append(tuple(np.diag([variance] * 3).ravel().tolist()))
-    return found[0], found[1]
+    return (
+        of(imu.gyro_noise_density, imu.gyro_bias_instability, imu.gyro_turn_on_bias),
+        of(imu.accel_noise_density, imu.accel_bias_instability, imu.accel_turn_on_bias),
+    )
 
 
 def in_si(name: str) -> tuple[str, float]:

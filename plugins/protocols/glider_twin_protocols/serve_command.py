@@ -94,13 +94,9 @@ class Serve(JsonOption):
             for package in ("zenoh", "rosbags"):
                 require(package, extra=PLUGIN, purpose="--protocol ros2")
         scenario = twin.scenario_of(
-            vehicle=self.vehicle,
-            current=self.current,
-            floor=self.floor,
-            start=self.start,
-            duration=self.duration,
-            commanded=True,
-        )
+            vehicle=self.vehicle, current=self.current, floor=self.floor, start=self.start,
+            duration=self.duration, commanded=True,
+        )  # fmt: skip
         flown = SteppedVehicle(scenario)
         start = (scenario.place.latitude_deg, scenario.place.longitude_deg)
         telemetry = MavlinkTelemetry(self.mavlink, start) if self.mavlink is not None else None
@@ -110,11 +106,8 @@ class Serve(JsonOption):
             telemetry.close()
         if self.out is not None and flown.time > 0.0:
             trajectory = flown.trajectory()
-            write_store(
-                dataset_of([trajectory], attributes=trajectory.provenance),
-                self.out,
-                overwrite=self.overwrite,
-            )
+            dataset = dataset_of([trajectory], attributes=trajectory.provenance)
+            write_store(dataset, self.out, overwrite=self.overwrite)
         figures = {"flown_s": flown.time, **asdict(served)}
         console.pairs({**figures, **({"store": str(self.out)} if self.out else {})})
         console.answer(vehicle=scenario.vehicle.name, out=self.out, **figures)

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dorado_logs import instruments, track_of, write_log, write_netcdf
-from logs import example
+from logs import example, refused
 from message_logs import circles
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
-from twin.errors import InputError
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
@@ -147,23 +146,18 @@ def test_what_is_wrong_with_a_log_is_told(tmp_path, capsys):
     path = tmp_path / "navigation.log"
     header = b"# binary navigation\n# timeTag time %8.8e ,time ,UNKNOWN\n"
     path.write_bytes(header + b"# quad mPhi %d ,roll ,Degrees\n# begin\n" + bytes(64))
-    with pytest.raises(InputError, match=r"navigation\.log: .*type 'quad'.*known are timeTag"):
-        import_logs("dorado", [path])
+    refused(r"navigation\.log: .*type 'quad'.*known are timeTag", "dorado", [path])
     path.write_bytes(b"# binary navigation\n# double mPhi %e ,roll ,Degrees\n# begin\n" + bytes(64))
-    with pytest.raises(InputError, match=r"navigation\.log has no field time; it has mPhi"):
-        import_logs("dorado", [path])
+    refused(r"navigation\.log has no field time; it has mPhi", "dorado", [path])
     again = b"# short status %d ,s ,UNKNOWN\n"
     path.write_bytes(header + 3 * again + b"# begin\n" + bytes(64))
-    with pytest.raises(InputError, match="names a field three times"):
-        import_logs("dorado", [path])
+    refused("names a field three times", "dorado", [path])
     path.write_bytes(header + b"# begin\n")
-    with pytest.raises(InputError, match=r"navigation\.log holds no record"):
-        import_logs("dorado", [path])
+    refused(r"navigation\.log holds no record", "dorado", [path])
     path.write_bytes(b"Nov 27 08:00:00 host kernel: no log of a vehicle\n")
     assert PROGRAM.main(["import", "dorado", str(path), "--out", str(tmp_path / "no.zarr")]) != 0
     error = capsys.readouterr().err
     assert "navigation.log is not a log of the kind dorado" in error
     assert "Traceback" not in error
     path.write_bytes(header + b"# short status %d ,s ,UNKNOWN\n# begin\n" + bytes(80))
-    with pytest.raises(InputError, match="no topic of it is known; it has navigation"):
-        import_logs("dorado", [path])
+    refused("no topic of it is known; it has navigation", "dorado", [path])

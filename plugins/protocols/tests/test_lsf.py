@@ -6,11 +6,11 @@ import struct
 import numpy as np
 import pytest
 from imc_logs import DECLINATION, OTHER, described, entities, message, packets, track_of
+from logs import refused
 from message_logs import circles
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
-from twin.errors import InputError
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
@@ -209,8 +209,7 @@ def test_a_compass_alone_needs_the_variation(tmp_path):
     )
     path = tmp_path / "run.lsf"
     path.write_bytes(data)
-    with pytest.raises(InputError, match="measured_heading is from magnetic north"):
-        import_logs("lsf", [path])
+    refused("measured_heading is from magnetic north", "lsf", [path])
     dataset, _ = import_logs("lsf", [path], variation_deg=np.degrees(DECLINATION))
     heading = np.degrees(1.0 + DECLINATION)
     np.testing.assert_allclose(values(dataset, "measured_heading"), heading, atol=1e-3)
@@ -245,29 +244,31 @@ def test_a_mapping_adds_other_messages_and_another_vehicle(tmp_path):
     np.testing.assert_allclose(values(dataset, "measured_elevator"), np.degrees(-0.06), atol=1e-4)
     assert dataset.attrs[VEHICLE_MJCF] == load_vehicle("tethys").xml
     mapping.write_text(mapping.read_text().replace("Main_Board value", "Main_Bord value"))
-    with pytest.raises(InputError, match=r"unknown topic 'Temperature/Main_Bord'.*Main_Board"):
-        import_logs("lsf", [log(tmp_path)], mapping=mapping)
+    refused(
+        r"unknown topic 'Temperature/Main_Bord'.*Main_Board",
+        "lsf",
+        [log(tmp_path)],
+        mapping=mapping,
+    )
     mapping.write_text(mapping.read_text().replace("Main_Bord value", "Main_Board colour"))
-    with pytest.raises(InputError, match="Temperature/Main_Board has no number 'colour'"):
-        import_logs("lsf", [log(tmp_path)], mapping=mapping)
+    refused(
+        "Temperature/Main_Board has no number 'colour'", "lsf", [log(tmp_path)], mapping=mapping
+    )
 
 
 def test_what_is_no_log_of_imc_is_told(tmp_path, capsys):
     path = tmp_path / "old.lsf"
     path.write_bytes(b"\x41\xfe" + bytes(200))
-    with pytest.raises(InputError, match=r"old\.lsf holds no packet of IMC 5: it begins with 41fe"):
-        import_logs("lsf", [path])
+    refused(r"old\.lsf holds no packet of IMC 5: it begins with 41fe", "lsf", [path])
     path.write_bytes(struct.pack("<HHH", 0xFE54, 265, 60_000))
     assert PROGRAM.main(["import", "lsf", str(path), "--out", str(tmp_path / "no.zarr")]) != 0
     error = capsys.readouterr().err
     assert "old.lsf holds no packet of IMC 5" in error
     assert "Traceback" not in error
     path.write_bytes(message("Heartbeat", float(TIME[0]), 1))
-    with pytest.raises(InputError, match=r"no topic of it is known; it has Heartbeat"):
-        import_logs("lsf", [path])
+    refused(r"no topic of it is known; it has Heartbeat", "lsf", [path])
     path.write_bytes(message("ServoPosition", float(TIME[0]), 7, id=0, value=0.1))
-    with pytest.raises(InputError, match="no topic of it is known; it has ServoPosition/0"):
-        import_logs("lsf", [path])
+    refused("no topic of it is known; it has ServoPosition/0", "lsf", [path])
 
 
 def test_a_store_of_it_is_one_that_identification_reads(tmp_path, capsys):

@@ -6,13 +6,13 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from logs import Flight, write_slocum
+from logs import Flight, refused, write_slocum
 
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
 from glider_twin_protocols.cdr import body, encode, orientation, to_body, world
-from twin.errors import InputError, StoreError
+from twin.errors import StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.records.timeseries import sample_coordinates
@@ -245,8 +245,14 @@ def test_what_has_no_date_or_takes_no_option_is_told(field_store, tmp_path, monk
     from factory.exporting import ExportOptions
 
     run = GeneratedStore(field_store)
-    with pytest.raises(InputError, match="mcap export takes no --vehicle"):
-        EXPORTERS["mcap"].export(run, [0], tmp_path / "a", options=ExportOptions(vehicle="glider"))
+    refused(
+        "mcap export takes no --vehicle",
+        run,
+        [0],
+        tmp_path / "a",
+        options=ExportOptions(vehicle="glider"),
+        by=EXPORTERS["mcap"].export,
+    )
     nowhere = sample_coordinates(run, 0)
     nowhere["datetime"] = np.full(len(nowhere["datetime"]), np.datetime64("NaT"))
     monkeypatch.setattr("glider_twin_protocols.mcap_file.sample_coordinates", lambda *_: nowhere)

@@ -9,13 +9,13 @@ import time
 
 import numpy as np
 import pytest
+from logs import refused
 from patience import HANG_S
 
 import twin
 from glider_twin_protocols import ZenohServer
 from glider_twin_protocols.serve_command import Serve
 from twin import SteppedVehicle
-from twin.errors import InputError
 
 zenoh = pytest.importorskip("zenoh")
 typesys = pytest.importorskip("rosbags.typesys")
@@ -254,23 +254,26 @@ def test_a_router_in_between(serve):
         thread.join()
     client.session.close()
     router.close()
-    with pytest.raises(InputError, match=r"cannot connect to the router tcp/127\.0\.0\.1"):
-        ZenohServer(stepped(), START, router=f"tcp/127.0.0.1:{port}")
+    refused(
+        r"cannot connect to the router tcp/127\.0\.0\.1",
+        stepped(),
+        START,
+        router=f"tcp/127.0.0.1:{port}",
+        by=ZenohServer,
+    )
 
 
 def test_other_machines_need_a_token_and_options_their_protocol(tmp_path):
-    with pytest.raises(InputError, match=r"0\.0\.0\.0 can be reached.*--token-file"):
-        ZenohServer(stepped(), START, host="0.0.0.0")
+    refused(
+        r"0\.0\.0\.0 can be reached.*--token-file", stepped(), START, host="0.0.0.0", by=ZenohServer
+    )
     for words, said in (({"rate": 0.0}, "rate must be above 0"), ({"domain": -1}, "0 to 232")):
-        with pytest.raises(InputError, match=said):
-            ZenohServer(stepped(), START, **words)
+        refused(said, stepped(), START, **words, by=ZenohServer)
     for words, said in (
         ({"rate": 5.0}, "--rate is of --protocol ros2, not of ardupilot"),
         ({"protocol": "ros2", "exposed_to": "10.0.0.1"}, "--exposed-to is of --protocol ardup"),
         ({"protocol": "ros2", "token_file": tmp_path / "none"}, "--token-file .*none"),
     ):
-        with pytest.raises(InputError, match=said):
-            Serve(**words).run(None)
+        refused(said, None, by=Serve(**words).run)
     (tmp_path / "two").write_text("two words")
-    with pytest.raises(InputError, match="a token is one word"):
-        Serve(protocol="ros2", token_file=tmp_path / "two").run(None)
+    refused("a token is one word", None, by=Serve(protocol="ros2", token_file=tmp_path / "two").run)

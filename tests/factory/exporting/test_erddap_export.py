@@ -9,14 +9,13 @@ import netCDF4
 import numpy as np
 import pytest
 from erddap_server import Erddap
-from logs import Flight, example, write_basestation
+from logs import Flight, example, refused, write_basestation
 
 from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.generation.generated_store import open_missions
 from factory.importing import import_logs
-from glider_twin_ops.watching.sources.erddap import fetch_days
-from twin.errors import InputError
+from glider_twin_ops.watching.sources import fetch_days
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 
@@ -151,18 +150,26 @@ def test_the_command_takes_the_server_s_folder(store, tmp_path):
     assert PROGRAM.main([*words, "--file-dir", "/data/a & b"]) == 0
     (tag,) = ElementTree.parse(out / "datasets.xml").getroot()
     assert tag.findtext("fileDir") == "/data/a & b"
-    with pytest.raises(InputError, match="the parquet export takes no --file-dir: leave it out"):
-        EXPORTERS["parquet"].export(
-            open_missions(store), [0], tmp_path / "a.parquet", options=ExportOptions(file_dir="/a")
-        )
+    refused(
+        "the parquet export takes no --file-dir: leave it out",
+        open_missions(store),
+        [0],
+        tmp_path / "a.parquet",
+        options=ExportOptions(file_dir="/a"),
+        by=EXPORTERS["parquet"].export,
+    )
 
 
 @pytest.mark.parametrize("folder", ["data", "", "/data/\x01"])
 def test_a_folder_that_no_server_finds_is_refused(store, tmp_path, folder):
-    with pytest.raises(InputError, match=r"must be the absolute path .* such as /data/calypso"):
-        EXPORTERS["erddap"].export(
-            LogStore(store), [0], tmp_path / "served", options=ExportOptions(file_dir=folder)
-        )
+    refused(
+        r"must be the absolute path .* such as /data/calypso",
+        LogStore(store),
+        [0],
+        tmp_path / "served",
+        options=ExportOptions(file_dir=folder),
+        by=EXPORTERS["erddap"].export,
+    )
 
 
 def test_a_page_about_it_is_an_address(store, tmp_path):

@@ -7,6 +7,7 @@ import netCDF4
 import numpy as np
 import pytest
 from compliance import complaints, needs_checker
+from logs import refused
 
 from factory.exporting import EXPORTERS
 from factory.exporting.flat_table import export_parquet
@@ -14,7 +15,7 @@ from factory.exporting.og1.missions import export_og1, phases
 from factory.exporting.og1.og1_terms import TERMS, sensor_attributes
 from factory.generation.generated_store import GeneratedStore
 from factory.missions_page import store_page
-from twin.errors import InputError, StoreError
+from twin.errors import StoreError
 from twin.records.schema import VARIABLES
 from twin.sensors import SensorSuite
 
@@ -165,10 +166,14 @@ def test_parquet_has_a_row_for_every_sample(field_store, tmp_path):
 
 def test_without_pyarrow_the_way_out_is_told(field_store, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"needs the package pyarrow.*glider-twin\[parquet\]"):
-        EXPORTERS["parquet"].export(
-            GeneratedStore(field_store), [0], tmp_path / "missions.parquet", lambda: None
-        )
+    refused(
+        r"needs the package pyarrow.*glider-twin\[parquet\]",
+        GeneratedStore(field_store),
+        [0],
+        tmp_path / "missions.parquet",
+        lambda: None,
+        by=EXPORTERS["parquet"].export,
+    )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -8,12 +8,12 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from logs import Flight, example, write_slocum
+from logs import Flight, example, refused, write_slocum
 
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_missions
 from factory.importing import import_logs
-from twin.errors import InputError, StoreError, WriteError
+from twin.errors import StoreError, WriteError
 from twin.records.store import write_store
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -76,8 +76,7 @@ def test_formats_are_documented_and_their_extras_exist(exporter):
     ],
 )
 def test_half_an_exporter_is_refused(change, message):
-    with pytest.raises(InputError, match=message):
-        dataclasses.replace(EXPORTERS["og1"], **change)
+    refused(message, EXPORTERS["og1"], **change, by=dataclasses.replace)
 
 
 def test_an_exporter_of_ones_own_is_one_file_outside_the_package(log_store, tmp_path):

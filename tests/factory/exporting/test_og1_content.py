@@ -6,17 +6,17 @@ import netCDF4
 import numpy as np
 import pytest
 from compliance import complaints, needs_checker
-from logs import Flight, write_seaglider, write_slocum
+from logs import Flight, refused, write_seaglider, write_slocum
 from simulated_logs import simulated_flight
 
 from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.exporting.metadata import read_metadata
 from factory.exporting.og1.deployments import export_og1_logs
-from factory.exporting.og1.flown_track import ON_BOARD, STRAIGHT, flown
+from factory.exporting.og1.flight_terms import ON_BOARD, STRAIGHT, flown
 from factory.generation.generated_store import open_exportable
 from factory.importing import import_logs
-from twin.errors import InputError, StoreError, VehicleError
+from twin.errors import StoreError, VehicleError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 
@@ -290,11 +290,13 @@ def test_a_metadata_file_that_is_none_is_told(store, tmp_path, capsys):
     assert PROGRAM.main([*words, "--metadata", str(wrong)]) == 2
     assert "has no section `metadata`" in capsys.readouterr().err
     wrong.write_text("metadata: [unclosed\n")
-    with pytest.raises(InputError, match="is not YAML"):
-        read_metadata(wrong)
-    with pytest.raises(InputError, match="cannot read metadata"):
-        read_metadata(tmp_path / "absent.yml")
-    with pytest.raises(InputError, match="the parquet export takes no --metadata"):
-        EXPORTERS["parquet"].export(
-            LogStore(store), [0], tmp_path / "a.parquet", options=ExportOptions(metadata=wrong)
-        )
+    refused("is not YAML", wrong, by=read_metadata)
+    refused("cannot read metadata", tmp_path / "absent.yml", by=read_metadata)
+    refused(
+        "the parquet export takes no --metadata",
+        LogStore(store),
+        [0],
+        tmp_path / "a.parquet",
+        options=ExportOptions(metadata=wrong),
+        by=EXPORTERS["parquet"].export,
+    )

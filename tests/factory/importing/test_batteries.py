@@ -8,6 +8,7 @@ import pytest
 from logs import (
     Flight,
     gps_columns,
+    slocum,
     slocum_columns,
     write_basestation,
     write_csv,
@@ -53,7 +54,7 @@ def test_a_thruster_takes_its_current_at_the_batteries_voltage(tmp_path):
     count = len(slocum_columns(FLIGHT)["time"])
     on = FLIGHT.state(FLIGHT.time)["under"]
     common = {"m_battery": np.full(count, 16.0), "m_thruster_power": 4.0 * on}
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **common))
+    dataset, _ = slocum(tmp_path, FLIGHT, **common)
     assert values(dataset, "measured_thruster_power").max() == pytest.approx(4.0)
     files = write_slocum(tmp_path, FLIGHT, **common, m_thruster_current=0.5 * on)
     dataset, _ = import_logs("slocum", files)

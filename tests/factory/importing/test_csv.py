@@ -11,6 +11,7 @@ from logs import (
     START,
     Flight,
     example,
+    refused,
     sailfish_columns,
     table_columns,
     write_csv,
@@ -157,8 +158,7 @@ def test_a_correction_turns_a_column_of_some_files(folder):
 def test_magnetic_headings_need_a_variation(folder):
     heading = {**mine()["signals"]["measured_heading"], "north": "magnetic"}
     nowhere = with_signals(measured_heading=heading, gps_latitude=None, gps_longitude=None)
-    with pytest.raises(InputError, match="from magnetic north, and the log has neither a varia"):
-        bring(folder, nowhere)
+    refused("from magnetic north, and the log has neither a varia", folder, nowhere, by=bring)
     data = with_signals(measured_heading=heading)
     dataset, _ = bring(folder, data, variation_deg=10.0)
     assert float(np.nanmedian(dataset["measured_heading"])) == pytest.approx(FLIGHT.heading + 10.0)
@@ -207,8 +207,12 @@ def test_deployments_by_column_or_by_one_name(folder):
     _, report = bring(folder, mine(deployment={"name": "lake"}), "b.csv", "a.csv")
     assert report.deployments == ("lake",)
     assert report.rows == FLIGHT.dives
-    with pytest.raises(InputError, match=r"unknown column 'rum'.*did you mean 'run'"):
-        bring(folder, mine(deployment={"column": "rum"}))
+    refused(
+        r"unknown column 'rum'.*did you mean 'run'",
+        folder,
+        mine(deployment={"column": "rum"}),
+        by=bring,
+    )
 
 
 # --- logs without depth, fixes or controls ------------------------------------------------------
@@ -244,8 +248,7 @@ def test_rows_are_minutes_or_end_at_gaps(folder):
     lengths = dataset["dive_duration"].values
     assert lengths.sum() == pytest.approx(whole - 61 * FLIGHT.step)
     assert dataset["start_time"].values[1] == pytest.approx(START + 260 * FLIGHT.step)
-    with pytest.raises(InputError, match="no row of 60 s or longer"):
-        bring(folder, flat() | {"rows": "gaps", "gap_s": 1})
+    refused("no row of 60 s or longer", folder, flat() | {"rows": "gaps", "gap_s": 1}, by=bring)
 
 
 def test_runs_are_divided_among_the_parts_of_a_store(folder):
@@ -273,8 +276,7 @@ def test_controls_are_those_of_a_vehicle(folder, tmp_path):
         assert logs.vehicle.part_names == ("propeller", "rudder", "elevator")
     del data["model"], data["signals"]["measured_propeller"]
     data["signals"] = {"commanded_ruder": data["signals"]["commanded_rudder"]}
-    with pytest.raises(InputError, match=r"signal 'commanded_ruder'.*name the vehicle: model"):
-        bring(folder, data)
+    refused(r"signal 'commanded_ruder'.*name the vehicle: model", folder, data, by=bring)
 
 
 # --- refusals -----------------------------------------------------------------------------------
@@ -351,17 +353,20 @@ def test_a_mapping_that_does_not_fit_the_file(folder, data, message):
 
 
 def test_what_a_csv_import_needs(folder):
-    with pytest.raises(InputError, match=r"log\.csv: csv tables need a --mapping.*sailfish"):
-        import_logs("csv", [folder / "log.csv"])
-    with pytest.raises(InputError, match=r"no mapping file salfish: .*did you mean 'sailfish'"):
-        import_logs("csv", [folder / "log.csv"], mapping="salfish")
+    refused(r"log\.csv: csv tables need a --mapping.*sailfish", "csv", [folder / "log.csv"])
+    refused(
+        r"no mapping file salfish: .*did you mean 'sailfish'",
+        "csv",
+        [folder / "log.csv"],
+        mapping="salfish",
+    )
     (folder / "broken.toml").write_text("vehicle = ")
-    with pytest.raises(InputError, match=r"broken\.toml is not TOML"):
-        import_logs("csv", [folder / "log.csv"], mapping=folder / "broken.toml")
+    refused(
+        r"broken\.toml is not TOML", "csv", [folder / "log.csv"], mapping=folder / "broken.toml"
+    )
     columns = {**table_columns(FLIGHT), "theta": ["steep"] * len(FLIGHT.time)}
     write_csv(folder / "log.csv", columns)
-    with pytest.raises(InputError, match="column 'theta' is to be measured_pitch and holds text"):
-        bring(folder, mine())
+    refused("column 'theta' is to be measured_pitch and holds text", folder, mine(), by=bring)
 
 
 def test_shipped_mappings_are_whole():
@@ -440,10 +445,8 @@ def test_a_sentinel_is_shown_as_the_file_has_it_and_goes_by_name_or_by_what_is_p
         return bring(folder, data | {"signals": data["signals"] | {SURGE: entry | more}})
 
     shown = r"'vx' .* is -48\.66 knots in 20 % and 48\.66 knots in 40 % of .*= \[-48\.66, 48\.66\]"
-    with pytest.raises(InputError, match=shown):
-        surge()
-    with pytest.raises(InputError, match=r"is 48\.66 knots in 50 % of .*= \[48\.66\]"):
-        surge(sentinels=[-48.66])
+    refused(shown, by=surge)
+    refused(r"is 48\.66 knots in 50 % of .*= \[48\.66\]", sentinels=[-48.66], by=surge)
     lost = int((np.abs(knots) > 3.0).sum())
     for cure, removed in (
         ({"sentinels": [-48.66, 48.66]}, "vx"),
@@ -453,27 +456,37 @@ def test_a_sentinel_is_shown_as_the_file_has_it_and_goes_by_name_or_by_what_is_p
         assert report.count("removed", removed) == lost
         assert float(np.nanmax(np.abs(dataset[SURGE]))) == pytest.approx(2.0 * 1852.0 / 3600.0)
     write_csv(folder / "log.csv", {**columns, "vx": np.cumsum(np.abs(knots))})
-    with pytest.raises(InputError, match="a distance, not a velocity"):
-        surge(possible=[-3, 3])
+    refused("a distance, not a velocity", possible=[-3, 3], by=surge)
 
 
 def test_distances_in_the_place_of_velocities_are_refused(tmp_path):
     columns = sailfish_columns()
     run = np.cumsum(np.full(len(columns["time"]), 0.15))
-    with pytest.raises(InputError, match=r"'vf' .* no two alike: a distance, not a velocity"):
-        sailfish(tmp_path, vf=run)
-    with pytest.raises(InputError, match=r"has 0\.15 m/s where the track.*metres per sample"):
-        sailfish(tmp_path, vf=np.full(len(run), 0.15))
-    with pytest.raises(InputError, match=r"0 m/s where the track moves forward .*sensor that was"):
-        sailfish(tmp_path, vf=np.zeros(len(run)))
+    refused(r"'vf' .* no two alike: a distance, not a velocity", tmp_path, vf=run, by=sailfish)
+    refused(
+        r"has 0\.15 m/s where the track.*metres per sample",
+        tmp_path,
+        vf=np.full(len(run), 0.15),
+        by=sailfish,
+    )
+    refused(
+        r"0 m/s where the track moves forward .*sensor that was",
+        tmp_path,
+        vf=np.zeros(len(run)),
+        by=sailfish,
+    )
 
 
 def test_a_minute_of_track_is_enough_to_refuse_a_distance(tmp_path):
     columns = sailfish_columns()
     minute = columns["time"] < columns["time"][0] + 70.0
     short = {name: values[minute] for name, values in columns.items()}
-    with pytest.raises(InputError, match="metres per sample"):
-        sailfish(tmp_path, **(short | {"vf": np.full(int(minute.sum()), 0.15)}))
+    refused(
+        "metres per sample",
+        tmp_path,
+        **short | {"vf": np.full(int(minute.sum()), 0.15)},
+        by=sailfish,
+    )
 
 
 def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path):
@@ -481,8 +494,12 @@ def test_a_strong_current_is_suspect_and_no_other_unit(tmp_path):
     slow = np.where(columns["vf"] == -SENTINEL, -SENTINEL, 0.4 + 0.02 * np.sin(columns["time"]))
     _, report = sailfish(tmp_path, vf=slow)
     assert report.count("suspect", "measured_dvl_surge")
-    with pytest.raises(InputError, match=r"has 4 m/s where .*a distance, or another unit"):
-        sailfish(tmp_path, vf=np.where(slow == -SENTINEL, -SENTINEL, 10.0 * slow))
+    refused(
+        r"has 4 m/s where .*a distance, or another unit",
+        tmp_path,
+        vf=np.where(slow == -SENTINEL, -SENTINEL, 10.0 * slow),
+        by=sailfish,
+    )
 
 
 def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from logs import Flight, nmea, write_slocum
+from logs import Flight, nmea, refused, write_slocum
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
@@ -18,7 +18,6 @@ from factory.importing.dives.segments import surface_drift
 from factory.importing.plausibility import DiveRules
 from factory.importing.sample_clock import parse_stamps, unix_seconds
 from factory.importing.tally import Tally
-from twin.errors import InputError
 from twin.records.store import open_store
 
 FLIGHT = Flight()
@@ -80,11 +79,9 @@ def test_bad_requests_are_one_line(
 
 def test_shallow_logs_and_unknown_kinds_are_told(tmp_path):
     paths = write_slocum(tmp_path, Flight(depth=4.0, speed=0.1))
-    with pytest.raises(InputError, match=r"no dive deeper than 5 m.*--min-depth"):
-        import_logs("slocum", paths)
+    refused(r"no dive deeper than 5 m.*--min-depth", "slocum", paths)
     assert import_logs("slocum", paths, rules=DiveRules(min_depth=2.0))[1].rows == 3
-    with pytest.raises(InputError, match="unknown kind of log 'petrel'"):
-        import_logs("petrel", paths)
+    refused("unknown kind of log 'petrel'", "petrel", paths)
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -7,7 +7,15 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, write_basestation, write_mat, write_og1, write_seaglider, write_table
+from logs import (
+    Flight,
+    refused,
+    write_basestation,
+    write_mat,
+    write_og1,
+    write_seaglider,
+    write_table,
+)
 from message_logs import write_ardusub
 from written_logs import mapping, variation, write
 
@@ -47,8 +55,7 @@ def test_a_table_without_a_value_is_refused_in_one_line(tmp_path):
     header, *rows = table.read_text().splitlines()
     bare = [",".join([row.split(",")[0], *["nan"] * header.count(",")]) for row in rows]
     table.write_text("\n".join([header, *bare]))
-    with pytest.raises(InputError, match=r"^log\.csv: no signal has a value$"):
-        import_logs("csv", [table], mapping=tmp_path / "mine.toml")
+    refused(r"^log\.csv: no signal has a value$", "csv", [table], mapping=tmp_path / "mine.toml")
 
 
 @pytest.mark.parametrize(
@@ -82,27 +89,27 @@ def test_a_failed_import_names_what_could_not_be_read(tmp_path):
     write_seaglider(tmp_path, FLIGHT)
     (dives,) = tmp_path.glob("*_dives.csv")
     dives.write_text("")
-    with pytest.raises(InputError, match=r"magnetic.*left out before: .*_dives\.csv is empty"):
-        import_logs("seaglider", sorted(tmp_path.glob("*.csv")))
+    refused(
+        r"magnetic.*left out before: .*_dives\.csv is empty",
+        "seaglider",
+        sorted(tmp_path.glob("*.csv")),
+    )
 
 
 def test_what_is_wrong_with_the_only_file_is_said_once(tmp_path):
     (tmp_path / "zero.dbd").touch()
-    with pytest.raises(InputError, match=r"^\S*zero\.dbd is empty$"):
-        import_logs("slocum", [tmp_path / "zero.dbd"])
+    refused(r"^\S*zero\.dbd is empty$", "slocum", [tmp_path / "zero.dbd"])
 
 
 @pytest.mark.parametrize("kind", ["csv", "slocum", "lrauv", "seaglider"])
 def test_a_web_page_and_a_store_are_called_what_they_are(kind, tmp_path):
     page = tmp_path / "log.csv"
     page.write_text("\n<!DOCTYPE html><html><body>please log in</body></html>")
-    with pytest.raises(InputError, match=r"log.csv is a web page \(HTML\) and no log"):
-        import_logs(kind, [page])
+    refused(r"log.csv is a web page \(HTML\) and no log", kind, [page])
     store = tmp_path / "real.zarr"
     store.mkdir()
     (store / "zarr.json").write_text("{}")
-    with pytest.raises(InputError, match="is a store already; name the logs"):
-        import_logs(kind, [store])
+    refused("is a store already; name the logs", kind, [store])
 
 
 SCALED = {
@@ -119,8 +126,13 @@ def test_a_scale_that_is_no_number_is_named(kind, layout, scale, tmp_path):
         with netCDF4.Dataset(path, "a") as file:
             if SCALED[kind, layout] in file.variables:
                 file[SCALED[kind, layout]].scale_factor = scale
-    with pytest.raises(InputError, match=rf"damaged: scale_factor of {SCALED[kind, layout]} is"):
-        import_logs(kind, [tmp_path], mapping=mapping(kind, tmp_path), keep_going=False)
+    refused(
+        rf"damaged: scale_factor of {SCALED[kind, layout]} is",
+        kind,
+        [tmp_path],
+        mapping=mapping(kind, tmp_path),
+        keep_going=False,
+    )
 
 
 @pytest.mark.parametrize(("kind", "layout"), SCALED)
@@ -212,5 +224,4 @@ def test_a_spray_s_variable_of_another_length_is_named(tmp_path):
         file.renameVariable("lat_uv", "was")
         file.createDimension("short", 1)
         file.createVariable("lat_uv", "f8", ("short",))[:] = 50.0
-    with pytest.raises(InputError, match=r"lat_uv has 1 values, time 2: one belongs to each"):
-        import_logs("spray", [path])
+    refused(r"lat_uv has 1 values, time 2: one belongs to each", "spray", [path])

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from logs import (
     Flight,
+    refused,
     slocum_columns,
     write_basestation,
     write_csv,
@@ -267,8 +268,7 @@ def test_the_index_that_pandas_writes_is_no_column(tmp_path):
 def test_tables_that_are_wrong_are_named(tmp_path, text, message):
     path = tmp_path / "a.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=rf"a\.csv.*{message}"):
-        read_table(path)
+    refused(rf"a\.csv.*{message}", path, by=read_table)
 
 
 def test_cells_of_every_kind(tmp_path):
@@ -287,8 +287,7 @@ def test_cells_of_every_kind(tmp_path):
 def test_a_log_of_one_sample_says_so(tmp_path):
     one = {name: values[60:61] for name, values in slocum_columns(FLIGHT).items()}
     path = write_csv(tmp_path / "unit1_flight.csv", one)
-    with pytest.raises(InputError, match="holds 1 sample"):
-        import_logs("slocum", [path], variation_deg=0.0)
+    refused("holds 1 sample", "slocum", [path], variation_deg=0.0)
 
 
 def test_files_of_no_log_format_are_named(tmp_path):

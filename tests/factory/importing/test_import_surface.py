@@ -6,6 +6,7 @@ from logs import (
     SHARED,
     Flight,
     gps_columns,
+    slocum,
     slocum_columns,
     write_csv,
     write_seaexplorer,
@@ -50,7 +51,7 @@ def with_late_fixes(flight, dive, speed, count):
 
 
 def test_a_receiver_that_races_on_under_water_gives_no_fix(tmp_path):
-    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    right, _ = slocum(tmp_path, FLIGHT)
     flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
     write_csv(gps_table, with_late_fixes(FLIGHT, 1, 5.7, 5))
     dataset, report = import_logs("slocum", [flight_table, gps_table])
@@ -93,7 +94,7 @@ def test_most_fixes_under_water_mean_another_clock(tmp_path):
 
 @pytest.mark.parametrize("offset", [6.2, -1.4])
 def test_an_offset_at_the_surface_is_taken_off(tmp_path, offset):
-    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_pressure=None))
+    right, _ = slocum(tmp_path, FLIGHT, m_pressure=None)
     depth = slocum_columns(FLIGHT)["m_depth"] + offset
     paths = write_slocum(tmp_path, FLIGHT, m_pressure=None, m_depth=depth)
     dataset, report = import_logs("slocum", paths)
@@ -122,9 +123,7 @@ def test_an_offset_that_drifts_is_followed_and_a_wild_one_is_left(tmp_path):
 def test_small_waves_and_a_hanging_seaglider_have_no_offset(tmp_path):
     waves = 0.3 * np.abs(np.sin(FLIGHT.time))
     depth = slocum_columns(FLIGHT)["m_depth"] + waves
-    _, report = import_logs(
-        "slocum", write_slocum(tmp_path, FLIGHT, m_pressure=None, m_depth=depth)
-    )
+    _, report = slocum(tmp_path, FLIGHT, m_pressure=None, m_depth=depth)
     assert why(report, "repaired", "depth offset") == 0
     samples, dives = write_seaglider(tmp_path, Flight(depth=150.0))
     table = read_table(samples)
@@ -206,7 +205,7 @@ def test_a_log_that_pauses_for_days_says_so(tmp_path):
 
 def test_the_current_between_fixes_is_what_the_flight_does_not_explain(tmp_path):
     """The imaginary glider moves along its nose: 3 degree less than the method takes it for."""
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    dataset, _ = slocum(tmp_path, FLIGHT)
     rate = FLIGHT.speed * np.sin(np.radians(FLIGHT.pitch))
     flown = FLIGHT.speed * np.cos(np.radians(FLIGHT.pitch))
     excess = flown - rate / np.tan(np.radians(FLIGHT.pitch + 3.0))
@@ -216,7 +215,7 @@ def test_the_current_between_fixes_is_what_the_flight_does_not_explain(tmp_path)
     assert north == pytest.approx(FLIGHT.north + excess * share * np.cos(course), abs=0.01)
     assert east == pytest.approx(FLIGHT.east + excess * share * np.sin(course), abs=0.01)
     assert "tan" in dataset["dac_north"].attrs["comment"]
-    without, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_pitch=None))
+    without, _ = slocum(tmp_path, FLIGHT, m_pitch=None)
     assert "dac_north" not in without
 
 
@@ -313,7 +312,7 @@ def test_what_a_restarted_sensor_writes_first_is_removed_and_so_are_spikes(again
     """After a restart it is 0 or an old value; with a hole on both sides it parted the log."""
     flight = Flight(dives=6, depth=180.0, speed=0.5, pitch=40.0)
     columns, time = slocum_columns(flight), flight.time
-    right, _ = import_logs("slocum", write_slocum(tmp_path, flight, m_depth=None))
+    right, _ = slocum(tmp_path, flight, m_depth=None)
     bottom = flight.dive_times(2)[0] + flight.leg
     keep = np.abs(time - bottom) > 80.0
     alone = int(np.argmin(np.abs(time - bottom)))
@@ -383,7 +382,7 @@ def test_regular_sparse_sampling_at_depth_is_no_gap_and_a_hole_is_one(tmp_path):
 
 def test_raw_times_stand_beside_the_grid(tmp_path):
     flight = Flight(dives=1, step=7.0)
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, flight))
+    dataset, _ = slocum(tmp_path, flight)
     n = int(dataset["n_samples"][0])
     raw = dataset["measured_depth_time"].values[0, :n].astype(float)
     grid = dataset["time"].values[:n]

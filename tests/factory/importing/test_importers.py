@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from dorado_logs import names_in_log
 from imc_logs import topics_of_lsf
-from logs import Flight, example, write_csv
+from logs import Flight, example, refused, write_csv
 from message_logs import topics_of
 from written_logs import LAYOUTS, WRITERS, mapping, variation, write
 
@@ -165,15 +165,13 @@ def test_advice_never_goes_in_a_circle(kind, layout, tmp_path):
 
 def test_a_folder_of_other_logs_names_their_kind(tmp_path):
     write("seaglider", 1, tmp_path / "logs", FLIGHT)
-    with pytest.raises(InputError, match=r"p9990001\.nc looks like seaglider: use"):
-        import_logs("slocum", [tmp_path / "logs"])
+    refused(r"p9990001\.nc looks like seaglider: use", "slocum", [tmp_path / "logs"])
 
 
 def test_a_file_that_looks_like_no_log(tmp_path):
     path = write_csv(tmp_path / "prices.csv", {"fish": [1, 2], "price": [3, 4]})
     assert sniff(path) is None
-    with pytest.raises(InputError, match=r"prices\.csv is not a log of the kind slocum .* fish"):
-        import_logs("slocum", [path])
+    refused(r"prices\.csv is not a log of the kind slocum .* fish", "slocum", [path])
 
 
 @pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
@@ -202,14 +200,12 @@ def test_marks_belong_to_one_kind(importer):
 
 @pytest.mark.parametrize("kind", [i.name for i in IMPORTERS.values() if not i.takes_cache])
 def test_a_cache_is_refused_where_nothing_reads_it(kind, tmp_path):
-    with pytest.raises(InputError, match=f"{kind} logs have no cache files.*for slocum"):
-        import_logs(kind, [tmp_path], cache=tmp_path)
+    refused(f"{kind} logs have no cache files.*for slocum", kind, [tmp_path], cache=tmp_path)
 
 
 @pytest.mark.parametrize("kind", [i.name for i in IMPORTERS.values() if not i.takes_mapping])
 def test_a_mapping_is_refused_where_names_are_known(kind, tmp_path):
-    with pytest.raises(InputError, match=f"{kind} logs have names of their own.*csv"):
-        import_logs(kind, [tmp_path], mapping=tmp_path)
+    refused(f"{kind} logs have names of their own.*csv", kind, [tmp_path], mapping=tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -224,8 +220,7 @@ def test_a_mapping_is_refused_where_names_are_known(kind, tmp_path):
     ],
 )
 def test_half_an_importer_is_refused(change, message):
-    with pytest.raises(InputError, match=message):
-        dataclasses.replace(IMPORTERS["og1"], **change)
+    refused(message, IMPORTERS["og1"], **change, by=dataclasses.replace)
 
 
 def test_an_importer_of_ones_own_is_one_file_outside_the_package(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from compliance import needs_checker, run_checks
-from logs import LATITUDE, START, Flight, write_seaglider, write_slocum
+from logs import LATITUDE, START, Flight, refused, write_seaglider, write_slocum
 from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
@@ -20,7 +20,7 @@ from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
 from factory.logs_page import OURS, THEIRS, averaged, current_errors, deployment_page, dive_figures
 from factory.soundness import verify_logs
-from twin.errors import InputError, StoreError
+from twin.errors import StoreError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
@@ -342,8 +342,7 @@ def test_what_a_log_cannot_be_asked_is_told(words, message, store, capsys):
 
 
 def test_a_log_is_no_file_of_tracks(store):
-    with pytest.raises(InputError, match=r"is a store of missions, not a file of dead-reckoned"):
-        read_tracks(store)
+    refused(r"is a store of missions, not a file of dead-reckoned", store, by=read_tracks)
 
 
 def test_verify_names_an_array_that_is_gone(store, tmp_path):

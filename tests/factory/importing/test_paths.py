@@ -3,13 +3,11 @@
 from pathlib import Path
 
 import pytest
-from logs import Flight, pack, write_dbd, write_slocum
+from logs import Flight, pack, refused, slocum, write_dbd
 
 from factory.exporting import EXPORTERS
-from factory.importing import import_logs
 from glider_twin_protocols.mcap_file import files
 from twin.bounded import MOST_STEM, file_names
-from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 
@@ -57,8 +55,7 @@ def test_the_number_of_a_list_of_sensors_is_no_path(place, own, tmp_path, crc, p
     log.write_bytes(pack(content) if packed else content)
     (tmp_path / "one" / "beside.cac").write_bytes(b"mine")
     before = tree(tmp_path)
-    with pytest.raises(InputError, match=rf"^{log.name} is .*sensor_list_crc"):
-        import_logs("slocum", [log])
+    refused(rf"^{log.name} is .*sensor_list_crc", "slocum", [log])
     assert tree(tmp_path) == before
     assert not Path("/tmp/glider-twin-absolute.cac").exists()
 
@@ -81,8 +78,7 @@ def test_a_second_number_behind_the_first_is_no_way_around(place, own, tmp_path)
         (place / name).write_bytes(content)
     before = tree(tmp_path)
     for name in contents:
-        with pytest.raises(InputError, match=name):
-            import_logs("slocum", [place / name])
+        refused(name, "slocum", [place / name])
     assert tree(tmp_path) == before
 
 
@@ -98,8 +94,7 @@ def test_a_count_of_a_header_that_is_none_is_told(place, own, key, value):
     start = own.index(key.encode()) + len(key) + 2
     content = own[:start] + value + own[own.index(b"\n", start) :]
     (place / "a.dbd").write_bytes(content)
-    with pytest.raises(InputError, match=r"^a\.dbd is (damaged|truncated) (in|within) its header"):
-        import_logs("slocum", [place / "a.dbd"])
+    refused(r"^a\.dbd is (damaged|truncated) (in|within) its header", "slocum", [place / "a.dbd"])
 
 
 def test_names_of_files_are_plain_and_one_text_has_one():
@@ -122,7 +117,7 @@ def test_names_of_files_are_plain_and_one_text_has_one():
 
 @pytest.mark.parametrize("name", ["../../beside", "/tmp/glider-twin-export", "a\0b", "é" * 200])
 def test_exports_stay_in_their_folder(place, tmp_path, name, monkeypatch):
-    dataset, _ = import_logs("slocum", write_slocum(place, FLIGHT))
+    dataset, _ = slocum(place, FLIGHT)
     store = write_store(dataset, tmp_path / "one" / "real.zarr")
     with LogStore(store) as run:
         monkeypatch.setattr(LogStore, "deployments", (name,) * len(run))

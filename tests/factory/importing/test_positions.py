@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 import xarray as xr
-from logs import Flight, write_slocum
+from logs import Flight, slocum
 
-from factory.importing import import_logs
 from factory.importing.dives.positions import row_positions
 from twin.geodesy import offset
 from twin.records.coordinates import METHODS
@@ -20,7 +19,7 @@ STEP = 2.0
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("positions")
-    dataset, _ = import_logs("slocum", write_slocum(folder, FLIGHT))
+    dataset, _ = slocum(folder, FLIGHT)
     return write_store(dataset, folder / "real.zarr")
 
 

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import zarr
+from logs import refused, slocum
 
 from factory.__main__ import PROGRAM
 from factory.importing import IMPORTERS, Importer, import_logs
@@ -17,7 +18,6 @@ from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
 from factory.soundness import verify_logs
 from tests.logs import START, Flight, slocum_columns, write_slocum
-from twin.errors import InputError
 from twin.records import write_store
 from twin.records.attributes import READER_VERSION
 from twin.records.logged import LogStore
@@ -31,7 +31,7 @@ def suspect(dataset):
 
 
 def test_a_sound_log_has_no_suspect_row(tmp_path):
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    dataset, _ = slocum(tmp_path, FLIGHT)
     assert suspect(dataset) == ["", "", ""]
 
 
@@ -195,7 +195,7 @@ def test_a_store_with_a_suspect_row_is_not_sound(tmp_path, capsys):
 
 
 def test_a_log_of_older_readers_says_so_wherever_it_is_opened(tmp_path):
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    dataset, _ = slocum(tmp_path, FLIGHT)
     path = write_store(dataset, tmp_path / "log.zarr")
     LogStore(path).close()  # no warning
     assert dataset.attrs[READER_VERSION] == IMPORT_VERSION
@@ -250,8 +250,7 @@ def test_a_file_at_which_a_reader_fails_late_is_left_out_by_name(odd):
 
 
 def test_files_at_which_a_reader_fails_together_are_told(odd):
-    with pytest.raises(InputError, match=r"fails at them together.*ZeroDivisionError"):
-        odd("a.odd", "b.odd")
+    refused(r"fails at them together.*ZeroDivisionError", "a.odd", "b.odd", by=odd)
 
 
 def test_a_deployment_that_cannot_be_cut_leaves_the_others(monkeypatch):
@@ -267,5 +266,4 @@ def test_a_deployment_that_cannot_be_cut_leaves_the_others(monkeypatch):
     assert dataset.sizes["mission"] == 3
     (lost,) = [e for e in report.entries if e.subject == "unreadable file"]
     assert "bad (bad.csv) holds what cannot be cut into dives: IndexError" in lost.detail
-    with pytest.raises(InputError, match=r"bad \(bad.csv\)"):
-        dive_store.build([bad], tally=Tally(), **options)
+    refused(r"bad \(bad.csv\)", [bad], tally=Tally(), **options, by=dive_store.build)

@@ -12,6 +12,7 @@ import pytest
 from dorado_logs import write_dorado_product
 from logs import (
     Flight,
+    refused,
     write_basestation,
     write_csv,
     write_mat,
@@ -37,7 +38,6 @@ from factory.importing.plausibility import sinks_in_radian
 from factory.importing.pressures import without_air
 from factory.importing.tally import Tally
 from factory.importing.units import declared, in_unit, known_units
-from twin.errors import InputError
 from twin.physics.true_signals import declare_parts
 from twin.vehicle.vehicle import load_vehicle
 
@@ -456,8 +456,14 @@ def test_words_of_vendors_and_of_cf(unit, wanted, value):
 
 def test_a_plain_number_is_no_angle():
     """To UDUNITS a radian is a plain number: a `1` shall not turn degrees by 57."""
-    with pytest.raises(InputError, match="unit '1' is not one of degree, it is one of 1"):
-        in_unit(np.ones(1), "1", "degree", "a.nc pitch")
+    refused(
+        "unit '1' is not one of degree, it is one of 1",
+        np.ones(1),
+        "1",
+        "degree",
+        "a.nc pitch",
+        by=in_unit,
+    )
 
 
 @pytest.mark.parametrize("unit", ["x" * 1_000_000, "1e999 m", "m" * 99, "\x1b[2J", "@" * 50])

@@ -85,7 +85,7 @@ class Heavier:
     """Draws ballast alone."""
 
     def draw(self, random):
-        from twin.physics.ballast import Ballast
+        from twin.physics.start import Ballast
 
         return Conditions(ballast=Ballast(depth=50.0, heavy=random.uniform(0.01, 0.02)))
 

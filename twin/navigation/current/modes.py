@@ -27,8 +27,8 @@ from twin.navigation.current.current_parameters import (
     CurrentParameters,
     relative_amplitude,
 )
+from twin.numbers import Array
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HOUR, DAY = 3600.0, 86400.0
@@ -58,7 +58,7 @@ class Modes:
 
 @dataclasses.dataclass(frozen=True)
 class Passage:
-    """What a time does to modes and to the displacement by them, each (mode,)."""
+    """Change of modes and of the displacement by them over a time, each (mode,)."""
 
     kept: Complex
     """of a mode"""
@@ -84,8 +84,8 @@ def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
     ]
 
     def add(name: str, deviation: float, memory: float, turn: float = 0.0) -> None:
+        variance = deviation**2
         if deviation > 0.0:
-            variance = deviation**2
             rows.append((name, complex(-1.0 / memory, turn), 2.0 * variance / memory, variance))
 
     add("eddy", parameters.eddy, parameters.eddy_time * HOUR)
@@ -93,22 +93,16 @@ def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
     add("inertial", parameters.inertial, parameters.inertial_time * DAY, coriolis)
     for name in parameters.constituents:
         one = CONSTITUENTS[name]
-        strongest = float(getattr(parameters, one.species))
+        deviation = float(getattr(parameters, one.species)) * relative_amplitude(name)
         turn = 2.0 * math.pi / (one.period * HOUR)
         for sense, sign in (("clockwise", turn), ("counterclockwise", -turn)):
-            deviation = strongest * relative_amplitude(name)
             add(f"{name} {sense}", deviation, parameters.tide_time * DAY, sign)
     names, rate, density, variance = zip(*rows, strict=True)
-    return Modes(
-        rate=np.array(rate, complex),
-        density=np.array(density),
-        variance=np.array(variance),
-        names=names,
-    )
+    return Modes(np.array(rate, complex), np.array(density), np.array(variance), names)
 
 
 def passage(modes: Modes, duration: float) -> Passage:
-    """What a time [s] of at most `LONGEST` does.
+    """Change of modes over a time [s] of at most `LONGEST`.
 
     The noise of a mode at time s before the end reaches the mode as e^(lambda s) and the
     displacement as the integral of that; their products are integrated by Gauss and Legendre.
@@ -182,7 +176,7 @@ def transition(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Innovation:
-    """Of one fix."""
+    """Difference of a fix from what the filter expected."""
 
     residual: Array
     """North, east [m], (2,): fix less prediction"""

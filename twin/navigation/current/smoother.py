@@ -1,27 +1,57 @@
-"""Smoother: what all measurements of a record say of each of its steps.
+"""Answers of a current filter: a forecast, and the smoothed track of its recorded steps.
 
-Rauch, Tung and Striebel (1965), AIAA J. 3(8): backwards over the steps of a Kalman filter.
+Smoothing goes backwards over the steps (Rauch, Tung and Striebel 1965, AIAA J. 3(8)), so that all
+measurements have a say in each of them.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.navigation.current.record import Node
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 _JITTER = 1e-12
 """[1] added to the diagonal of a correlation, so that parts that are known exactly can stay"""
 
 
+class Node(NamedTuple):
+    """One step of a filter."""
+
+    time: float
+    """[s] at its end"""
+    carry: Array
+    """Matrix that made it of the state before, (state, state)"""
+    predicted: Array
+    """State before the measurements of this time, (state,)"""
+    predicted_covariance: Array
+    estimate: Array
+    """State after them"""
+    covariance: Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CurrentForecast:
+    """The current at later times and the displacement by it, with their covariances."""
+
+    times: Array
+    """[s] on the filter's clock, (time,)"""
+    current: Array
+    """North, east [m/s], (time, 2)"""
+    current_covariance: Array
+    """[m2/s2], (time, 2, 2)"""
+    displacement: Array
+    """North, east [m] beyond the way through the water since the filter's time, (time, 2)"""
+    displacement_covariance: Array
+    """[m2], (time, 2, 2)"""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SmoothedTrack:
-    """Of a record, at the end of each of its steps; several nodes may share a time."""
+    """Positions and currents at the end of each recorded step; several may share a time."""
 
     times: Array
     """[s], (node,)"""
@@ -55,8 +85,7 @@ def smoothed(
         one, after = nodes[k], nodes[k + 1]
         deviation = np.sqrt(np.maximum(np.diag(after.predicted_covariance), 0.0))
         unit = np.where(deviation > 0.0, deviation, 1.0)
-        known = after.predicted_covariance / np.outer(unit, unit)
-        known = known + _JITTER * np.eye(size)
+        known = after.predicted_covariance / np.outer(unit, unit) + _JITTER * np.eye(size)
         cross = (after.carry @ one.covariance) / unit[:, None]
         gain = np.linalg.solve(known, cross).T / unit[None, :]
         mean = one.estimate + gain @ (mean - after.predicted)

@@ -1,12 +1,10 @@
 """Vehicle parts: what a hull can carry, one file a kind."""
 
-from twin.vehicle.parts.base import PARTS, Part, Quantity, register
-from twin.vehicle.parts.battery_hinge import BatteryHinge
-from twin.vehicle.parts.battery_slide import BatterySlide
-from twin.vehicle.parts.drop_weight import DropWeight
+from twin.vehicle.parts.base import PARTS, Move, Part, Quantity, register
+from twin.vehicle.parts.battery import BatteryHinge, BatterySlide
 from twin.vehicle.parts.fin import Fin
 from twin.vehicle.parts.propeller import Propeller
-from twin.vehicle.parts.pump import Pump
+from twin.vehicle.parts.pump import DropWeight, Pump
 
 __all__ = [
     "PARTS",
@@ -14,6 +12,7 @@ __all__ = [
     "BatterySlide",
     "DropWeight",
     "Fin",
+    "Move",
     "Part",
     "Propeller",
     "Pump",

@@ -243,33 +243,36 @@ _FIELDS = tuple(field.name for field in dataclasses.fields(Signal))
 def _checked(label: str, name: str, values: Dict[str, Any]) -> dict[str, Any]:
     """Fields of a `Signal` with the types that they must have."""
     found: dict[str, Any] = dict(values)
-    for key, allowed in (
-        ("frame", FRAMES),
-        ("zero", ("north", "east")),
-        ("turns", ("clockwise", "counterclockwise")),
-        ("north", ("true", "magnetic")),
-    ):
+    for key, allowed in _CHOICES.items():
         if key in found:
             one_of(label, key, found[key], allowed)
             if key != "frame" and name not in HEADINGS:
                 raise InputError(f"{label}: {key} is for headings ({', '.join(sorted(HEADINGS))})")
     for key in ("column", "unit"):
         if key in found:
-            found[key] = text(label, key, found[key])
+            text(label, key, found[key])
     for key in ("optional", "held"):
-        if key in found and not isinstance(found[key], bool):
+        if not isinstance(found.get(key, False), bool):
             raise InputError(f"{label}: {key} must be true or false, not {found[key]!r}")
-    if "sign" in found and (isinstance(found["sign"], bool) or found["sign"] not in (1, -1)):
-        raise InputError(f"{label}: sign must be 1 or -1, not {found['sign']!r}")
-    if "sentinels" in found:
-        sentinels = list_of(label, "sentinels", found["sentinels"])
-        found["sentinels"] = tuple(number(label, "sentinels", value) for value in sentinels)
-    if "possible" in found:
-        both = [number(label, "possible", v) for v in list_of(label, "possible", found["possible"])]
-        if len(both) != 2 or not both[0] < both[1]:
-            raise InputError(f"{label}: possible must be [lowest, highest], not {both}")
-        found["possible"] = (both[0], both[1])
+    sign = found.get("sign", 1)
+    if isinstance(sign, bool) or sign not in (1, -1):
+        raise InputError(f"{label}: sign must be 1 or -1, not {sign!r}")
+    for key in ("sentinels", "possible"):
+        if key in found:
+            found[key] = tuple(number(label, key, v) for v in list_of(label, key, found[key]))
+    both = found.get("possible", (0.0, 1.0))
+    if len(both) != 2 or not both[0] < both[1]:
+        raise InputError(f"{label}: possible must be [lowest, highest], not {list(both)}")
     return found
+
+
+_CHOICES = {
+    "frame": FRAMES,
+    "zero": ("north", "east"),
+    "turns": ("clockwise", "counterclockwise"),
+    "north": ("true", "magnetic"),
+}
+"""Words of a signal's keys"""
 
 
 def _clock(label: str, entry: object) -> Clock:

@@ -100,16 +100,15 @@ def _account(
     used = {signal.column for signal, _ in signals.values()} | {mapping.time.column}
     if mapping.deployment == "column":
         used.add(mapping.deployment_word)
-    reasons = {c: mapping.reason(c) for c in present if c not in used}
+    reasons = {column: mapping.reason(column) for column in present if column not in used}
     ignored = {column: why for column, why in reasons.items() if why is not None}
     note_unread(KIND, present, used | set(ignored), tally)
     for column, why in ignored.items():
         leave_out((column,), f"files: {why}", tally)
     header = column_names(path)
-    twice = sorted({name for name in header if header.count(name) > 1})
-    if set(twice) & used:
-        raise InputError(f"{path.name} has two columns {twice[0]!r}; rename one in the file")
-    for name in twice:
+    for name in sorted({name for name in header if header.count(name) > 1}):
+        if name in used:
+            raise InputError(f"{path.name} has two columns {name!r}; rename one in the file")
         tally.add("left out", name, 1, "files: a second column of this name")
 
 

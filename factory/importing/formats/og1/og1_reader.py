@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -194,15 +195,13 @@ def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[
     for log in sorted(logs, key=lambda one: -sum(map(len, one.channels.values()))):
         same = [one for one in kept if one.deployment == log.deployment and _overlap(one, log)]
         if same:
-            tally.add(
-                "left out", log.files[0], 1, f"files: {same[0].files[0]} holds more of "
-                f"{log.deployment} at the same time: another version, or a copy",
-            )  # fmt: skip
+            why = f"files: {same[0].files[0]} holds more of {log.deployment} at the same time"
+            tally.add("left out", log.files[0], 1, f"{why}: another version, or a copy")
         else:
             kept.append(log)
-    names = [log.deployment for log in kept]
-    for name in sorted({n for n in names if names.count(n) > 1}):
-        tally.add("note", name, names.count(name), "files of one deployment: rows of each kept")
+    counts = Counter(log.deployment for log in kept)
+    for name in sorted(name for name in counts if counts[name] > 1):
+        tally.add("note", name, counts[name], "files of one deployment: rows of each kept")
     return [log for log in logs if any(log is one for one in kept)]
 
 

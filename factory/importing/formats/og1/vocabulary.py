@@ -132,10 +132,8 @@ def deployment_words(file: Any, deployment: str) -> str | None:
             said[name] = value
     devices = {}
     for sensor, words in INSTRUMENTS.items():
-        named = next((n for n in file.variables if n.startswith(sensor)), None)
-        if named is None:
-            continue
-        described = attributes_of(file.variables[named])
+        named = [variable for name, variable in file.variables.items() if name.startswith(sensor)]
+        described = attributes_of(named[0]) if named else {}
         found = {
             ours: str(described[theirs])
             for theirs, ours in _DEVICE.items()

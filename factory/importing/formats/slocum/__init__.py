@@ -35,20 +35,18 @@ def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> li
     if not binary and not tables:
         raise InputError("only cache files (.cac) are named; add the .dbd and .ebd files")
     logs: list[DeploymentLog] = []
-    refused: list[tuple[Sequence[Path], InputError]] = []
-    readers: list[tuple[list[Path], Reader]] = [
-        (binary, functools.partial(read_slocum_binary, caches=caches)),
-        (tables, read_slocum_tables),
-    ]
+    refused: list[tuple[int, InputError]] = []
+    decode = functools.partial(read_slocum_binary, caches=caches)
+    readers: list[tuple[list[Path], Reader]] = [(binary, decode), (tables, read_slocum_tables)]
     for some, read in readers:
         try:
             logs += read(some, options, tally) if some else []
         except InputError as error:
-            refused.append((some, error))
+            refused.append((len(some), error))
     if not logs and len(refused) > 1:
         raise InputError("; ".join(str(error) for _, error in refused))
-    for files, why in refused:
+    for count, why in refused:
         if not logs:
             raise why
-        tally.add("left out", UNREADABLE, len(files), str(why))
+        tally.add("left out", UNREADABLE, count, str(why))
     return logs

@@ -47,24 +47,20 @@ def read_header(path: Path, name: str = "") -> dict[str, str]:
         start = file.read(_HEADER_BYTES)
     header: dict[str, str] = {}
     *lines, _ = start.split(b"\n")
+    whole = False
     for count, line in enumerate(lines, 1):
         key, colon, value = (part.strip() for part in line.decode("latin-1").partition(":"))
         if colon and header.setdefault(key, value) != value:
             raise _damaged(name, f"{key} is {header[key][:_SHOWN]!r} and {value[:_SHOWN]!r}")
-        if _LABEL not in header:
+        whole = _LABEL in header and count == _number(header, _TAGS, name, len(lines) + 1)
+        if whole or _LABEL not in header:
             break
-        if count == _number(header, _TAGS, name, len(lines) + 1):
-            break
-    else:
-        count = 0
     if _LABEL not in header:
         raise InputError(f"{name} is not a Slocum binary file: its header lacks {_LABEL}")
-    lacking = [key for key in _NEEDED if key not in header]
-    if lacking or not count:
-        raise InputError(
-            f"{name} is truncated within its header: "
-            + (f"no {lacking[0]}" if lacking else "it has fewer lines than it says")
-        )
+    lacking = [f"no {key}" for key in _NEEDED if key not in header]
+    lacking += [] if whole else ["it has fewer lines than it says"]
+    if lacking:
+        raise InputError(f"{name} is truncated within its header: {lacking[0]}")
     _check_header(header, name)
     return header
 
@@ -156,23 +152,22 @@ def unpacked(path: Path, folder: Path) -> tuple[Path, bool]:
     ending = f".{path.suffix[1].lower()}bd" if path.suffix[-1] in "dD" else ".cac"
     target = folder / f"{path.stem}{ending}"
     packed = path.read_bytes()
-    at, cut = 0, False
+    at = 0
     with target.open("wb") as plain:
-        while at < len(packed) and not cut:
+        while at < len(packed):
             size = int.from_bytes(packed[at : at + 2], "big")
-            block = packed[at + 2 : at + 2 + size]
             try:
-                plain.write(lz4.decompress(block, _BLOCK))
+                plain.write(lz4.decompress(packed[at + 2 : at + 2 + size], _BLOCK))
             except lz4.LZ4BlockError as error:
-                if not at:
-                    raise InputError(
-                        f"{path.name} is not a compressed Slocum file, or is cut in its first "
-                        f"block: {' '.join(str(error).split())}"
-                    ) from error
-                cut = True
+                if at:
+                    return target, True
+                raise InputError(
+                    f"{path.name} is not a compressed Slocum file, or is cut in its first "
+                    f"block: {' '.join(str(error).split())}"
+                ) from error
             check_unpacked(plain.tell(), len(packed), path.name)
             at += 2 + size
-    return target, cut
+    return target, False
 
 
 BINARY = frozenset(f".{a}{b}d" for a in "dmsent" for b in "bc")

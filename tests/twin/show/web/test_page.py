@@ -158,7 +158,7 @@ def test_a_part_and_a_moment_are_kept(store):
 
 
 def test_the_sea_floor_is_in_the_page_with_the_altitude():
-    from twin.physics.lookup_tables import floor_table
+    from twin.physics.model_block import floor_table
     from twin.water.floor import parse_floor
 
     scenario = dataclasses.replace(short_scenario(), floor=parse_floor("depth:60"))

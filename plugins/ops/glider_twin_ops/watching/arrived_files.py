@@ -12,26 +12,22 @@ import hashlib
 import importlib.util
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from factory.importing import IMPORTERS, METADATA, OF_THE_MACHINE, TABLES, Importer, sniff
 from glider_twin_ops.watching.deployment_folder import AUTO, WatchedDeployment
-from glider_twin_ops.watching.sources.base import Source, source_of
+from glider_twin_ops.watching.sources import Source, source_of
 from twin import __version__
 from twin.bounded import check_regular
 from twin.cli import counted
 from twin.errors import InputError, OddFile
 from twin.lazy import resolve
 
-BLOCK = 2**20
-"""[byte] read at once"""
 FETCHED = "fetched"
 """Folder in the deployment's for what a server sent"""
 EMPTY = hashlib.sha256().hexdigest()
 """SHA-256 of a file without a byte"""
-
-
 FILES, CACHE, MAPPING = "files", "cache", "mapping"
 """Folders of a copy: logs and texts beside them, a Slocum's lists of sensors, what columns are"""
 
@@ -41,8 +37,6 @@ class ArrivedFiles:
     """The files of one kind in a source folder, and all else that an import of them reads."""
 
     source: Source
-    folder: Path
-    """Where they are"""
     kind: str
     """of the logs; empty: no file tells it"""
     places: dict[str, Path]
@@ -97,8 +91,7 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
       InputError: the source is a file.
     """
     way = source_of(deployment.source, "" if deployment.kind == AUTO else deployment.kind)
-    source = folder_of(deployment)
-    kind = deployment.kind
+    source, kind = folder_of(deployment), deployment.kind
     refused: dict[str, str] = {}
     if way.fetch:
         try:
@@ -119,45 +112,35 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     except OSError as error:
         missing = f"the source {source} cannot be read: {error.strerror or error}"
     if kind == AUTO:
-        kind = _kind_of([source / name for name in names]) or ""
+        kind = _kind_of(source, names)
     importer = IMPORTERS[kind] if kind else None
     logs = [name for name in names if importer and importer.accepts(source / name)]
     sums = _without_copies(_sums({f"{FILES}/{name}": source / name for name in logs}, refused))
     beside = _beside(deployment, source, names, importer)
-    places = {name: source / name.removeprefix(f"{FILES}/") for name in sums} | beside
     return ArrivedFiles(
         source=source_of(deployment.source, kind),
-        folder=source,
         kind=kind,
-        places=places,
+        places={name: source / name.removeprefix(f"{FILES}/") for name in sums} | beside,
         sums=sums | _sums(beside, refused),
         refused=refused,
-        missing=missing or _missing(deployment, source, names, sums, kind),
+        missing=missing or ("" if sums else _missing(deployment, source, names, kind)),
         reading=_reading(deployment, importer),
     )
 
 
-def _missing(
-    deployment: WatchedDeployment,
-    source: Path,
-    names: Sequence[str],
-    sums: Mapping[str, str],
-    kind: str,
-) -> str:
-    """Why there is nothing to import; empty where there is."""
+def _missing(deployment: WatchedDeployment, source: Path, names: Sequence[str], kind: str) -> str:
+    """Why there is nothing to import."""
     if not source.exists():
         return f"the source {source} is not there"
-    if names and sums:
-        return ""
     if names:
         logs_of = f"{kind} logs" if kind else "logs of a kind that is known"
         return f"of {counted(len(names), 'file')} in {source} none is among {logs_of}"
     missing = f"no file has arrived in {source}"
     if not deployment.recursive and (below := _names(source, recursive=True)):
-        folders = sorted({name.partition("/")[0] for name in below})
         missing += (
-            f", but {counted(len(below), 'file')} in folders below it, such as {folders[0]}: "
-            "name that folder as source in deployment.toml, or set recursive = true for all"
+            f", but {counted(len(below), 'file')} in folders below it, such as "
+            f"{below[0].partition('/')[0]}: name that folder as source in deployment.toml, or set "
+            "recursive = true for all"
         )
     return missing
 
@@ -168,8 +151,7 @@ def kind_of(deployment: WatchedDeployment) -> str:
     if deployment.kind != AUTO:
         return deployment.kind
     source = folder_of(deployment)
-    names = _names(source, recursive=deployment.recursive)
-    return _kind_of([source / name for name in names]) or ""
+    return _kind_of(source, _names(source, recursive=deployment.recursive))
 
 
 def _names(source: Path, *, recursive: bool) -> list[str]:
@@ -181,18 +163,17 @@ def _names(source: Path, *, recursive: bool) -> list[str]:
     return sorted(str(p) for p in found if not any(part.startswith(".") for part in p.parts))
 
 
-def _kind_of(paths: Sequence[Path]) -> str | None:
-    """The kind of the first file that looks like one."""
-    for path in paths:
+def _kind_of(source: Path, names: Sequence[str]) -> str:
+    """The kind of the first file that looks like one; empty where none does."""
+    for path in (source / name for name in names):
         try:
-            kind = sniff(path) if path.stat().st_size else None
+            if path.stat().st_size and (kind := sniff(path)) is not None:
+                return kind
         except OF_THE_MACHINE:
             raise
         except Exception:
             continue  # half of a file tells nothing; another one may
-        if kind is not None:
-            return kind
-    return None
+    return ""
 
 
 def _sums(places: dict[str, Path], refused: dict[str, str]) -> dict[str, str]:
@@ -210,11 +191,8 @@ def _sums(places: dict[str, Path], refused: dict[str, str]) -> dict[str, str]:
 
 
 def _sum(path: Path) -> str:
-    found = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(BLOCK):
-            found.update(block)
-    return found.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _without_copies(sums: dict[str, str]) -> dict[str, str]:
@@ -259,13 +237,9 @@ def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
         parts.append(f"mapping {deployment.mapping}")  # the name of a shipped one
     if importer.takes_cache:
         parts.append(f"cache {bool(deployment.cache)}")
-    module = _module_of(importer)
+    read = importer.read
+    module = read.partition(":")[0] if isinstance(read, str) else read.__module__
     if not module.startswith("factory."):
         spec = importlib.util.find_spec(module)
         parts.append(_sum(Path(spec.origin)) if spec and spec.origin else module)
     return " ".join(parts)
-
-
-def _module_of(importer: Importer) -> str:
-    read = importer.read
-    return read.partition(":")[0] if isinstance(read, str) else read.__module__

@@ -18,11 +18,12 @@ from __future__ import annotations
 
 import datetime
 import itertools
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider_twin_ops.watching.sources.base import SurfaceDialogue
+from glider_twin_ops.watching.sources import SurfaceDialogue
 from twin.bounded import check_regular
 from twin.errors import OddFile
 
@@ -40,11 +41,8 @@ ABORTS = re.compile(r"ABORT HISTORY: total since reset:\s*(\d+)")
 
 def read_dialogues(paths: Sequence[Path]) -> list[SurfaceDialogue]:
     """Every surfacing in the logs of a console."""
-    found: list[SurfaceDialogue] = []
-    for path in paths:
-        text = last_text(path)
-        found += [one for part in _surfacings(text) if (one := _told(part)) is not None]
-    return found
+    told = (_surfacing(part) for path in paths for part in _parts(last_text(path), NAME))
+    return [one for one in told if one is not None]
 
 
 def last_text(path: Path) -> str:
@@ -58,28 +56,24 @@ def last_text(path: Path) -> str:
         return ""  # a file that is still being written, or has gone, says it the next time
 
 
-def _surfacings(text: str) -> list[str]:
-    begins = [one.start() for one in NAME.finditer(text)]
+def _parts(text: str, begin: re.Pattern[str]) -> list[str]:
+    """Text from each match of a pattern to the next."""
+    begins = [one.start() for one in begin.finditer(text)]
     return [text[a:b] for a, b in itertools.pairwise([*begins, len(text)])]
 
 
-def _told(text: str) -> SurfaceDialogue | None:
+def _surfacing(text: str) -> SurfaceDialogue | None:
     name, moment = NAME.search(text), TIME.search(text)
-    if name is None or moment is None:
+    time = _clock(" ".join(moment[1].split()), ["%b %d %H:%M:%S %Y"]) if moment else None
+    if name is None or time is None:
         return None
-    try:
-        clock = datetime.datetime.strptime(" ".join(moment[1].split()), "%b %d %H:%M:%S %Y")
-    except ValueError:
-        return None
-    time = clock.replace(tzinfo=datetime.UTC).timestamp()
     fix = fix_time = None
-    if (place := FIX.search(text)) is not None and (ago := number_of(place[3])) is not None:
-        latitude, longitude = (degrees_of(number_of(word)) for word in (place[1], place[2]))
-        if latitude is not None and longitude is not None and abs(latitude) <= 90.0 and ago < OLD:
-            fix, fix_time = (latitude, longitude), time - ago
+    if (place := FIX.search(text)) is not None and (ago := _number(place[3])) is not None:
+        fix = _place(place[1], place[2]) if ago < OLD else None
+        fix_time = None if fix is None else time - ago
     sensors = {}
     for sensor, unit, value, age in SENSOR.findall(text):
-        number, since = number_of(value), number_of(age)
+        number, since = _number(value), _number(age)
         if number is not None and since is not None and since < OLD:
             sensors[sensor] = (number, unit)
     why, aborts = WHY.search(text), ABORTS.search(text)
@@ -94,7 +88,7 @@ def _told(text: str) -> SurfaceDialogue | None:
     )
 
 
-def number_of(word: str) -> float | None:
+def _number(word: str) -> float | None:
     """The number that a word is; None where it is none."""
     try:
         return float(word)
@@ -102,12 +96,27 @@ def number_of(word: str) -> float | None:
         return None
 
 
-def degrees_of(value: float | None) -> float | None:
-    """Degrees of degrees and minutes in one number, such as -11741.800."""
-    if value is None:
+def _place(*words: str) -> tuple[float, float] | None:
+    """Degrees of latitude and longitude as degrees and minutes in one number, such as -11741.800;
+    None where it is no place."""
+    values = [_number(word) for word in words]
+    if any(value is None for value in values):
         return None
-    whole = int(value / 100.0)
-    return whole + (value - 100.0 * whole) / 60.0
+    latitude, longitude = (
+        int(value / 100.0) + math.fmod(value, 100.0) / 60.0 for value in values if value is not None
+    )
+    return (latitude, longitude) if abs(latitude) <= 90.0 and abs(longitude) <= 180.0 else None
+
+
+def _clock(text: str, forms: Sequence[str]) -> float | None:
+    """[s] unix of a time in UTC that has one of some forms; None of others."""
+    for form in forms:
+        try:
+            moment = datetime.datetime.strptime(text, form)
+        except ValueError:
+            continue
+        return moment.replace(tzinfo=datetime.UTC).timestamp()
+    return None
 
 
 CALL = re.compile(r"^Connected at (.+)$", re.MULTILINE)
@@ -144,11 +153,8 @@ def read_calls(paths: Sequence[Path]) -> list[SurfaceDialogue]:
     for path in paths:
         text = last_text(path)
         named = VEHICLE.search(text)
-        begins = [one.start() for one in CALL.finditer(text)]
-        for begin, end in itertools.pairwise([*begins, len(text)]):
-            call = _call(text[begin:end], named[1] if named else "")
-            if call is not None:
-                found.append(call)
+        calls = (_call(part, named[1] if named else "") for part in _parts(text, CALL))
+        found += [one for one in calls if one is not None]
     return found
 
 
@@ -159,7 +165,7 @@ def _call(text: str, vehicle: str) -> SurfaceDialogue | None:
         return None
     own = VEHICLE.search(text)
     fix, fix_time = _fix(counters[2] or "")
-    time = _clock(connected[1].partition(" (")[0].strip())
+    time = _clock(connected[1].partition(" (")[0].strip(), CLOCKS)
     time = fix_time if time is None else time
     if time is None:
         return None
@@ -179,33 +185,14 @@ def _sensors(counters: Sequence[str]) -> dict[str, tuple[float, str]]:
     places = LAST.get(len(counters))
     every = {"dive": FIRST["dive"]} if places is None else dict(FIRST)
     every |= {name: (place, UNITS[name]) for name, place in (places or {}).items()}
-    values = {name: (number_of(counters[place]), unit) for name, (place, unit) in every.items()}
+    values = {name: (_number(counters[place]), unit) for name, (place, unit) in every.items()}
     return {name: (value, unit) for name, (value, unit) in values.items() if value is not None}
 
 
 def _fix(text: str) -> tuple[tuple[float, float] | None, float | None]:
     """Latitude, longitude [degree] and [s] unix; None where the line has none."""
     found = CALL_FIX.search(text)
-    if found is None:
+    if found is None or (_number(found[5] or "") or 0.0) >= NO_DILUTION:  # the receiver had no fix
         return None, None
-    latitude, longitude = (degrees_of(number_of(word)) for word in (found[3], found[4]))
-    try:
-        moment = datetime.datetime.strptime(found[1] + found[2], "%d%m%y%H%M%S")
-    except ValueError:
-        return None, None
-    if latitude is None or longitude is None or abs(latitude) > 90.0 or abs(longitude) > 180.0:
-        return None, None
-    if (number_of(found[5] or "") or 0.0) >= NO_DILUTION:  # the receiver had no fix
-        return None, None
-    return (latitude, longitude), moment.replace(tzinfo=datetime.UTC).timestamp()
-
-
-def _clock(text: str) -> float | None:
-    """[s] unix; None for a clock that is not in UTC."""
-    for form in CLOCKS:
-        try:
-            moment = datetime.datetime.strptime(text, form)
-        except ValueError:
-            continue
-        return moment.replace(tzinfo=datetime.UTC).timestamp()
-    return None
+    place, time = _place(found[3], found[4]), _clock(found[1] + found[2], ["%d%m%y%H%M%S"])
+    return (None, None) if place is None or time is None else (place, time)
