@@ -118,9 +118,9 @@ class Render(JsonOption):
                 "--no-inset": not self.inset,
                 "--workers": self.workers is not None,
             }
-            if given := [name for name, here in idle.items() if here]:
+            if odd := [name for name, here in idle.items() if here]:
                 raise InputError(
-                    f"{', '.join(given)}: not for a page, which fills its window and draws in the "
+                    f"{', '.join(odd)}: not for a page, which fills its window and draws in the "
                     "browser; --camera, --time, --start, --end, --speed-up, --colour, --tracks, "
                     "--exaggeration and --floor are"
                 )

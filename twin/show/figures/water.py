@@ -239,7 +239,7 @@ def draw_sections(trajectory: Trajectory, along: Array, label: str) -> Figure:
     """
     water, depth = water_of(trajectory), _depth(trajectory)
     known = depth[np.isfinite(depth)]  # profiles pass half of the greatest depth
-    profiles = np.count_nonzero(np.diff(known > 0.5 * known.max(initial=0.0)))
+    profiles = int(np.count_nonzero(np.diff(known > 0.5 * known.max(initial=0.0))))
     side = float(np.clip(0.8 * 72.0 * 0.8 * WIDTH / max(profiles, 1), NARROW, WIDE))
     with style.styled():
         figure = style.new_figure(WIDTH, 0.4 + PANEL_HEIGHT * len(PANELS))
