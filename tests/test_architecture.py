@@ -23,8 +23,8 @@ TOP_LEVEL = {
         "geodesy", "lazy", "numbers", "plugins", "registry", "seams", "version",
     },
     "factory": {
-        "__init__", "__main__", "description", "facade", "logs_page",
-        "missions_page", "seams", "soundness", "store_check",
+        "__init__", "__main__", "facade", "logs_page", "missions_page",
+        "seams", "soundness", "store_check",
     },
     "learn": {
         "__init__", "__main__", "adaptation", "api", "files", "finishing",
@@ -63,10 +63,6 @@ LAZY_BOTH_WAYS = {
 """Folders of which one names the other only for when it is asked, and why"""
 MOST_DOUBLED_FILES, MOST_DOUBLED_CLASSES = 25, 10
 """File names and public classes that stand at two places are fewer"""
-SHARED_COMMANDS = {
-    "factory.commands.generate": "finish and reference show what they made as it does",
-}
-"""Commands that others import, and why"""
 COMPUTED_IMPORTS = {
     "twin.lazy": "public names, by the places of each face",
     "twin.plugins": "kinds, by the places of each registry",
@@ -288,7 +284,7 @@ def below_the_faces(module: str) -> list[str]:
     """What a command imports that is below a public face.
 
     Not below one are what all commands share and what stands beside the face of its own package,
-    `TOP_LEVEL`. No command imports another one but those of `SHARED_COMMANDS`.
+    `TOP_LEVEL`. No command imports another one.
     """
     package = module.partition(".")[0]
     own = {f"{package}.{name}" for name in TOP_LEVEL[package]}
@@ -296,7 +292,7 @@ def below_the_faces(module: str) -> list[str]:
         other
         for other in imported(module)
         if modules()[other].name != "__init__.py"
-        and other not in ("twin.errors", "twin.version", *own, *SHARED_COMMANDS)
+        and other not in ("twin.errors", "twin.version", *own)
         and not other.startswith("twin.cli.")
     )
 

@@ -53,10 +53,10 @@ if TYPE_CHECKING:
     from twin.physics.simulation import simulate_many as simulate_many
     from twin.physics.start import out_of_trim as out_of_trim
     from twin.records.store import open_store as open_store
+    from twin.records.store import open_trajectory as open_trajectory
     from twin.records.timeseries import resample as resample
     from twin.records.timeseries import timeseries as timeseries
     from twin.records.trajectory import Trajectory as Trajectory
-    from twin.records.trajectory_file import open_trajectory as open_trajectory
     from twin.sensors.suite import SensorSuite as SensorSuite
     from twin.show.figures.base import figure as figure
     from twin.show.figures.base import figure_names as figure_names

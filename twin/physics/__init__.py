@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from twin.physics.lanes import fly_in_lanes as fly_in_lanes
     from twin.physics.model_block import floor_table as floor_table
     from twin.physics.mujoco_model import quiet_mujoco as quiet_mujoco
-    from twin.physics.scenario import ENGINES as ENGINES
     from twin.physics.start import parse_place as parse_place
     from twin.physics.start import utc_text as utc_text
     from twin.physics.stiffness import file_timestep as file_timestep
     from twin.physics.stiffness import stiffness_of as stiffness_of
+    from twin.physics.true_signals import ENGINES as ENGINES
     from twin.physics.true_signals import declare_parts as declare_parts
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

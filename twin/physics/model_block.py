@@ -16,8 +16,6 @@ import mujoco
 import numpy as np
 
 from twin.errors import FloorError, InputError, VehicleError
-from twin.mission import Mission
-from twin.mission.controller import Schedule
 from twin.mission.mission_file import COMPASS_OFFSET
 from twin.numbers import Array
 from twin.physics.native import block as b
@@ -73,6 +71,9 @@ def tables_of(scenario: Scenario, duration: float, plans: Plans | None = None) -
     Raises:
       MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
     """
+    from twin.mission import Mission
+    from twin.mission.controller import Schedule
+
     found: dict[str, Any] = {}
     if scenario.navigate is not None:
         pass  # its guidance sees what Python knows on board

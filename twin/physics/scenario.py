@@ -18,6 +18,8 @@ from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation, navigation_from_dict
 from twin.numbers import number
 from twin.physics.start import Ballast, Start
+from twin.physics.true_signals import ENGINES as ENGINES
+from twin.physics.true_signals import SAMPLE_PERIOD as SAMPLE_PERIOD
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.axes import FORMER_DEFAULT, Origin
 from twin.water.current.base import Current, current_from_dict
@@ -27,10 +29,6 @@ from twin.water.floor import Floor, floor_from_dict
 SHORTEST, LONGEST = 1e-4, 1e10
 """[s] of a run and between its samples: the shortest step and 300 years, so that every count of
 steps and samples is a whole number."""
-SAMPLE_PERIOD = 0.5
-"""[s], the paper's 2 Hz"""
-ENGINES = ("mujoco", "lanes")
-"""Engines that fly a scenario; see `twin.physics.lanes`"""
 AS_THEY_ARE = ("hydrodynamics", "timestep", "integrator", "centred", "sample_period")
 """Fields that a description has as they are"""
 MAKERS = {

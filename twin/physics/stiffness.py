@@ -19,10 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InaccurateStep, MissionError, StepTooLong, VehicleError
-from twin.mission import Mission
 from twin.mission import mission_file as g
-from twin.mission.glide_balance import left_over, mass_matrix
-from twin.mission.way import level_way, way
 from twin.physics.native import block as b
 from twin.vehicle.mjcf import MjcfReader
 
@@ -94,6 +91,8 @@ class Stiffness:
 
 def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> Stiffness:
     """Stiffness of a straight leg at a speed [m/s] and an angle of attack [rad], parts at rest."""
+    from twin.mission.glide_balance import left_over, mass_matrix
+
     position = vehicle.rest
     velocity = speed * np.array([math.cos(angle_of_attack), 0.0, math.sin(angle_of_attack)])
     nu, down = np.concatenate([velocity, np.zeros(3)]), np.array([0.0, 0.0, 1.0])
@@ -117,6 +116,8 @@ def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> S
 
 def usual_way(vehicle: Vehicle) -> tuple[float, float]:
     """Speed [m/s] and angle of attack [rad] of the usual glide, or of the cruise of a propeller."""
+    from twin.mission.way import level_way, way
+
     label = f"vehicle {vehicle.name!r}"
     if vehicle.steered("speed") is not None:
         flown = level_way(vehicle, label, None)
@@ -167,6 +168,8 @@ def stiffness_of(
 
 def stiffness_in(scenario: Scenario, vehicle: Vehicle, tables: Tables) -> Stiffness | None:
     """Stiffness of a scenario's vehicle at its largest known speed there."""
+    from twin.mission import Mission
+
     plan = tables.plan if tables.control == b.CONTROL_MISSION else None
     if scenario.navigate is not None and isinstance(scenario.mission, Mission):
         plan, _ = scenario.mission_in_metres().compile(scenario.believed_vehicle)

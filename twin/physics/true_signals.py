@@ -25,6 +25,10 @@ from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.vehicle import Vehicle
 from twin.water.floor.lookup import floor_depth, floor_depths
 
+SAMPLE_PERIOD = 0.5
+"""[s], the paper's 2 Hz"""
+ENGINES = ("mujoco", "lanes")
+"""What can fly a scenario; see `twin.physics.lanes`"""
 UNITS = frozenset(row.units for row in TABLE)
 """Units whose values have limits"""
 ENERGIES = (0.0, 1e10)

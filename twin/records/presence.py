@@ -15,9 +15,8 @@ from twin.bounded import check_regular, parse_json
 from twin.errors import InputError, StoreError, quoted
 from twin.records.attributes import TITLE, is_missions
 from twin.records.storage.checksums import check_readable, is_listed
-from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_path import StorePath, store_path
+from twin.records.storage.store_path import StorePath, files_at, store_path
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,7 +1,5 @@
 """Vehicles and water of control tasks, drawn from the table of parameters."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

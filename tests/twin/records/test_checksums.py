@@ -1,7 +1,5 @@
 """The list of checksums: every change of a folder is found, that of the list too."""
 
-from __future__ import annotations
-
 import json
 import random
 import tracemalloc
