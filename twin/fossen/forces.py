@@ -94,13 +94,13 @@ def parameters_of(
         row[:PART_COLUMNS] = PARTS.code(part.kind), *part.position, len(values)
         row[PART_COLUMNS : PART_COLUMNS + len(values)] = values
     first = ForceParameters._fields[: ForceParameters._fields.index("static_cg")]
+    of_hull: dict[str, Any] = {name: float(getattr(vehicle, name)) for name in first}
+    for name in ("static_cg", "static_inertia", "added_mass"):
+        of_hull[name] = array(getattr(vehicle, name))
     return ForceParameters(
-        **{name: float(getattr(vehicle, name)) for name in first},
-        static_cg=array(vehicle.static_cg),
-        static_inertia=array(vehicle.static_inertia),
+        **of_hull,
         masses=masses,
         parts=parts,
-        added_mass=array(vehicle.added_mass),
         coupling=float(vehicle.added_mass_coupling),
         law=float(LAWS.code(vehicle.law.kind)),
         law_scaled=float(vehicle.law.density_in_coefficients),

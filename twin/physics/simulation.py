@@ -100,6 +100,7 @@ class Simulation:
             )
         self.scenario = scenario
         self.duration = scenario.run_time()
+        self._samples = math.floor(self.duration / scenario.sample_period + 1e-9) + 1
         self.tables = tables_of(scenario, self.duration) if tables is None else tables
         vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
         stiff = stiffness_in(scenario, vehicle, self.tables)
@@ -117,13 +118,13 @@ class Simulation:
         )
         if stiff is not None and header(self.model)["centred"]:
             stiff.check(float(self.model.opt.timestep))
-        check_integration(self.model, scenario.sample_period, self._samples(), self.duration)
+        check_integration(self.model, scenario.sample_period, self._samples, self.duration)
         model = self.model
         self._row = b.log_row(model.nq, model.nv, model.nu)
-        self._collected = np.zeros(self._samples(), self._row)
+        self._collected = np.zeros(self._samples, self._row)
         self._count = 0
         head = header(model)
-        head["log_samples"], head["log_period"] = self._samples(), scenario.sample_period
+        head["log_samples"], head["log_period"] = self._samples, scenario.sample_period
         self._nominal = (model.qpos0.copy(), float(header(model)["neutral_volume"]))
         self.data = mujoco.MjData(model)
         self._conditions = conditions_of(scenario, self.duration)
@@ -131,9 +132,6 @@ class Simulation:
         self.on_board: OnBoard | None = None
         """Knowledge on board, of a navigated run."""
         self.reset()
-
-    def _samples(self) -> int:
-        return math.floor(self.duration / self.scenario.sample_period + 1e-9) + 1
 
     @property
     def steps(self) -> int:
@@ -331,7 +329,7 @@ class Simulation:
             scenario.vehicle, self._row, half_step=self.half_step, floor=self.tables.floor
         )
         self.on_board = OnBoard(
-            scenario, truth.names, self._samples(), floor=self.tables.floor,
+            scenario, truth.names, self._samples, floor=self.tables.floor,
             current=self.tables.current,
         )  # fmt: skip
         command = controller or guidance
@@ -346,7 +344,7 @@ class Simulation:
             self.step(count)
             done += count
             at = done - 1
-            if at % per_sample == 0 and at // per_sample < self._samples():
+            if at % per_sample == 0 and at // per_sample < self._samples:
                 row = self._collected[at // per_sample]
                 change = (self.data.qvel[:6] - row["qvel"][:6]) / timestep
                 self.on_board.take(truth.sample(row, change))
