@@ -250,7 +250,7 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
             axes.set_yticks([])
         elif len(shown) > 1:
             style.legend_above(axes, len(shown), columnspacing=1.0)
-        values = np.concatenate([columns[name] for name, _, _ in shown] or [[np.nan]])
+        values = np.concatenate([columns[name] for name, _, _ in shown] or [np.array([np.nan])])
         if shown and np.nanmin(values) >= 0.0:
             axes.set_ylim(0.0, HEADROOM * float(np.nanmax(values)) or 1.0)
         axes.set_title(title)

@@ -75,20 +75,11 @@ OFFSET_TOLERANCE = 0.02, 2.0
 """Of displacements against the fixes, relative and [m]: rounding, and fixes near each other"""
 
 
-def verify_missions(
-    run: GeneratedStore | LogStore, watch: Watch | None = None, *, workers: int = 1
-) -> StoreReport:
-    """Read and check all that a store says, by as many processes as there are `workers`;
-    `factory.store_check.check_files` compares its files."""
-    if isinstance(run, LogStore):
-        return verify_logs(run, watch, workers=workers)
-    return verify_store(run, watch, workers=workers)
-
-
 def verify_store(
     run: GeneratedStore, watch: Watch | None = None, *, workers: int = 1
 ) -> StoreReport:
-    """As `verify_missions`, of a store of `factory generate`."""
+    """Read and check all that a store of `factory generate` says, by as many processes as there are
+    `workers`; `factory.store_check.check_files` compares its files."""
     parts = ("metadata", "parameters", "chunks", "padding", "finite", "range", "kinematics")
     checks = {name: StoreCheck(name) for name in parts}
     check, names = checks["metadata"], run.signals()
@@ -108,7 +99,7 @@ def verify_store(
 
 
 def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1) -> StoreReport:
-    """As `verify_missions`, of a store of logs."""
+    """Read and check all that a store of logs says, as `verify_store` does."""
     parts = ["metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth"]
     checks = {name: StoreCheck(name) for name in (*parts, SUSPECT)}
     check = checks["metadata"]

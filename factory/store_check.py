@@ -9,7 +9,7 @@ import contextlib
 import functools
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -119,7 +119,7 @@ def check_missions(
     task = functools.partial(_check_range, stored.path, fast, names, tuple(checks), check)
     with contextlib.ExitStack() as stack:
         stack.callback(_opened.cache_clear)
-        found = map(task, ranges)
+        found: Iterable[tuple[dict[str, StoreCheck], int]] = map(task, ranges)
         if workers > 1 and len(ranges) > 1:
             pool = stack.enter_context(local_pool(min(workers, len(ranges)), fork=False))
             found = pool.map(task, ranges)

@@ -150,9 +150,9 @@ VELOCITY_ESTIMATORS: Registry[Any] = Registry(
     base="twin.navigation.estimators.VelocityEstimator",
     page="howto/extending.md#a-velocity-estimator",
     shipped={
-        "pitch_plus_alpha": "twin.navigation.estimators.reckoning:PitchPlusAlpha",
+        "pitch_plus_alpha": "twin.navigation.estimators.flight:PitchPlusAlpha",
         "steady_flight": "twin.navigation.estimators.flight:SteadyFlight",
-        "onboard": "twin.navigation.estimators.reckoning:OnboardReckoning",
+        "onboard": "twin.navigation.estimators.flight:OnboardReckoning",
         "ekf": "twin.navigation.estimators.ekf:Ekf",
         "flight_filter": "twin.navigation.estimators.flight:LearnedFlight",
         "dvl": "twin.navigation.estimators.dvl:Dvl",

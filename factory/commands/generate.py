@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -93,7 +93,8 @@ class Generate(EngineOption, JsonOption):
         part = slurm_part() if self.shard is None else parse_part(self.shard)
         recipe = self._recipe()
         history = shlex.join([console.prog, *sys.argv[1:]])
-        how = {"workers": self.workers, "resume": self.resume, "overwrite": self.overwrite}
+        names = ("workers", "resume", "overwrite")
+        how: dict[str, Any] = {name: getattr(self, name) for name in names}
         try:
             if part is not None:
                 return self._part(recipe, part, history, console)
@@ -226,7 +227,8 @@ class WriteReference(JsonOption):
             )
         if not self.compare:
             recipe = make_recipe(preset=wanted.preset, hours=wanted.hours, seed=wanted.seed)
-            how = {"workers": self.workers, "resume": self.resume, "overwrite": self.overwrite}
+            names = ("workers", "resume", "overwrite")
+            how: dict[str, Any] = {name: getattr(self, name) for name in names}
             history = f"factory reference --name {wanted.name}"
             with watching(recipe.plan.hours, console) as watch:
                 summary = generate(recipe, self.out, history=history, watch=watch, **how)

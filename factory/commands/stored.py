@@ -212,7 +212,7 @@ class Verify(JsonOption):
     def _read(self, console: Console) -> tuple[str, StoreReport]:
         """What a mission is called, and what reading them shows."""
         from factory.generation import is_flight, open_missions
-        from factory.soundness import verify_missions
+        from factory.soundness import verify_logs, verify_store
         from factory.store_check import StoreReport
         from twin.records import LogStore, MissionStore
 
@@ -222,7 +222,9 @@ class Verify(JsonOption):
         run = open_missions(self.store)
         what = "dive" if isinstance(run, LogStore) else "mission"
         with console.progress(total=len(run), label="verify", unit=what + "s") as progress:
-            return what, verify_missions(run, progress.update, workers=self.workers)
+            if isinstance(run, LogStore):
+                return what, verify_logs(run, progress.update, workers=self.workers)
+            return what, verify_store(run, progress.update, workers=self.workers)
 
     def _replay(self, console: Console) -> int:
         """Fly missions again; exit code 1 when a byte differs."""

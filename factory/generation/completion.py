@@ -165,7 +165,8 @@ def _rows(job: Job, table: list[Column], found: Found) -> Iterator[Part]:
             markers.append(marker)
         for column in table:
             parts = [marker.rows[column.name] for marker in markers]
-            shape, dimensions = (layout.missions,), (MISSION,)
+            shape: tuple[int, ...] = (layout.missions,)
+            dimensions: tuple[str, ...] = (MISSION,)
             if column.per_segment:  # filled up to the mission with most segments
                 shape, dimensions = (*shape, width), (MISSION, SEGMENT)
                 parts = [

@@ -209,7 +209,7 @@ class GeneratedStore(MissionStore):
             return [FailedAttempt(*(item[name] for name in fields)) for item in self._failed]
         columns = (FAILED_MISSION, FAILED_ATTEMPT, FAILED_REASON, FAILED_TIME)
         rows = zip(*(self.array(name).tolist() for name in columns), strict=True)
-        return [FailedAttempt(*who, None if math.isnan(time) else time) for *who, time in rows]
+        return [FailedAttempt(m, n, why, None if math.isnan(t) else t) for m, n, why, t in rows]
 
 
 def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:

@@ -203,11 +203,17 @@ class Job:
             sweep(self.folder)
 
     def clear(self) -> None:
-        """Remove what this recipe's runs keep, and the folder when nothing else is in it."""
+        """Remove what this recipe's runs keep, and the folder when nothing else is in it.
+
+        Nobody else works here.
+        """
         self.files.remove_all()
         outer = generating(self.store)
         if isinstance(outer, Path):
             with contextlib.suppress(OSError):
+                for left in outer.iterdir():  # of a run that was killed as it began
+                    if left.is_dir() and not (left / RECIPE).exists():
+                        shutil.rmtree(left, ignore_errors=True)
                 (outer / "lock").unlink(missing_ok=True)
                 outer.rmdir()
 

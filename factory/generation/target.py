@@ -16,6 +16,8 @@ from twin.records.presence import (
     RECIPE,
     begun,
     begun_within,
+    check_ending,
+    check_version,
     generating,
     is_complete,
     is_there,
@@ -25,7 +27,6 @@ from twin.records.presence import (
 from twin.records.storage.sharded import METADATA
 from twin.records.storage.store_path import StorePath, files_at
 from twin.records.storage.whole import take_place
-from twin.records.store import check_ending, check_version
 
 OLDER = ("blocks", "shards")
 """Folders in which an older glider-twin kept what it had made"""

@@ -196,7 +196,7 @@ def _hull_rows(vehicle: Vehicle) -> list[Parameter]:
     if vehicle.steered("buoyancy") is not None:
         why = "too heavy is positive, at the density that it was ballasted for"
         rows.insert(0, ("ballast_g", "g", "0", "uniform(-20, 20)", "ballasting error", why))
-    return [Parameter(f"vehicle.{name}", *rest) for name, *rest in rows]
+    return [Parameter(f"vehicle.{row[0]}", *row[1:]) for row in rows]
 
 
 def declared(spread: str, table: Table) -> dict[str, Distribution]:

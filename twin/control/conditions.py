@@ -200,7 +200,7 @@ def water_of(conditions: Conditions, vehicle: Vehicle, duration: float) -> Table
         tables = Tables(density=density.compile(), temperature=warm)
     if current is None:
         return tables
-    return dataclasses.replace(tables, current=current.compile(duration, conditions.origin))
+    return tables._replace(current=current.compile(duration, conditions.origin))
 
 
 def place_vehicle(

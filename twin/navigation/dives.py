@@ -65,10 +65,10 @@ def gps_fixes(signals: Signals) -> tuple[NDArray[np.intp], Array]:
     return index, fixes[index]
 
 
-def find_dives(signals: Signals, period: float, least: float = LEAST_DIVE_S) -> list[Dive]:
+def find_dives(signals: Signals, period: float) -> list[Dive]:
     """The dives of a mission that have a fix before and after, in order of time."""
     index, fixes = gps_fixes(signals)
-    gaps = np.flatnonzero(np.diff(index) * period >= least)
+    gaps = np.flatnonzero(np.diff(index) * period >= LEAST_DIVE_S)
     return [
         Dive(start=int(index[k]), end=int(index[k + 1]), start_fix=fixes[k], end_fix=fixes[k + 1])
         for k in gaps

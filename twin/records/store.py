@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import itertools
-import json
 import warnings
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
@@ -21,17 +20,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.bounded import check_dataset
-from twin.errors import InputError, StoreError, WriteError, quoted
-from twin.records.attributes import (
-    N_SAMPLES,
-    PROGRAM_VERSION,
-    SETTINGS,
-    VERSION,
-    is_missions,
-)
+from twin.errors import InputError, StoreError, quoted
+from twin.records.attributes import N_SAMPLES, is_missions
 from twin.records.coordinates import read_place
 from twin.records.mission_dataset import STATES, signal_names, stored_columns
 from twin.records.presence import (
+    MAKERS,
+    check_ending,
+    check_version,
     flight_message,
     is_complete,
     is_flight,
@@ -40,7 +36,7 @@ from twin.records.presence import (
     is_unfinished,
     read_attributes,
 )
-from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, declare_stored
+from twin.records.schema import MISSION, TIME, declare_stored
 from twin.records.storage.checksums import check_readable, has_checksums, read_checksums
 from twin.records.storage.sharded import METADATA
 from twin.records.storage.store_path import (
@@ -55,14 +51,8 @@ from twin.records.trajectory import Trajectory
 if TYPE_CHECKING:
     import xarray as xr
 
-LONGEST_VERSION = 40
-"""Characters of the version of a program, as messages quote it"""
 ENDINGS = (".zarr", ".nc")
 """Of files that missions can be saved as"""
-OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
-"""Endings that would promise a file of another format"""
-MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write those"
-"""What makes stores"""
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -144,24 +134,6 @@ def save_missions(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fa
     return path
 
 
-def check_ending(path: str | StorePath) -> None:
-    """Refuse a store's name that ends as a file of another format does, and a place without one.
-
-    Raises:
-      WriteError: it does, or the path is that of a folder without its name, such as `.`.
-    """
-    if store_path(path).name in ("", ".."):
-        raise WriteError(
-            f"{path} is a folder without its name: give the store one, such as missions.zarr"
-        )
-    stem, dot, ending = str(path).rpartition(".")
-    if f"{dot}{ending}".lower() in OTHER_FORMATS:
-        raise WriteError(
-            f"{path}: a store is a zarr folder, not a .{ending} file: name it {stem}.zarr; "
-            "`factory export` makes other formats of it"
-        )
-
-
 def check_target(path: str | Path, *, overwrite: bool) -> None:
     """Refuse what `write_store` would refuse, before long work.
 
@@ -234,31 +206,6 @@ def _other(path: StorePath) -> str:
         if not any(path.iterdir()):
             return "an empty folder, not a store of missions"
     return "not a zarr v3 store of missions; give the folder itself, such as missions.zarr"
-
-
-def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
-    """Raise StoreError when a newer program wrote a store, or one that is not ours.
-
-    Args:
-      attributes: of the store.
-    """
-    try:
-        version = int(attributes[VERSION])
-    except (KeyError, ValueError, TypeError, OverflowError) as error:
-        raise StoreError(
-            f"store {path} does not say its {VERSION}: it is damaged, or a zarr group of another "
-            f"program, not a store of missions; {MAKERS}"
-        ) from error
-    if version > SCHEMA_VERSION:
-        try:
-            writer = json.loads(attributes[SETTINGS])["versions"]["glider-twin"]
-        except (KeyError, ValueError, TypeError, RecursionError):
-            writer = attributes.get(PROGRAM_VERSION, "")
-        to = f" to {str(writer)[:LONGEST_VERSION]}" if writer else ""
-        raise StoreError(
-            f"store {path} has schema version {version}, this program reads up to "
-            f"{SCHEMA_VERSION}; upgrade glider-twin{to}"
-        )
 
 
 def declare_signals(dataset: xr.Dataset) -> None:

@@ -218,13 +218,7 @@ IMU_PRESETS: dict[str, Imu] = {
         accel_bias_instability=0.07441e-3 * STANDARD_GRAVITY,
         accel_rate_random_walk=_walk(0.07441e-3 * STANDARD_GRAVITY),
     ),
-    "MTi-630": Imu(
-        gyro_noise_density=0.007 * DEG,
-        accel_noise_density=60e-6 * STANDARD_GRAVITY,
-    ),
-    "MV5-AR": Imu(
-        gyro_noise_density=0.0075 * DEG,
-        accel_noise_density=85e-6 * STANDARD_GRAVITY,
-    ),
+    "MTi-630": Imu(gyro_noise_density=0.007 * DEG, accel_noise_density=60e-6 * STANDARD_GRAVITY),
+    "MV5-AR": Imu(gyro_noise_density=0.0075 * DEG, accel_noise_density=85e-6 * STANDARD_GRAVITY),
 }
 """Named IMUs. A figure that a device's source does not give is the 3DM-GX5-25's."""

@@ -41,7 +41,6 @@ class LiveSuite:
         *,
         dt: float,
         rng_seed: np.random.SeedSequence,
-        drawn: Mapping[str, float] | None = None,
         surroundings: Surroundings = NOWHERE,
         wanted: Iterable[str] | None = None,
         faults: Sequence[Fault] = (),
@@ -52,7 +51,7 @@ class LiveSuite:
           suite: the sensors.
           signals: names of the true and commanded signals that a sample has.
           samples: of the mission at most; random numbers are drawn for so many.
-          dt, rng_seed, drawn: as in `SensorSuite.measure`.
+          dt, rng_seed: as in `SensorSuite.measure`.
           surroundings: water, place and sea floor.
           wanted: measured signals; sensors that neither measure one nor are read for one stay out.
             None: all.
@@ -69,7 +68,7 @@ class LiveSuite:
                 f"a sample lacks {', '.join(missing)}: the sensors need every signal of "
                 "SensorSuite.reads"
             )
-        self.drawn = suite.draw(rng_seed) if drawn is None else dict(drawn)
+        self.drawn = suite.draw(rng_seed)
         self.count = 0
         """Samples so far."""
         self._runs: list[tuple[SensorRun | None, int, dict[str, str]]] = []

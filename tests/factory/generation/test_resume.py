@@ -20,6 +20,7 @@ from factory.generation.job import MOST_IN_SHARD, Job, locked
 from factory.generation.parts import StorePart, finish, generate_part
 from factory.generation.target import unfinished
 from twin.errors import StoreError
+from twin.records.presence import generating
 
 FLOWN_AGAIN = (0, 2)
 """missions whose markers are lost before the resume"""
@@ -70,6 +71,15 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(tmp_path, recipe, monkeyp
     again = generate(made, store, workers=1, resume=True)
     assert (again.flown, again.flown_hours) == (0, 0.0)
     assert again.missions == len(made.plan)
+
+
+def test_what_a_run_of_another_recipe_left_as_it_began_goes(tmp_path, recipe):
+    store = tmp_path / "missions.zarr"
+    left = Job(recipe(seed=1), store).folder
+    left.mkdir(parents=True)
+    (left / ".recipe.json.writing-0123abcd").touch()
+    generate(recipe(), store, workers=1)
+    assert not generating(store).exists()
 
 
 def test_what_an_older_program_began_is_refused(tmp_path, recipe, paper_store):

@@ -8,19 +8,11 @@ from twin.errors import InputError, StoreError
 from twin.fossen import FossenModel, FossenState
 from twin.mission.controller import Schedule
 from twin.navigation.dead_reckoning import bridge, hold, smooth
-from twin.navigation.estimators.ekf import (
-    DEPTH,
-    NET_ERROR,
-    SURGE,
-    SWAY,
-    Ekf,
-    EkfNoise,
-    _predict,
-)
-from twin.navigation.estimators.flight import SteadyFlight
-from twin.navigation.estimators.reckoning import (
+from twin.navigation.estimators.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise, _predict
+from twin.navigation.estimators.flight import (
     OnboardReckoning,
     PitchPlusAlpha,
+    SteadyFlight,
     steady_angle_of_attack,
 )
 from twin.seams import VELOCITY_ESTIMATORS

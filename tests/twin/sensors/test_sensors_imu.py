@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 
 from twin.errors import InputError
-from twin.sensors import (
-    IMU_PRESETS,
-    Attitude,
-    Compass,
-    Dvl,
-    Encoders,
-    Imu,
-    Pressure,
-    SensorSuite,
-)
+from twin.sensors import IMU_PRESETS, Attitude, Compass, Dvl, Encoders, Imu, Pressure, SensorSuite
 from twin.sensors.imu import (
     DRIFT_HORIZON,
     FORCE_SIGNALS,

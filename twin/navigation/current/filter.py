@@ -41,15 +41,18 @@ from twin.navigation.current.current_parameters import (
 )
 from twin.navigation.current.modes import (
     LONGEST,
+    CurrentForecast,
     Innovation,
     Modes,
+    Node,
     Passage,
+    SmoothedTrack,
     modes_of,
     passage,
+    smoothed,
     transition,
     turns,
 )
-from twin.navigation.current.smoother import CurrentForecast, Node, SmoothedTrack, smoothed
 from twin.numbers import Array
 
 FIX_DEVIATION = 5.0
@@ -72,6 +75,8 @@ class CurrentFilter:
     found.step(3600.0, (0.2, 0.1), 0.02**2 * np.eye(2))
     found.fix((900.0, 300.0))
     ahead = found.forecast(found.time + np.array([3600.0, 7200.0]))
+
+    All methods raise InputError for numbers that are not finite or of another shape.
 
     Args:
       parameters: of the current; `tune` finds them.
@@ -137,9 +142,6 @@ class CurrentFilter:
           covariance: [m2/s2], (2, 2), of its error; None: none but the scale and the compass.
           field: north, east [m/s] of a current that a forecast field foretells, mean over dt: the
             filter's current is then what the field lacks.
-
-        Raises:
-          InputError: a time or a velocity that is not finite, or a negative time.
         """
         if not (math.isfinite(dt) and dt >= 0.0):
             raise InputError(f"a step of {dt:g} s; it must be zero or positive")
@@ -164,11 +166,7 @@ class CurrentFilter:
         self._note(carry)
 
     def displace(self, metres: ArrayLike) -> None:
-        """Move the position by what is now known of the way before, north and east [m], (2,).
-
-        Raises:
-          InputError: a displacement that is not finite.
-        """
+        """Move the position by what is now known of the way before, north and east [m], (2,)."""
         self._mean = self._mean.copy()
         self._mean[POSITION] += pair(metres, "displacement")
         self._note(np.eye(self.size))
@@ -193,9 +191,6 @@ class CurrentFilter:
         Returns:
           The innovation; None where the filter had not known the vehicle's way since the last fix:
           then the fix only says where it is.
-
-        Raises:
-          InputError: a position that is not finite, or a deviation that is not positive.
         """
         place = pair(position, "position")
         if not (math.isfinite(sigma) and sigma > 0.0):
@@ -208,11 +203,7 @@ class CurrentFilter:
         return found
 
     def locate(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> None:
-        """Begin a dive at a position, whatever was known of it: it says nothing of the current.
-
-        Args:
-          position, sigma: as `fix`.
-        """
+        """Begin a dive at a position, as `fix` takes it, which says nothing of the current."""
         place = pair(position, "position")
         carry = np.eye(self.size)
         carry[POSITION, POSITION] = 0.0
@@ -268,9 +259,6 @@ class CurrentFilter:
           covariance: [m2/s2], (2, 2), of its error.
           dive: whether it contains what the dive under way adds (a profiler's does, a forecast
             field's does not).
-
-        Raises:
-          InputError: values that are not finite.
         """
         observed = self._of_current(dive=dive)
         value = pair(current, "current")
@@ -284,7 +272,7 @@ class CurrentFilter:
           covariance: [m2/s2], (2, 2), of its error and of that of the velocity through the water.
 
         Raises:
-          InputError: values that are not finite, or no step with a velocity came before.
+          InputError: no step with a velocity came before.
         """
         if self._velocity is None:
             raise InputError(
@@ -342,11 +330,7 @@ class CurrentFilter:
         return float(scale), float(offset)
 
     def part(self, name: str) -> Array:
-        """North, east [m/s] of one part at this time, such as `mean`, `eddy`, `M2`; 0 without.
-
-        Args:
-          name: the beginning of a mode's name.
-        """
+        """North, east [m/s] of one part at this time, such as `mean`, `eddy`, `M2`; 0 without."""
         found = np.zeros(2)
         for mode, values in zip(self.modes.names, self._mean[MODES:].reshape(-1, 2), strict=True):
             if mode.split()[0] == name:
@@ -354,11 +338,7 @@ class CurrentFilter:
         return found
 
     def forecast(
-        self,
-        times: ArrayLike,
-        velocity: ArrayLike | None = None,
-        *,
-        field: ArrayLike | None = None,
+        self, times: ArrayLike, velocity: ArrayLike | None = None, *, field: ArrayLike | None = None
     ) -> CurrentForecast:
         """The current at later times and the displacement that it makes until then.
 
@@ -370,9 +350,6 @@ class CurrentFilter:
             what the errors of the speed and the compass make of it, too.
           field: north, east [m/s] that a forecast field foretells, as `step` takes it; it is part
             of the displacement, and not of the current.
-
-        Raises:
-          InputError: a time before the filter's.
         """
         moments = np.atleast_1d(np.asarray(times, float))
         ahead, count = moments - self.time, len(moments)
@@ -424,11 +401,7 @@ class CurrentFilter:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a `state` of a filter with the same parameters.
-
-        Raises:
-          InputError: a state of another size, or one that lacks a part.
-        """
+        """Go on from a `state` of a filter with the same parameters."""
         missing = sorted({*self.state()} - {*state})
         if missing:
             raise InputError(f"the state of a current filter lacks {', '.join(missing)}")
@@ -454,11 +427,7 @@ class CurrentFilter:
         return len(self._nodes or ())
 
     def smooth(self) -> SmoothedTrack:
-        """Position and current at every step, by all measurements before and after it.
-
-        Raises:
-          InputError: the filter was made without `record`.
-        """
+        """Position and current at every step, by all measurements, of a filter with `record`."""
         if self._nodes is None:
             raise InputError("smoothing needs the steps: make the CurrentFilter with record=True")
         current = self._of_current(dive=False)
@@ -470,7 +439,7 @@ class CurrentFilter:
             now = self._mean, self._covariance
             self._nodes.append(Node(self.time, carry, *now, *now))
 
-    def _amend(self, **changes: Array) -> None:
+    def _amend(self, **changes: Any) -> None:
         """Change the last recorded step by a measurement at its time."""
         if self._nodes is not None:
             self._nodes[-1] = self._nodes[-1]._replace(**changes)

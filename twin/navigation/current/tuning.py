@@ -29,7 +29,7 @@ from twin.navigation.current.current_parameters import (
     parameters_of,
     prior_cost,
 )
-from twin.navigation.current.filter import FIX_DEVIATION, CurrentFilter
+from twin.navigation.current.filter import CurrentFilter
 from twin.navigation.current.modes import Innovation
 from twin.numbers import Array
 
@@ -78,28 +78,23 @@ class Leg:
         return parameters.field * np.array((0.0, 0.0) if self.field is None else self.field)
 
 
-def begin_leg(filter_: CurrentFilter, leg: Leg, sigma: float = FIX_DEVIATION) -> None:
+def begin_leg(filter_: CurrentFilter, leg: Leg) -> None:
     """Bring a filter to the fix before a leg; positions count from there."""
     if leg.start > filter_.time:
         filter_.step(leg.start - filter_.time, None)
-    filter_.locate((0.0, 0.0), sigma)
+    filter_.locate((0.0, 0.0))
 
 
 def pass_leg(
-    filter_: CurrentFilter,
-    leg: Leg,
-    sigma: float = FIX_DEVIATION,
-    covariance: Array | None = None,
+    filter_: CurrentFilter, leg: Leg, covariance: Array | None = None
 ) -> Innovation | None:
     """Let a filter make a leg, which it has begun, and take the fix after it.
 
-    Args:
-      sigma: [m] of the fix.
-      covariance: [m2/s2], (2, 2), of the velocity through the water, mean over the leg.
+    covariance: [m2/s2], (2, 2), of the velocity through the water, mean over the leg.
     """
     field = leg.foretold(filter_.parameters)
     filter_.step(leg.duration, leg.velocity, covariance, field=field)
-    return filter_.fix(leg.over_ground, sigma)
+    return filter_.fix(leg.over_ground)
 
 
 def replay(
@@ -109,7 +104,7 @@ def replay(
     found = []
     for leg in legs:
         begin_leg(filter_, leg)
-        found.append(pass_leg(filter_, leg, covariance=covariance))
+        found.append(pass_leg(filter_, leg, covariance))
     return [innovation for innovation in found if innovation is not None]
 
 
@@ -131,18 +126,18 @@ def tune(
     *,
     latitude: float,
     others: Sequence[Sequence[Leg]] = (),
-    constituents: Sequence[str] | None = None,
     speed_scale: float = CurrentParameters.speed_scale,
     compass: float = CurrentParameters.compass,
     may_persist: bool = True,
 ) -> Tuned:
     """The most likely parameters; the prior's centre where no leg tells anything.
 
+    Constituents of the tide are those that the longest record can tell apart.
+
     Args:
       legs: of the training part, in order of time.
       latitude: [degree]
       others: legs of other records in the same waters, each in order of time.
-      constituents: of the tide; by default those that the longest record can tell apart.
       speed_scale: [1] of the relative error of the speed through the water.
       compass: [degree] of the compass' offset.
       may_persist: whether persistence may be chosen: it says nothing of what happens in a dive.
@@ -161,8 +156,7 @@ def tune(
                     "them by time, and tune each deployment on its own"
                 )
     longest = max(records, key=len, default=[])
-    if constituents is None:
-        constituents = constituents_of(longest)
+    constituents = constituents_of(longest)
     start = likely_logarithms()
 
     def filled(sought: Array) -> Array:

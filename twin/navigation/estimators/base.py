@@ -176,6 +176,9 @@ class VelocityEstimator(abc.ABC):
 
         Args:
           sample: a value for each of `channels`, in the schema's units.
+
+        Raises:
+          InputError: a channel is missing, or not finite where the method needs it.
         """
 
     def batch(self, signals: Signals) -> Estimate:
@@ -232,11 +235,7 @@ class Recent:
         return self._rows.shape[1]
 
     def add(self, sample: Mapping[str, float]) -> None:
-        """Take a sample.
-
-        Raises:
-          InputError: a channel is missing.
-        """
+        """Take a sample."""
         readers = f": this estimator reads {', '.join(self.channels)}"
         given = np.array(values_of(sample, self.channels, readers))[:, None]
         self._rows = np.concatenate([self._rows[:, 1 - self.samples :], given], axis=1)

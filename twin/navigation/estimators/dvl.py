@@ -125,9 +125,7 @@ class Dvl(WindowedEstimator):
         track = integrate(np.where(usable[:, None], over, guess), period)
         measured = water.mean() >= least_water
         return Estimate(
-            surge=surge if measured else None,
-            sway=sway if measured else None,
-            ground_track=track,
+            surge=surge if measured else None, sway=sway if measured else None, ground_track=track
         )
 
     def last(self, signals: Signals) -> BodyVelocity:

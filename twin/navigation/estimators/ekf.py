@@ -159,11 +159,7 @@ class Ekf(VelocityEstimator):
         self._carried = np.zeros(0)
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`.
-
-        Raises:
-          InputError: a channel is missing or not finite.
-        """
+        """See `VelocityEstimator`."""
         self.recent.add(sample)
         wrong = " of the sample is not finite: the EKF needs it"
         given = values_of(sample, INPUTS, ", which the EKF reads", wrong)

@@ -148,7 +148,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: PageServer
 
     def setup(self) -> None:
-        self.timeout = SILENCE
+        self.timeout = SILENCE  # type: ignore[misc]  # of a connection, not of all
         super().setup()
 
     def do_GET(self) -> None:
