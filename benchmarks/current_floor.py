@@ -25,9 +25,9 @@ from scipy.optimize import minimize
 
 from benchmarks.navigator_consistency import legs_of
 from factory.generation.generated_store import GeneratedStore
+from factory.sampling.conditions import build_current
 from factory.sampling.distribution import Value
 from factory.sampling.draw import Parameters, draw_values
-from factory.sampling.mission_water import build_current
 from learn.data.dataset import Selection
 from twin.navigation.current import Leg
 from twin.navigation.navigator import ATTITUDE, DEPTH, FIX, RATES

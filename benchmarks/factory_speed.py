@@ -31,7 +31,6 @@ import numpy as np
 
 from benchmarks.figures import measured
 from benchmarks.watched import Watched
-from factory.description import stored_bytes
 from factory.sampling.recipe import make_recipe
 from twin.cli.text_table import format_table
 from twin.fossen import FossenModel, FossenState
@@ -41,6 +40,7 @@ from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, stop_timers, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
+from twin.records.storage import files_at
 from twin.vehicle.vehicle import load_vehicle
 
 CPUS = len(os.sched_getaffinity(0))
@@ -168,7 +168,7 @@ def generate(hours: float, preset: str, folder: Path, vehicle: str = "glider") -
     watched.running = False
     if status:
         raise SystemExit(f"{' '.join(command)} failed")
-    size = stored_bytes(store)
+    size = files_at(store).stored_bytes()
     shutil.rmtree(store)
     cpu = usage.ru_utime + usage.ru_stime
     return {"wall_s": wall, "cpu_s": cpu, "memory": float(watched.peak), "bytes": float(size)}

@@ -32,16 +32,14 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from factory.generation.executors import local_pool
-from glider_twin_ops.health.assessment import flown_signatures, judged
-from glider_twin_ops.health.channels import CHANNELS, NAMES
+from glider_twin_ops.health.assessment import DeploymentHealth, flown_signatures, judged
+from glider_twin_ops.health.channels import CHANNELS, NAMES, standing
 from glider_twin_ops.health.deployment_dives import told_by
-from glider_twin_ops.health.deployment_health import DeploymentHealth
-from glider_twin_ops.health.disturbances import standing
 from glider_twin_ops.health.fault_detector import FaultDetector
 from glider_twin_ops.health.judgement import follow, sure, threshold_of
 from glider_twin_ops.health.judgement import judge as weigh
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
-from glider_twin_ops.presets.deployment import DeploymentDraw, faulty_of
+from glider_twin_ops.presets.deployment import DeploymentDraw, DeploymentPlan, faulty_of
 from glider_twin_ops.presets.deployments import (
     CHUNK,
     FAULT_KIND,
@@ -49,7 +47,6 @@ from glider_twin_ops.presets.deployments import (
     HEALTHY,
     LABELS,
     NAME,
-    DeploymentPlan,
     dataset_of_logs,
     first_draw,
     flown_logs,

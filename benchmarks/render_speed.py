@@ -28,7 +28,7 @@ from twin.mission import load_mission  # noqa: E402
 from twin.physics.scenario import Scenario  # noqa: E402
 from twin.physics.simulation import simulate  # noqa: E402
 from twin.show.render.painter import Painter, aim  # noqa: E402
-from twin.show.render.shot import CAMERAS, Shot, Subject  # noqa: E402
+from twin.show.render.subject import CAMERAS, Shot, Subject  # noqa: E402
 from twin.vehicle.vehicle import load_vehicle  # noqa: E402
 from twin.water.current.profile import Profile  # noqa: E402
 
@@ -41,15 +41,13 @@ CURRENT = Profile(depth=(0.0, 60.0, 150.0), north=(0.25, 0.12, 0.0), east=(0.10,
 
 def bare_renderer(painter: Painter) -> tuple[mujoco.Renderer, Callable[[int], None]]:
     """MuJoCo's Renderer on the painter's scene, and a function that draws what it shows now."""
-    model, graphics = painter.stage.model, painter.graphics
-    renderer = mujoco.Renderer(
-        model, painter.shot.height, painter.shot.width, max_geom=graphics.scene.maxgeom
-    )
-    renderer.scene.flags[:] = graphics.scene.flags
+    size = painter.shot.height, painter.shot.width
+    renderer = mujoco.Renderer(painter.model, *size, max_geom=painter.scene.maxgeom)
+    renderer.scene.flags[:] = painter.scene.flags
     camera = mujoco.MjvCamera()
 
     def draw(index: int) -> None:
-        renderer.update_scene(graphics.data, camera, painter.option)
+        renderer.update_scene(painter.data, camera, painter.option)
         aim(renderer.scene, painter.view(index))
         renderer.render()
 

@@ -23,8 +23,7 @@ from twin.mission.shipped_missions import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.reader import MissionStore
-from twin.show.render.shot import CAMERAS, Shot, Subject
-from twin.show.render.subject import read_subject
+from twin.show.render.subject import CAMERAS, Shot, Subject, read_subject
 from twin.show.web.page import LARGEST, save_page
 from twin.vehicle.vehicle import load_vehicle
 

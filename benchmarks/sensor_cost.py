@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks import figures
 from twin.sensors import SUITE_PRESETS, SensorSuite, Surroundings
-from twin.sensors.noise import sensor_generator
+from twin.sensors.base import sensor_generator
 from twin.water.density import DensityProfile
 
 HOUR = 3600.0

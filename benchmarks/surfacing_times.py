@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.surfacings import stores_in
+from glider_twin_ops.forecast.expected_dive import Rhythm, SurfacingSchedule
 from glider_twin_ops.forecast.logged_leg import DiveTime, dive_times
-from glider_twin_ops.forecast.surfacing_schedule import Rhythm, SurfacingSchedule
 from twin.cli.text_table import format_table
 from twin.records.logged import LogStore
 

@@ -33,11 +33,9 @@ from scipy.stats import binom
 
 from factory.importing import import_logs
 from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, scores_of
-from glider_twin_ops.forecast.current_models import BESIDE, FIELD, FILTER
-from glider_twin_ops.forecast.deployment_hindcast import bootstrap
 from glider_twin_ops.forecast.logged_leg import REPORTED
-from glider_twin_ops.forecast.pool import Prior
-from glider_twin_ops.forecast.walk import Pair
+from glider_twin_ops.forecast.pool import BESIDE, FIELD, FILTER, Prior
+from glider_twin_ops.forecast.walk import Pair, bootstrap
 from twin.errors import InputError, TwinError
 from twin.navigation.current import Reaches
 from twin.records.presence import is_store

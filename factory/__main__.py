@@ -14,19 +14,19 @@ PROGRAM = Program(
         {
             "generate": ("Generate", "fly randomised missions in parallel, into one store"),
             "reference": (
-                "WriteReference",
+                "factory.commands.generate:WriteReference",
                 "make the reference set of 200 h, compare it with its checksums",
             ),
             "finish": (
-                "Finish",
+                "factory.commands.generate:Finish",
                 "complete a store that was made in parts, or list the missing ones",
             ),
             "info": (
-                "Info",
+                "factory.commands.stored:Info",
                 "what a store holds: preset, missions, splits, drawn values, failures",
             ),
             "verify": (
-                "Verify",
+                "factory.commands.stored:Verify",
                 "read every chunk; check padding, ranges and kinematics; fly missions again",
             ),
             "export": ("ExportStore", "OceanGliders OG1.0 netCDF files or a flat Parquet table"),
@@ -34,8 +34,14 @@ PROGRAM = Program(
                 "factory.commands.import_logs:ImportLogs",
                 "logs of real vehicles, dive by dive, in the same kind of store",
             ),
-            "plot": ("PlotStore", "a page of tracks, depths, currents and histograms"),
-            "distributions": ("Distributions", "everything that is drawn, with unit and reason"),
+            "plot": (
+                "factory.commands.stored:PlotStore",
+                "a page of tracks, depths, currents and histograms",
+            ),
+            "distributions": (
+                "factory.commands.generate:Distributions",
+                "everything that is drawn, with unit and reason",
+            ),
         },
     ),
 )

@@ -17,7 +17,7 @@ from twin.plugins import entry_point, load_entry_point
 
 if TYPE_CHECKING:
     from factory.importing.tally import ImportReport
-    from twin.records.storage.store_arrays import AnyStore
+    from twin.records.storage.sharded import AnyStore
     from twin.sensors import SensorSuite
 
 
@@ -72,15 +72,9 @@ def generate(
     if scheduler is not None and executor is not None:
         raise InputError("give either a scheduler or an executor")
     recipe = make_recipe(
-        preset=preset,
-        hours=hours,
-        seed=seed,
-        changes=changes,
-        vehicle=vehicle,
-        sensors=sensors,
-        current=current,
-        engine=engine,
-    )
+        preset=preset, hours=hours, seed=seed, changes=changes, vehicle=vehicle, sensors=sensors,
+        current=current, engine=engine,
+    )  # fmt: skip
     with contextlib.ExitStack() as stack:
         if scheduler is not None:
             from factory.generation.executors import dask_executor

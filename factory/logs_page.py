@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import METHODS
 from twin.records.logged import LogStore
 from twin.show import style
-from twin.show.dates import DAY, LABEL, draw_dates
 from twin.show.figures.map import (
     Currents,
     arrow_scale,
@@ -29,6 +28,7 @@ from twin.show.figures.map import (
     joined,
 )
 from twin.show.figures.map_ground import box_around
+from twin.show.style import DAY, LABEL, draw_dates
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,15 @@ HEADROOM = 1.12
 ERROR_HEADROOM = 1.25
 """Likewise, for a line of text"""
 DIVE, CLIMB = style.PALETTE["blue"], style.PALETTE["vermillion"]
+
+OURS, THEIRS, PROFILER = "ours", "theirs", "profiler"
+"""Kinds of depth-averaged currents that a store of logs may have"""
+BASE_STATION, VEHICLE = "base station's", "vehicle's own"
+OURS_COLOUR, THEIRS_COLOUR = style.PALETTE["green"], style.PALETTE["vermillion"]
+AXES = ("north", "east")
+MAP_TITLE = "GPS fixes and dives"
+SHAPE = 1.45
+"""Width over height of the map"""
 
 
 def page_names(deployments: Iterable[str]) -> dict[str, str]:
@@ -160,9 +169,8 @@ def averaged(logs: LogStore, missions: list[int], kind: str) -> Array:
         reported them; or PROFILER, the mean of a current profiler over the dive.
     """
     if kind == PROFILER:
-        return np.array(
-            [[_mean(logs.signal(f"true_current_{name}", k)) for name in AXES] for k in missions]
-        )
+        names = [f"true_current_{name}" for name in AXES]
+        return np.array([[_middle(logs.signal(n, k), np.mean) for n in names] for k in missions])
     prefix = {OURS: "dac", THEIRS: "vehicle_dac"}[kind]
     return np.stack([logs.number(f"{prefix}_{name}")[missions] for name in AXES], axis=1)
 
@@ -191,21 +199,6 @@ def _called(logs: LogStore, kind: str) -> str:
     return kind
 
 
-OURS, THEIRS, PROFILER = "ours", "theirs", "profiler"
-"""Kinds of depth-averaged currents that a store of logs may have"""
-BASE_STATION, VEHICLE = "base station's", "vehicle's own"
-OURS_COLOUR, THEIRS_COLOUR = style.PALETTE["green"], style.PALETTE["vermillion"]
-AXES = ("north", "east")
-MAP_TITLE = "GPS fixes and dives"
-SHAPE = 1.45
-"""Width over height of the map"""
-
-
-def _dates(logs: LogStore, mission: int) -> Array:
-    moments = np.round(logs.time(mission) * 1e3).astype("datetime64[ms]")
-    return np.asarray(date2num(moments))
-
-
 def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     deepest = 0.0
     known = [k for k in missions if np.isfinite(logs.signal("measured_depth", k)).any()]
@@ -216,11 +209,10 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     for k in known:
         depth, gap = logs.signal("measured_depth", k), logs.signal("measured_gap", k) > 0.0
         deepest = max(deepest, float(np.nanmax(depth)))
-        date = _dates(logs, k)
+        date = np.asarray(date2num(np.round(logs.time(k) * 1e3).astype("datetime64[ms]")))
         axes.plot(*style.thin(date, depth, most=POINTS), color=DIVE, lw=0.7)
         if gap.any():
-            bridged = np.where(gap, depth, np.nan)
-            axes.plot(date, bridged, color=CLIMB, lw=1.3)
+            axes.plot(date, np.where(gap, depth, np.nan), color=CLIMB, lw=1.3)
     style.depth_axis(axes, deepest)
     if any((logs.signal("measured_gap", k) > 0.0).any() for k in missions):
         axes.plot([], [], color=CLIMB, lw=1.3, label="bridged gap of the log")
@@ -242,16 +234,12 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
         ("vertical speed, median", "[cm/s]", (("sink", "dive", DIVE), ("rise", "climb", CLIMB))),
         ("pitch, median", "[°]", (("pitch_down", "dive", DIVE), ("pitch_up", "climb", CLIMB))),
         ("speed between fixes", "[m/s]", (("over_ground", "over ground", DIVE),)),
-        (
-            "current",
-            "[m/s]",
-            (
-                ("current_ours", "ours", OURS_COLOUR),
-                ("current_theirs", _called(logs, THEIRS), THEIRS_COLOUR),
-                ("current_profiler", PROFILER, style.COMMAND),
-            ),
-        ),
-    )
+        ("current", "[m/s]", (
+            ("current_ours", "ours", OURS_COLOUR),
+            ("current_theirs", _called(logs, THEIRS), THEIRS_COLOUR),
+            ("current_profiler", PROFILER, style.COMMAND),
+        )),
+    )  # fmt: skip
     for axes, (title, unit, entries) in zip(grid.flat, panels, strict=True):
         shown = [e for e in entries if np.isfinite(columns[e[0]]).any()]
         for name, label, colour in shown:
@@ -262,20 +250,19 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
             axes.set_yticks([])
         elif len(shown) > 1:
             style.legend_above(axes, len(shown), columnspacing=1.0)
-        if shown and all(np.nanmin(columns[e[0]]) >= 0.0 for e in shown):
-            axes.set_ylim(
-                0.0, HEADROOM * max(float(np.nanmax(columns[e[0]])) for e in shown) or 1.0
-            )
+        values = np.concatenate([columns[name] for name, _, _ in shown] or [np.array([np.nan])])
+        if shown and np.nanmin(values) >= 0.0:
+            axes.set_ylim(0.0, HEADROOM * float(np.nanmax(values)) or 1.0)
         axes.set_title(title)
         axes.set_ylabel(unit)
         axes.margins(x=0.03)
-    errors = current_errors(logs, missions)
+    errors, last = current_errors(logs, missions), grid[-1, -1]
     if errors:
         text = ", ".join(f"{name} {value:.3f}" for name, value in errors.items())
-        grid[-1, -1].set_ylim(top=ERROR_HEADROOM * grid[-1, -1].get_ylim()[1])
-        grid[-1, -1].text(
+        last.set_ylim(top=ERROR_HEADROOM * last.get_ylim()[1])
+        last.text(
             0.99, 0.94, f"error against the profiler [m/s]: {text}", ha="right", va="top",
-            transform=grid[-1, -1].transAxes, fontsize=6.5,
+            transform=last.transAxes, fontsize=6.5,
         )  # fmt: skip
     for axes in grid[-1]:
         axes.set_xlabel("dive [number]")
@@ -301,8 +288,8 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
         found["deepest"].append(deepest)
         for flag, speed, angle in ((1.0, "sink", "pitch_down"), (2.0, "rise", "pitch_up")):
             there = (phase == flag) & known
-            found[speed].append(100.0 * abs(_median(rate[there])))
-            found[angle].append(_median(pitch[there]))
+            found[speed].append(100.0 * abs(_middle(rate[there])))
+            found[angle].append(_middle(pitch[there]))
     duration = logs.number(DIVE_DURATION)[missions]
     moved = [logs.number(f"displacement_{axis}")[missions] for axis in ("north", "east")]
     return {
@@ -316,11 +303,7 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
     }
 
 
-def _mean(values: Array) -> float:
+def _middle(values: Array, of: Callable[[Array], Any] = np.median) -> float:
+    """The median or mean of what is known of some values."""
     values = values[np.isfinite(values)]
-    return float(np.mean(values)) if values.size else float("nan")
-
-
-def _median(values: Array) -> float:
-    values = values[np.isfinite(values)]
-    return float(np.median(values)) if values.size else float("nan")
+    return float(of(values)) if values.size else float("nan")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,11 +37,7 @@ SPLIT_COLOURS = {
     "validation": style.PALETTE["green"],
     "test": style.PALETTE["vermillion"],
 }
-VELOCITIES = (
-    ("true_surge", "surge through the water [m/s]"),
-    ("true_sway", "sway through the water [m/s]"),
-    ("true_heave", "heave through the water [m/s]"),
-)
+VELOCITIES = [(f"true_{n}", f"{n} through the water [m/s]") for n in ("surge", "sway", "heave")]
 MEASURED = (
     ("measured_pitch", "pitch [deg]"),
     ("measured_roll", "roll [deg]"),
@@ -61,16 +57,12 @@ ERRORS = (
     ("heading", "heading error [deg]"),
     ("depth", "depth error [m]"),
 )
-DOPPLER = (
-    ("dvl_surge", "DVL surge error [m/s]"),
-    ("dvl_sway", "DVL sway error [m/s]"),
-)
+DOPPLER = [(f"dvl_{name}", f"DVL {name} error [m/s]") for name in ("surge", "sway")]
 """Of surveys, whose Doppler log sees the sea floor"""
 MILLIMETRES = {"measured_shift": 1000.0}
 
 
-@dataclass(frozen=True)
-class Sampled:
+class Sampled(NamedTuple):
     """Evenly thinned samples of some missions of a store."""
 
     splits: list[str]
@@ -104,7 +96,7 @@ def sample_store(run: GeneratedStore, names: list[str]) -> Sampled:
 def store_page(run: GeneratedStore) -> Figure:
     """Tracks, depths, currents, velocities, measured signals, and sensor errors if any."""
     noisy = run.sensor_preset != "ideal"
-    names = ["true_north", "true_east", "true_depth", "true_current_north", "true_current_east"]
+    names = [f"true_{n}" for n in ("north", "east", "depth", "current_north", "current_east")]
     inputs = [*MEASURED, *part_inputs(run)]
     names += [name for name, _ in (*VELOCITIES, *inputs)]
     names += [f"{kind}_{name}" for name, _ in ERRORS for kind in ("true", "measured")]
@@ -136,27 +128,20 @@ def store_page(run: GeneratedStore) -> Figure:
             DRAW.get(kind, _draw_histogram)(axes, data, name, label)
             if column == 0:
                 axes.set_ylabel(kind)
-        figure.suptitle(_headline(run), fontsize=9.5, fontweight="bold", x=0.01, ha="left")
+        headline = (
+            f"{run.path.name}: preset {run.settings['preset']}, seed {run.seed}, "
+            f"{counted(len(run), 'mission')}, {run.hours:.4g} h"
+        )
+        figure.suptitle(headline, fontsize=9.5, fontweight="bold", x=0.01, ha="left")
     return figure
 
 
 def part_inputs(run: GeneratedStore) -> list[tuple[str, str]]:
-    """The readings of the vehicle's parts with their labels."""
-    stored = [f"measured_{name}" for name in actuator_names(run.signals())]
-    stored = [name for name in stored if name in run]
-    known = [(name, label) for name, label in PARTS.items() if name in stored]
-    return known + [
-        (name, f"{name.removeprefix('measured_')} [{VARIABLES[name].units}]")
-        for name in stored
-        if name not in PARTS
-    ]
-
-
-def _headline(run: GeneratedStore) -> str:
-    return (
-        f"{run.path.name}: preset {run.settings['preset']}, seed {run.seed}, "
-        f"{counted(len(run), 'mission')}, {run.hours:.4g} h"
-    )
+    """The readings of the vehicle's parts with their labels, a glider's first."""
+    parts = [part for part in actuator_names(run.signals()) if f"measured_{part}" in run]
+    named = {f"measured_{n}": f"{n} [{VARIABLES[f'measured_{n}'].units}]" for n in parts}
+    known = {name: label for name, label in PARTS.items() if name in named}
+    return [*known.items(), *((n, label) for n, label in named.items() if n not in known)]
 
 
 def _draw_tracks(axes: Axes, data: Sampled, missions: int) -> None:
@@ -164,14 +149,11 @@ def _draw_tracks(axes: Axes, data: Sampled, missions: int) -> None:
     north, east = data.signals["true_north"][:shown], data.signals["true_east"][:shown]
     metres, unit = style.length_unit(*north, *east)
     for split in SPLITS:
-        label: str | None = split
-        for i in range(shown):
-            if data.splits[i] == split:
-                axes.plot(
-                    east[i] / metres, north[i] / metres, label=label,
-                    color=SPLIT_COLOURS[split], linewidth=0.8, alpha=0.8,
-                )  # fmt: skip
-                label = None
+        for place, i in enumerate(i for i in range(shown) if data.splits[i] == split):
+            axes.plot(
+                east[i] / metres, north[i] / metres, label=None if place else split,
+                color=SPLIT_COLOURS[split], linewidth=0.8, alpha=0.8,
+            )  # fmt: skip
     axes.plot(0.0, 0.0, "o", color=style.PALETTE["black"], markersize=3.5)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"east [{unit}]")
@@ -182,15 +164,12 @@ def _draw_tracks(axes: Axes, data: Sampled, missions: int) -> None:
 
 
 def _draw_currents(axes: Axes, data: Sampled) -> None:
-    for split in SPLITS:
-        chosen = [i for i, s in enumerate(data.splits) if s == split]
-        for i in chosen:
-            axes.plot(
-                data.signals["true_current_east"][i],
-                data.signals["true_current_north"][i],
-                color=SPLIT_COLOURS[split], linewidth=0.7, alpha=0.7, marker=".", markersize=2.5,
-                markevery=[0, -1],
-            )  # fmt: skip
+    for i in sorted(range(len(data.splits)), key=lambda i: SPLITS.index(data.splits[i])):
+        axes.plot(
+            data.signals["true_current_east"][i], data.signals["true_current_north"][i],
+            color=SPLIT_COLOURS[data.splits[i]], linewidth=0.7, alpha=0.7, marker=".",
+            markersize=2.5, markevery=[0, -1],
+        )  # fmt: skip
     axes.axhline(0.0, color=style.GUIDE, linewidth=0.6)
     axes.axvline(0.0, color=style.GUIDE, linewidth=0.6)
     axes.set_aspect("equal", adjustable="datalim")

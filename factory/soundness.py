@@ -15,22 +15,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.attempts import reason
 from factory.generation.generated_store import GeneratedStore
-from factory.sampling.draw import Parameters, sensor_seed
-from factory.sampling.drawn_plan import HOUR
+from factory.generation.shard import reason
+from factory.sampling.draw import HOUR, Parameters, sensor_seed
 from factory.sampling.fly import REPLACED, FlownSignals, fly
+from factory.sampling.mission_kinds import SURFACE
 from factory.sampling.presets import PRESETS
 from factory.sampling.recipe import VERSIONS, Recipe, differences, sha256, versions
-from factory.sampling.surveys import SURFACE
 from factory.store_check import (
     Block,
     MissionCheck,
     StoreCheck,
     StoreReport,
-    check_finite_range,
     check_missions,
-    check_padding,
+    check_signal,
     kinematic_problems,
 )
 from twin.errors import StoreError, TwinError
@@ -77,20 +75,11 @@ OFFSET_TOLERANCE = 0.02, 2.0
 """Of displacements against the fixes, relative and [m]: rounding, and fixes near each other"""
 
 
-def verify_missions(
-    run: GeneratedStore | LogStore, watch: Watch | None = None, *, workers: int = 1
-) -> StoreReport:
-    """Read and check all that a store says, by as many processes as there are `workers`;
-    `factory.store_check.check_files` compares its files."""
-    if isinstance(run, LogStore):
-        return verify_logs(run, watch, workers=workers)
-    return verify_store(run, watch, workers=workers)
-
-
 def verify_store(
     run: GeneratedStore, watch: Watch | None = None, *, workers: int = 1
 ) -> StoreReport:
-    """As `verify_missions`, of a store of `factory generate`."""
+    """Read and check all that a store of `factory generate` says, by as many processes as there are
+    `workers`; `factory.store_check.check_files` compares its files."""
     parts = ("metadata", "parameters", "chunks", "padding", "finite", "range", "kinematics")
     checks = {name: StoreCheck(name) for name in parts}
     check, names = checks["metadata"], run.signals()
@@ -110,11 +99,9 @@ def verify_store(
 
 
 def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1) -> StoreReport:
-    """As `verify_missions`, of a store of logs."""
-    parts = (
-        "metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth", SUSPECT,
-    )  # fmt: skip
-    checks = {name: StoreCheck(name) for name in parts}
+    """Read and check all that a store of logs says, as `verify_store` does."""
+    parts = ["metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth"]
+    checks = {name: StoreCheck(name) for name in (*parts, SUSPECT)}
     check = checks["metadata"]
     check.problems += [f"array {n!r} is gone" for n in logs.gone_arrays()]
     deep = any(name in logs.dataset.variables for name in WITH_DEPTH)
@@ -233,16 +220,12 @@ def drawn_otherwise(run: GeneratedStore, recipe: Recipe, mission: int, stored: P
 def _check_mission(
     run: GeneratedStore, mission: int, rows: Block, checks: Mapping[str, StoreCheck]
 ) -> None:
-    samples = int(run.samples[mission])
-    what = f"mission {mission}"
+    samples, truth = int(run.samples[mission]), {}
     for name, row in rows.items():
-        inside, padding = row[:samples], row[samples:]
-        check_padding(what, name, padding, samples, checks["padding"])
-        check_finite_range(
-            what, name, inside, not VARIABLES[name].gaps, simulated_limits(name), checks["finite"],
-            checks["range"],
-        )  # fmt: skip
-    truth = {name: row[:samples].astype(float) for name, row in rows.items()}
+        truth[name] = check_signal(
+            f"mission {mission}", name, row, samples, checks,
+            complete=not VARIABLES[name].gaps, limits=simulated_limits(name),
+        ).astype(float)  # fmt: skip
     for problem in kinematic_problems(truth, run.period):
         checks["kinematics"].problems.append(f"mission {mission}: {problem}")
     checks["kinematics"].done += 4
@@ -291,11 +274,9 @@ def _check_dive(
     samples = int(logs.samples[mission])
     what = f"dive {mission}"
     for name, row in rows.items():
-        check_padding(what, name, row[samples:], samples, checks["padding"])
-        inside = row[:samples]
-        check_finite_range(
-            what, name, inside, name in COMPLETE, recorded_limits(name), checks["finite"],
-            checks["range"],
+        inside = check_signal(
+            what, name, row, samples, checks,
+            complete=name in COMPLETE, limits=recorded_limits(name),
         )  # fmt: skip
         if name in CODES:
             odd = np.setdiff1d(inside[np.isfinite(inside)], CODES[name])
@@ -338,15 +319,14 @@ def replay_mission(run: GeneratedStore, mission: int) -> ReplayComparison:
     """
     _check_physics(run)
     run.check_mission(mission)
-    recipe, attempt = run.recipe, run.attempt(mission)
-    other = drawn_otherwise(run, recipe, mission, run.parameters(mission))
+    attempt = run.attempt(mission)
+    other = drawn_otherwise(run, run.recipe, mission, run.parameters(mission))
     if other:
         raise StoreError(
             f"store {run.path}: mission {mission} is not of this recipe: {other}; `factory verify` "
             "finds all such missions"
         )
-    constants = run.sensor_constants(mission)
-    flight = _flown(run, recipe, mission, attempt, drawn=constants)
+    flight = _flown(run, mission, attempt, run.sensor_constants(mission))
     samples, again = int(run.samples[mission]), len(flight.trajectory.time)
     if again != samples:
         raise StoreError(
@@ -388,18 +368,20 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
         )
     try:
         with quiet_mujoco():
-            _flown(run, run.recipe, mission, attempt)
+            _flown(run, mission, attempt)
     except REPLACED as error:
         return known[mission, attempt], reason(error)
     return known[mission, attempt], "flew to its end"
 
 
 def _flown(
-    run: GeneratedStore, recipe: Recipe, mission: int, attempt: int, **options: Any
+    run: GeneratedStore, mission: int, attempt: int, drawn: Mapping[str, float] | None = None
 ) -> FlownSignals:
-    parameters, seed = recipe.parameters(mission, attempt), sensor_seed(run.seed, mission, attempt)
-    options |= {"current": run.given_current, "engine": recipe.engine}
-    return fly(parameters, run.vehicle, run.suite, seed, **options)
+    recipe, seed = run.recipe, sensor_seed(run.seed, mission, attempt)
+    return fly(
+        recipe.parameters(mission, attempt), run.vehicle, run.suite, seed, drawn=drawn,
+        current=run.given_current, engine=recipe.engine,
+    )  # fmt: skip
 
 
 def _check_physics(run: GeneratedStore) -> None:

@@ -111,18 +111,26 @@ def check_missions(
     Returns:
       The bytes read.
     """
-    total = len(stored)
-    size, fast = _blocks(stored, names)
-    ranges = [range(first, min(first + size, total)) for first in range(0, total, size)]
-    if workers == 1 or len(ranges) < 2:
-        with _open(stored.path, fast) as opened:
-            found = (_check_range(opened, names, tuple(checks), check, one) for one in ranges)
-            return _add_up(found, ranges, checks, watch)
     from factory.generation.executors import local_pool
 
-    with local_pool(min(workers, len(ranges)), fork=False) as pool:
-        task = functools.partial(_check_elsewhere, stored.path, fast, names, tuple(checks), check)
-        return _add_up(pool.map(task, ranges), ranges, checks, watch)
+    total, bytes_read = len(stored), 0
+    size, fast = _blocks(stored, names)
+    ranges = [range(first, min(first + size, total)) for first in range(0, total, size)]
+    task = functools.partial(_check_range, stored.path, fast, names, tuple(checks), check)
+    with contextlib.ExitStack() as stack:
+        stack.callback(_opened.cache_clear)
+        found: Iterable[tuple[dict[str, StoreCheck], int]] = map(task, ranges)
+        if workers > 1 and len(ranges) > 1:
+            pool = stack.enter_context(local_pool(min(workers, len(ranges)), fork=False))
+            found = pool.map(task, ranges)
+        for missions, (parts, read) in zip(ranges, found, strict=True):
+            for name, part in parts.items():
+                checks[name].done += part.done
+                checks[name].problems += part.problems
+            bytes_read += read
+            if watch is not None:
+                watch(len(missions))
+    return bytes_read
 
 
 def _blocks(stored: MissionStore, names: list[str]) -> tuple[int, bool]:
@@ -134,40 +142,7 @@ def _blocks(stored: MissionStore, names: list[str]) -> tuple[int, bool]:
     return (shard * max(size // shard, 1), True) if shard <= WHOLE_SHARD * size else (size, False)
 
 
-def _add_up(
-    found: Iterable[tuple[dict[str, StoreCheck], int]],
-    ranges: list[range],
-    checks: Mapping[str, StoreCheck],
-    watch: Callable[[int], None] | None,
-) -> int:
-    """Add what was found in each range to the checks, in their order; the bytes read."""
-    bytes_read = 0
-    for missions, (parts, read) in zip(ranges, found, strict=True):
-        for name, part in parts.items():
-            checks[name].done += part.done
-            checks[name].problems += part.problems
-        bytes_read += read
-        if watch is not None:
-            watch(len(missions))
-    return bytes_read
-
-
 def _check_range(
-    stored: MissionStore,
-    names: list[str],
-    kinds: tuple[str, ...],
-    check: MissionCheck,
-    missions: range,
-) -> tuple[dict[str, StoreCheck], int]:
-    """What is found in some missions, and the bytes read."""
-    checks = {kind: StoreCheck(kind) for kind in kinds}
-    block = read_block(stored, names, missions, checks["chunks"])
-    for row, mission in enumerate(missions):
-        check(stored, mission, {name: values[row] for name, values in block.items()}, checks)
-    return checks, sum(values.nbytes for values in block.values())
-
-
-def _check_elsewhere(
     store: StorePath,
     fast: bool,
     names: list[str],
@@ -175,20 +150,22 @@ def _check_elsewhere(
     check: MissionCheck,
     missions: range,
 ) -> tuple[dict[str, StoreCheck], int]:
-    """The same in a process of its own, which keeps the store open."""
-    return _check_range(_opened(store, fast), names, kinds, check, missions)
+    """What is found in some missions, and the bytes read."""
+    stored, checks = _opened(store, fast), {kind: StoreCheck(kind) for kind in kinds}
+    block = read_block(stored, names, missions, checks["chunks"])
+    for row, mission in enumerate(missions):
+        check(stored, mission, {name: values[row] for name, values in block.items()}, checks)
+    return checks, sum(values.nbytes for values in block.values())
 
 
-def _open(store: StorePath, fast: bool) -> MissionStore:
+@functools.lru_cache(maxsize=1)
+def _opened(store: StorePath, fast: bool) -> MissionStore:
     """A store whose chunks are decoded by the fast pipeline, in a twentieth of the time where
-    missions are short, or by zarr's own."""
+    missions are short, or by zarr's own; a process keeps it open."""
     from factory.generation.generated_store import open_missions
 
     with fast_reading(store) if fast else contextlib.nullcontext():
         return open_missions(store)
-
-
-_opened = functools.lru_cache(maxsize=1)(_open)
 
 
 def read_block(run: MissionStore, names: list[str], missions: range, check: StoreCheck) -> Block:
@@ -216,27 +193,24 @@ def read_block(run: MissionStore, names: list[str], missions: range, check: Stor
     return block
 
 
-def check_padding(
-    what: str, name: str, padding: NDArray[np.float32], samples: int, check: StoreCheck
-) -> None:
-    """Nothing but NaN after the `samples` of `what`."""
-    problem = f"{what}: {name} has values after its {samples} samples"
-    check.expect(bool(np.isnan(padding).all()), problem)
-
-
-def check_finite_range(
+def check_signal(
     what: str,
     name: str,
-    inside: NDArray[np.float32],
+    row: NDArray[np.float32],
+    samples: int,
+    checks: Mapping[str, StoreCheck],
+    *,
     complete: bool,
     limits: tuple[float, float],
-    finite_check: StoreCheck,
-    range_check: StoreCheck,
-) -> None:
-    """A signal of `what` without holes where it must be `complete`, and within its `limits`."""
+) -> NDArray[np.float32]:
+    """A signal of `what`: NaN after its `samples`, without holes where it must be `complete`, and
+    within its `limits`; returns its samples."""
+    inside = row[:samples]
+    problem = f"{what}: {name} has values after its {samples} samples"
+    checks["padding"].expect(bool(np.isnan(row[samples:]).all()), problem)
     finite = np.isfinite(inside)
     if complete:
-        finite_check.expect(
+        checks["finite"].expect(
             bool(finite.all()),
             f"{what}: {name} is not finite in {len(inside) - finite.sum()} samples, first at "
             f"sample {int(np.argmin(finite))}",
@@ -244,10 +218,11 @@ def check_finite_range(
     low, high = limits
     values = inside[finite]
     least, most = (float(values.min()), float(values.max())) if values.size else limits
-    range_check.expect(
+    checks["range"].expect(
         low <= least and most <= high,
         f"{what}: {name} runs from {least:g} to {most:g}, possible are {low:g} to {high:g}",
     )
+    return inside
 
 
 Array = NDArray[np.float64]
@@ -288,33 +263,23 @@ def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:
     sine = np.linalg.norm(angle, axis=-1)
     turned = np.arctan2(sine, 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0))
     angle *= np.divide(turned, sine, out=np.ones_like(sine), where=sine > 0.0)[:, None]
+    over_ground = np.einsum("tij,tj->ti", to_ned, through) + current
+    turning = np.cumsum(angle - period * (rates[1:] + rates[:-1]) / 2, axis=0)
     figures = (
-        (
-            "velocity over ground is not velocity through the water plus current",
-            np.abs(np.einsum("tij,tj->ti", to_ned, through) + current - velocity),
-            VELOCITY_TOLERANCE,
-            "m/s",
-        ),
-        ("position does not follow velocity", np.abs(moved), STEP_TOLERANCE_M, "m"),
-        (
-            "position drifts from the summed velocity",
-            np.abs(np.cumsum(moved, axis=0)),
-            DRIFT_TOLERANCE_M,
-            "m",
-        ),
-        (
-            "attitude does not follow the rates",
-            np.abs(np.cumsum(angle - period * (rates[1:] + rates[:-1]) / 2, axis=0)),
-            TURN_TOLERANCE,
-            "rad",
-        ),
-    )
-    return [
-        f"{what}: {error.max():.3g} {unit} at sample {int(np.argmax(error.max(axis=-1)))}, "
-        f"at most {tolerance:g}"
-        for what, error, tolerance, unit in figures
-        if error.size and error.max() > tolerance
-    ]
+        ("velocity over ground is not velocity through the water plus current",
+         over_ground - velocity, VELOCITY_TOLERANCE, "m/s"),
+        ("position does not follow velocity", moved, STEP_TOLERANCE_M, "m"),
+        ("position drifts from the summed velocity", np.cumsum(moved, axis=0), DRIFT_TOLERANCE_M,
+         "m"),
+        ("attitude does not follow the rates", turning, TURN_TOLERANCE, "rad"),
+    )  # fmt: skip
+    problems = []
+    for what, errors, tolerance, unit in figures:
+        error = np.abs(errors).max(axis=-1, initial=0.0)
+        if error.size and (most := error.max()) > tolerance:
+            at = f"at sample {int(np.argmax(error))}, at most {tolerance:g}"
+            problems.append(f"{what}: {most:.3g} {unit} {at}")
+    return problems
 
 
 def _columns(signals: Mapping[str, Array], prefix: str, *names: str) -> Array:

@@ -31,7 +31,7 @@ from factory.sampling.distribution import (  # noqa: E402
     Parameter,
     parse_distribution,
 )
-from factory.sampling.mission_kind import propelled  # noqa: E402
+from factory.sampling.mission_kinds import propelled  # noqa: E402
 from factory.sampling.parameters import parameter_table  # noqa: E402
 from twin.logs.flight_dataset import (  # noqa: E402
     COPIED,

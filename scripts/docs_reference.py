@@ -120,7 +120,7 @@ def parser_of(name: str, command: ProgramCommand) -> argparse.ArgumentParser:
     """The parser of a command, as its `--help` shows it."""
     import tyro
 
-    from twin.cli.options import MARKERS, description
+    from twin.cli.parsing import MARKERS, description
 
     form = command.load()
     with warnings.catch_warnings():  # tyro's own texts have no list of options

@@ -21,7 +21,7 @@ from twin.records.store import write_store
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.show.render.context import available_backend
-from twin.show.render.shot import Subject
+from twin.show.render.subject import Subject
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.profile import Profile
 

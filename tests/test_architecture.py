@@ -23,8 +23,8 @@ TOP_LEVEL = {
         "geodesy", "lazy", "numbers", "plugins", "registry", "seams", "version",
     },
     "factory": {
-        "__init__", "__main__", "description", "facade", "logs_page",
-        "missions_page", "seams", "soundness", "store_check",
+        "__init__", "__main__", "facade", "logs_page", "missions_page",
+        "seams", "soundness", "store_check",
     },
     "learn": {
         "__init__", "__main__", "adaptation", "api", "files", "finishing",
@@ -41,9 +41,8 @@ FLIPS = {
     "twin.vehicle.laws.ellipsoid": "the law is MuJoCo's, in the axes of its geoms",
     "twin.identify.vehicle_file": "vehicle files are MJCF",
     "twin.physics.mujoco_model": "the model is MuJoCo's",
-    "twin.physics.initial_state": "the state is MuJoCo's",
     "twin.physics.simulation": "the state is MuJoCo's",
-    "twin.physics.condition": "the model is MuJoCo's",
+    "twin.physics.condition": "model and state are MuJoCo's",
     "twin.physics.settle": "the state is MuJoCo's",
     "twin.physics.true_signals": "the state is MuJoCo's",
     "twin.control.physics": "the state is MuJoCo's",
@@ -51,7 +50,6 @@ FLIPS = {
     "twin.show.render.camera": "scenes are MuJoCo's",
     "twin.show.render.subject": "scenes are MuJoCo's",
     "twin.show.render.playback": "scenes are MuJoCo's",
-    "twin.show.render.scene_geometry": "scenes are MuJoCo's",
     "twin.show.render.shapes": "scenes are MuJoCo's",
     "twin.show.render.stage": "scenes are MuJoCo's",
 }
@@ -65,10 +63,6 @@ LAZY_BOTH_WAYS = {
 """Folders of which one names the other only for when it is asked, and why"""
 MOST_DOUBLED_FILES, MOST_DOUBLED_CLASSES = 25, 10
 """File names and public classes that stand at two places are fewer"""
-SHARED_COMMANDS = {
-    "factory.commands.generate": "finish and reference show what they made as it does",
-}
-"""Commands that others import, and why"""
 COMPUTED_IMPORTS = {
     "twin.lazy": "public names, by the places of each face",
     "twin.plugins": "kinds, by the places of each registry",
@@ -93,12 +87,12 @@ NAMES_ACTUATORS = {
     "twin.checks": "published positions",
     "twin.control": "energy of pumps and propellers, and a pilot for gliders",
     "twin.faults": "a fault is of one part",
-    "twin.physics.electric": "the load of a pump",
+    "twin.physics.condition": "the load of a pump",
     "twin.logs.energy_timeline": "what a pump moves by depth and direction",
     "twin.logs.energy_use": "a pump, drives and a propeller take unlike shares",
-    "twin.commands.energy": "the same in words",
+    "twin.commands.flight": "the same in words",
     "twin.show.figures.logged_dive": "signals of logs",
-    "twin.show.check_page": "a battery's and a pump's panels beside a log",
+    "twin.show.identification": "a battery's and a pump's panels beside a log",
     "factory.importing": "formats of real vehicles' logs",
     "factory.exporting": "names in export formats",
     "factory.sampling": "what is drawn for a glider",
@@ -290,7 +284,7 @@ def below_the_faces(module: str) -> list[str]:
     """What a command imports that is below a public face.
 
     Not below one are what all commands share and what stands beside the face of its own package,
-    `TOP_LEVEL`. No command imports another one but those of `SHARED_COMMANDS`.
+    `TOP_LEVEL`. No command imports another one.
     """
     package = module.partition(".")[0]
     own = {f"{package}.{name}" for name in TOP_LEVEL[package]}
@@ -298,7 +292,7 @@ def below_the_faces(module: str) -> list[str]:
         other
         for other in imported(module)
         if modules()[other].name != "__init__.py"
-        and other not in ("twin.errors", "twin.version", *own, *SHARED_COMMANDS)
+        and other not in ("twin.errors", "twin.version", *own)
         and not other.startswith("twin.cli.")
     )
 
@@ -311,7 +305,7 @@ def test_commands_call_public_faces_and_nothing_below(package: str) -> None:
 
 
 def test_what_is_below_a_face_is_noticed() -> None:
-    assert below_the_faces("twin.show.check_page")
+    assert below_the_faces("twin.show.identification")
     assert "factory.generation.executors" in below_the_faces("factory.store_check")
 
 

@@ -1,8 +1,13 @@
-"""Trees: folders compared byte for byte."""
+"""Trees: folders compared byte for byte, and modules written for a test."""
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
+import uuid
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -25,3 +30,22 @@ def keep_compiled(package: Path) -> None:
     root = cache_root()
     if root is not None:
         shutil.copytree(root, package / "__pycache__" / "compiled")
+
+
+def own_module(folder: Path, text: str) -> Callable[..., str]:
+    """A module of this text, older than any process; runs "from it import WORDS" and prints."""
+    name = f"module_{uuid.uuid4().hex}"
+    module = folder / f"{name}.py"
+    module.write_text(text)
+    os.utime(module, (1e9, 1e9))  # what was written after the process began is not kept
+    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+
+    def run(words: str, **environment: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", f"from {name} import {words}"],
+            env={**os.environ, "PYTHONPATH": path, **environment},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        return done.stdout.strip()
+
+    return run

@@ -44,19 +44,19 @@ if TYPE_CHECKING:
     from twin.mission.shipped_missions import load_mission as load_mission
     from twin.mission.shipped_missions import mission_names as mission_names
     from twin.navigation.settings import Navigation as Navigation
-    from twin.physics.ballast import out_of_trim as out_of_trim
-    from twin.physics.remarks import remarks as remarks
+    from twin.physics.fleet import SteppedVehicle as SteppedVehicle
+    from twin.physics.outcome import remarks as remarks
     from twin.physics.scenario import Scenario as Scenario
     from twin.physics.scenario import Start as Start
     from twin.physics.settle import trim as trim
     from twin.physics.simulation import Simulation as Simulation
     from twin.physics.simulation import simulate_many as simulate_many
-    from twin.physics.stepped_vehicle import SteppedVehicle as SteppedVehicle
+    from twin.physics.start import out_of_trim as out_of_trim
     from twin.records.store import open_store as open_store
+    from twin.records.store import open_trajectory as open_trajectory
     from twin.records.timeseries import resample as resample
     from twin.records.timeseries import timeseries as timeseries
     from twin.records.trajectory import Trajectory as Trajectory
-    from twin.records.trajectory_file import open_trajectory as open_trajectory
     from twin.sensors.suite import SensorSuite as SensorSuite
     from twin.show.figures.base import figure as figure
     from twin.show.figures.base import figure_names as figure_names

@@ -11,7 +11,7 @@ PROGRAM = Program(
         "twin.commands",
         {
             "vehicles": (
-                "Vehicles",
+                "twin.commands.trim:Vehicles",
                 "those that are shipped, how fast they glide, where their numbers are from",
             ),
             "trim": ("TrimVehicle", "steady glide or spiral of fixed actuator positions"),
@@ -26,7 +26,7 @@ PROGRAM = Program(
                 "parameters of a vehicle from its own logs; a new vehicle file",
             ),
             "energy": (
-                "AccountEnergy",
+                "twin.commands.flight:AccountEnergy",
                 "where the counted charge goes: electronics, moves, payload; days left",
             ),
             "flight": (
@@ -34,10 +34,13 @@ PROGRAM = Program(
                 "speed, vertical water velocity, currents and corrected tracks of logs",
             ),
             "compile": (
-                "CompileVehicles",
+                "twin.commands.machine:CompileVehicles",
                 "the code of the shipped vehicles, once for all flights",
             ),
-            "bench": ("Bench", "cost of the physics, side by side in one run"),
+            "bench": (
+                "twin.commands.machine:Bench",
+                "cost of the physics, side by side in one run",
+            ),
             "render": (
                 "Render",
                 "picture, video or offline page of a stored mission, without a screen",
@@ -51,7 +54,7 @@ PROGRAM = Program(
                 "figures of a stored mission: track, section, velocities, sensors, current",
             ),
             "version": (
-                "Version",
+                "twin.commands.machine:Version",
                 "versions of this package and of the libraries that can change a result",
             ),
             "watch": (

@@ -12,6 +12,7 @@ import contextlib
 import errno
 import gzip
 import io
+import itertools
 import json
 import math
 import os
@@ -30,30 +31,22 @@ from twin.errors import InputError, OddFile
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_TEXT = 64 * 2**20
-"""[byte] of a text file with a table: a million rows of sixty characters"""
-MOST_SETTINGS = 256 * 2**10
-"""[byte] of a file of settings that a person writes (TOML, YAML); a hundred times a usual one"""
+MOST_TEXT, MOST_SETTINGS = 64 * 2**20, 256 * 2**10
+"""[byte] of a text file with a table, a million rows of sixty characters; and of a file of settings
+that a person writes (TOML, YAML), a hundred times a usual one"""
 MOST_LINE = 2000
 """Characters of a line of settings: a key of thousands of parts takes its square in time"""
-MOST_RATIO = 300
-"""Bytes that an array file may declare per byte that it has. Real stores and logs have 2 to 30,
-and no row of measurements comes near."""
-LONGEST_NAME = 255
-"""Characters of a file's name"""
-MOST_STEM = 100
-"""Characters of a file's name that come from a text of somebody else"""
+LONGEST_NAME, MOST_STEM = 255, 100
+"""Characters of a file's name, and of one that comes from a text of somebody else"""
 MOST_WAYS = 10**8
 """Ways in which the repeats of a pattern may share a name: a second or two"""
-FREE_BYTES = 256 * 2**20
-"""[byte] that any file may declare, however small it is"""
-MOST_UNPACKED = 50
-"""Bytes that a log of somebody else may unpack to per byte that it has. Tables, recordings and
-compressed arrays of vehicles have 2 to 10, many columns of missing values forty."""
-UNPACKED_BYTES = 2**25
-"""[byte] that any log may unpack to, however small it is: read, they take up to twenty times as
-much memory"""
-
+MOST_RATIO, FREE_BYTES = 300, 256 * 2**20
+"""Bytes that an array file may declare per byte that it has, and that any file may, however small.
+Real stores and logs have 2 to 30, and no row of measurements comes near."""
+MOST_UNPACKED, UNPACKED_BYTES = 50, 2**25
+"""Bytes that a log of somebody else may unpack to per byte that it has, and that any log may,
+however small: read, they take up to twenty times as much memory. Tables, recordings and compressed
+arrays of vehicles have 2 to 10, many columns of missing values forty."""
 
 _KINDS = {
     stat.S_IFIFO: "a named pipe",
@@ -141,9 +134,9 @@ def read_toml(
       hint: ends the message of a text without a single = or [, which is another kind of file.
     """
     text = read_text(path, what, error, most=MOST_SETTINGS)
-    long = next((k for k, line in enumerate(text.split("\n"), 1) if len(line) > MOST_LINE), 0)
-    if long:
-        raise error(f"{what} {path}: line {long} has more than {MOST_LINE} characters; break it")
+    for k, line in enumerate(text.split("\n"), 1):
+        if len(line) > MOST_LINE:
+            raise error(f"{what} {path}: line {k} has more than {MOST_LINE} characters; break it")
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -214,10 +207,9 @@ def file_names(texts: Iterable[str], instead: str, marks: str = "-_.") -> dict[s
     taken: set[str] = set()
     for text in dict.fromkeys(texts):
         name = plain = re.sub(f"[^{kept}]+", marks[0], text)[:MOST_STEM].strip(marks) or instead
-        number = 1
+        numbers = itertools.count(2)
         while name.lower() in taken:
-            number += 1
-            name = f"{plain}{marks[0]}{number}"
+            name = f"{plain}{marks[0]}{next(numbers)}"
         taken.add(name.lower())
         found[text] = name
     return found
@@ -260,12 +252,11 @@ def check_unpacked(unpacked: float, stored: int, what: str) -> None:
 
 
 def unpacked_file(path: Path) -> io.BufferedReader:
-    """Content of a gzip file.
+    """Content of a gzip file, which is closed with the reader.
 
     Reading raises InputError as `check_unpacked`, and EOFError, OSError or zlib.error where the
     file is cut off or damaged.
     """
-    # closed with the reader that has it
     return io.BufferedReader(_Counted(gzip.open(path, "rb"), path.stat().st_size, str(path)))
 
 
@@ -301,21 +292,17 @@ def check_dataset(
     Args:
       path: of its file or local folder, or what tells the size [byte] of all its files.
     """
-    declared = sum(
-        max(variable.nbytes, _chunk_size(variable)) for variable in dataset.variables.values()
-    )
+    declared = 0.0
+    for variable in dataset.variables.values():  # a chunk is read whole, however little is wanted
+        sizes = [variable.encoding.get(name) for name in ("chunks", "chunksizes", "shards")]
+        chunk = max((math.prod(one) for one in sizes if one), default=0)
+        declared += max(variable.nbytes, variable.dtype.itemsize * chunk)
     if declared <= FREE_BYTES:
         return
     if callable(path):
         check_declared(declared, path(), what, error)
     elif Path(path).exists():
         check_declared(declared, stored_size(Path(path)), what, error)
-
-
-def _chunk_size(variable: xr.Variable) -> float:
-    """[byte] of a chunk, which is read whole however little of it is wanted; 0 without chunks."""
-    sizes = [variable.encoding.get(name) for name in ("chunks", "chunksizes", "shards")]
-    return variable.dtype.itemsize * max((math.prod(s) for s in sizes if s), default=0)
 
 
 def check_archive(content: Path | bytes, what: str, error: type[InputError] = InputError) -> None:

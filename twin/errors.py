@@ -16,6 +16,10 @@ from typing import Any
 
 CLOSE = 0.6
 """Likeness of two spellings of which one may be meant by the other; 1 is equal"""
+MOST_LETTERS = 1200
+"""Characters of a message; the longest list of allowed names has some less"""
+MOST_NAMES, NEAREST = 45, 6
+"""Names that a message lists in full, and that it lists of more"""
 
 
 def nearest(name: str, names: Iterable[str], *, close: float = CLOSE) -> str | None:
@@ -115,9 +119,7 @@ class SimulationUnstable(TwinError):
 
     def __init__(self, message: str, *, mission: int, time_s: float, partial: Any = None):
         super().__init__(message)
-        self.mission = mission
-        self.time_s = time_s
-        self.partial = partial
+        self.mission, self.time_s, self.partial = mission, time_s, partial
 
 
 class StepTooLong(InputError, SimulationUnstable):
@@ -158,17 +160,8 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
     names = sorted(allowed)
     near = nearest(name, names, close=0.5)
     hint = f": did you mean {near!r}?" if near else ""
+    listed = ", ".join(names)
     if len(names) > MOST_NAMES:  # a wall of names hides the hint
         alike = difflib.get_close_matches(str(name), names, n=NEAREST, cutoff=0.0)
         listed = f"{', '.join(alike)} and {len(names) - NEAREST} others"
-    else:
-        listed = ", ".join(names)
     return f"unknown {kind} {name!r}{hint} (allowed: {listed})"
-
-
-MOST_LETTERS = 1200
-"""Characters of a message; the longest list of allowed names has some less"""
-MOST_NAMES = 45
-"""Names that a message lists in full"""
-NEAREST = 6
-"""Names that it lists of more than that"""

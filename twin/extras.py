@@ -23,10 +23,9 @@ from pathlib import Path
 from twin.errors import InputError
 from twin.plugins import installation
 
-_LIBRARY = Path("_C") / "libtriton.so"
-_MESA_LLVM = "libLLVM"
 _LOADED = Path("/proc/self/maps")
 """Where Linux lists the libraries of this process"""
+AGAIN = "pip install --force-reinstall --no-deps glider-twin"
 
 
 @functools.cache
@@ -36,25 +35,18 @@ def preload_triton() -> None:
         return
     spec = importlib.util.find_spec("triton")  # finds it, does not import it
     for folder in (spec and spec.submodule_search_locations) or ():
-        library = Path(folder) / _LIBRARY
+        library = Path(folder) / "_C" / "libtriton.so"
         if library.is_file():
+            mode = os.RTLD_NOW | os.RTLD_LOCAL
+            # With its own symbols first if somebody else has already opened OpenGL; not always:
+            # it would miss an allocator that the user preloads.
+            with contextlib.suppress(OSError):
+                if "libLLVM" in _LOADED.read_text(errors="replace"):
+                    mode |= os.RTLD_DEEPBIND
             # A library that does not load is torch's business, not that of somebody who draws.
             with contextlib.suppress(OSError):
-                ctypes.CDLL(str(library), mode=_mode())
+                ctypes.CDLL(str(library), mode=mode)
             return
-
-
-def _mode() -> int:
-    """Ordinary, or with triton's own symbols first if somebody else has already opened OpenGL."""
-    try:
-        too_late = _MESA_LLVM in _LOADED.read_text(errors="replace")
-    except OSError:
-        too_late = False
-    # Not always: with its own symbols first it would miss an allocator that the user preloads.
-    return os.RTLD_NOW | os.RTLD_LOCAL | (os.RTLD_DEEPBIND if too_late else 0)
-
-
-AGAIN = "pip install --force-reinstall --no-deps glider-twin"
 
 
 def require(package: str, *, extra: str, purpose: str, load: bool = True, then: str = "") -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,13 +19,11 @@ from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
 from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation
-from twin.physics.ballast import weighed
-from twin.physics.condition import BODY, INSTRUMENTS, differs, healthy
-from twin.physics.electric import electric_signals
-from twin.physics.lookup_tables import floor_table
+from twin.physics.condition import BODY, INSTRUMENTS, differs, electric_signals, healthy
+from twin.physics.model_block import floor_table
 from twin.physics.scenario import SAMPLE_PERIOD, Scenario, Start
 from twin.physics.simulation import simulate as fly
-from twin.physics.start import parse_place
+from twin.physics.start import parse_place, weighed
 from twin.records.attributes import SENSOR_SUITE
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle
@@ -38,6 +37,8 @@ if TYPE_CHECKING:
     from twin.sensors import SensorSuite
 
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
+_FAULTS = 0xFA17
+"""Of the stream of what faulty sensors and batteries draw"""
 
 
 def simulate(
@@ -112,18 +113,15 @@ def simulate(
     given = dict(locals())
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r}: give a function of an Observation")
+    own = seed != 0 or bottom_depth is not None
     if scenario is None:
         if mission is not None and controller is not None:
             raise InputError("give a mission or a controller, not both: each gives the commands")
-        scenario = scenario_of(
-            **{name: given[name] for name in given.keys() & _OF_A_SCENARIO},
-            commanded=controller is not None,
-        )
+        named = {name: given[name] for name in given.keys() & _OF_A_SCENARIO}
+        scenario = scenario_of(**named, commanded=controller is not None)
     else:
         _refuse_beside(scenario, given)
-        if isinstance(scenario.navigate, Navigation) and (
-            sensors is not None or seed != 0 or bottom_depth is not None
-        ):
+        if isinstance(scenario.navigate, Navigation) and (own or sensors is not None):
             raise InputError(
                 "the scenario is navigated and has its own sensors: leave sensors, seed and "
                 "bottom_depth out"
@@ -135,8 +133,8 @@ def simulate(
         scenario.mission.check(scenario.vehicle)
     if suite is None:
         _refuse_unseen(scenario)
-    if suite is None and (seed != 0 or bottom_depth is not None):
-        raise InputError("seed and bottom_depth are for the sensors: give sensors too")
+        if own:
+            raise InputError("seed and bottom_depth are for the sensors: give sensors too")
     if bottom_depth is not None and scenario.floor is not None:
         raise InputError(
             "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
@@ -201,12 +199,13 @@ def scenario_of(
             bottom_depth=bottom_depth,
         )
     flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(str(vehicle))
-    flown, ballast = weighed(
-        flown, ballast_at=ballast_at, mass=mass, compressibility=compressibility
-    )
+    given = {"ballast_at": ballast_at, "mass": mass, "compressibility": compressibility}
+    flown, ballast = weighed(flown, **given)
     floor = parse_floor(floor) if isinstance(floor, str) else floor
     if isinstance(mission, str | Path) or (mission is None and not commanded):
         mission = load_mission_for(flown, mission, above_floor=floor is not None)
+    words = [faults] if isinstance(faults, str) else faults
+    parsed = [parse_faults(word) if isinstance(word, str) else (word,) for word in words]
     scenario = Scenario(
         vehicle=flown,
         ballast=ballast,
@@ -217,7 +216,7 @@ def scenario_of(
         current=parse_current(current) if isinstance(current, str) else current,
         density=None if isinstance(density, str | Path) else density,
         floor=floor,
-        faults=_faults(faults),
+        faults=tuple(itertools.chain(*parsed)),
         origin=origin,
         engine=engine,
         hydrodynamics=hydrodynamics,
@@ -225,19 +224,7 @@ def scenario_of(
         integrator=integrator,
         sample_period=sample_period,
     )
-    if isinstance(density, str | Path):
-        scenario = in_water(scenario, str(density))
-    return scenario
-
-
-def _faults(given: str | Sequence[str | Fault]) -> tuple[Fault, ...]:
-    """Faults of texts and objects."""
-    words = [given] if isinstance(given, str) else list(given)
-    return tuple(
-        fault
-        for word in words
-        for fault in (parse_faults(word) if isinstance(word, str) else (word,))
-    )
+    return in_water(scenario, str(density)) if isinstance(density, str | Path) else scenario
 
 
 _OF_A_SCENARIO = inspect.signature(scenario_of).parameters.keys()
@@ -245,9 +232,14 @@ _OF_A_SCENARIO = inspect.signature(scenario_of).parameters.keys()
 
 
 def _named(trajectory: Trajectory, scenario: Scenario) -> Trajectory:
-    """The trajectory with what its scenario says of itself."""
-    provenance: dict[str, Any] = {**trajectory.provenance, **provenance_of(scenario)}
-    return dataclasses.replace(trajectory, provenance=provenance)
+    """The trajectory with the names of its vehicle and mission, and its whole scenario."""
+    plan = scenario.mission
+    said = {
+        "vehicle": scenario.vehicle.name,
+        "mission": plan.name if isinstance(plan, Mission) else "schedule" if plan else "controller",
+        "scenario": json.dumps(scenario.describe()),
+    }
+    return dataclasses.replace(trajectory, provenance={**trajectory.provenance, **said})
 
 
 def in_water(scenario: Scenario, density: str) -> Scenario:
@@ -286,12 +278,12 @@ def with_sensors(
 
     Of a navigated scenario its own sensors: what they measured under way stays as it is.
     """
+    under_way = {}
     if scenario.navigate is not None:
         assert isinstance(scenario.navigate, Navigation)
         suite, seed = scenario.navigate.suite, scenario.navigate.seed
         bottom_depth = scenario.navigate.bottom_depth
-    live = scenario.navigate is not None
-    under_way = {n: a for n, a in trajectory.signals.items() if live and n.startswith("measured_")}
+        under_way = {n: a for n, a in trajectory.signals.items() if n.startswith("measured_")}
     measured, drawn = _measure(suite, scenario, trajectory, seed, bottom_depth, under_way)
     if scenario.faults:
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_FAULTS,)))
@@ -313,10 +305,6 @@ def with_sensors(
     )
 
 
-_FAULTS = 0xFA17
-"""Of the stream of what faulty sensors and batteries draw"""
-
-
 def _refuse_unseen(scenario: Scenario) -> None:
     """Raise InputError for a fault that nothing of a flight without sensors shows."""
     for fault in scenario.faults:
@@ -328,16 +316,6 @@ def _refuse_unseen(scenario: Scenario) -> None:
                 f"fault {fault.kind} changes what the vehicle measures and takes, not how it "
                 "flies: give sensors too, such as field (--sensors field)"
             )
-
-
-def provenance_of(scenario: Scenario) -> dict[str, str]:
-    """What a trajectory says about its scenario: names of vehicle and mission, and all of it."""
-    plan = scenario.mission
-    return {
-        "vehicle": scenario.vehicle.name,
-        "mission": plan.name if isinstance(plan, Mission) else "schedule" if plan else "controller",
-        "scenario": json.dumps(scenario.describe()),
-    }
 
 
 def _refuse_beside(scenario: Scenario, given: dict[str, Any]) -> None:
@@ -377,10 +355,9 @@ def _measure(
     """The measured signals, of which some are known, and the constants that were drawn."""
     tree = np.random.SeedSequence(seed)
     drawn = suite.draw(tree)
-    current = scenario.current
-    if current is not None:
-        program = current.compile(float(trajectory.time[-1]), scenario.place)
-    floor = None
+    program = floor = None
+    if scenario.current is not None:
+        program = scenario.current.compile(float(trajectory.time[-1]), scenario.place)
     bottom: Any = bottom_depth
     if scenario.floor is not None:
         floor = floor_table(scenario, scenario.run_time())
@@ -397,7 +374,7 @@ def _measure(
         latitude=scenario.place.latitude_deg,
         longitude=scenario.place.longitude_deg,
         density=scenario.density,
-        current=None if current is None else program,
+        current=program,
         measured=known,
     )
     return measured, drawn

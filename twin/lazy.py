@@ -6,12 +6,16 @@ A package's face stays cheap to import, and a record can offer `plot()` without 
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from twin.errors import unknown_name
+
+_WRAPPED = re.compile(r"import \(\s*(\w+ as \w+),?\s*\)")
+"""An import of one name that is too long for a line"""
 
 
 def resolve(place: str) -> Any:
@@ -29,6 +33,7 @@ def places(package: str) -> dict[str, str]:
     """
     found = {}
     text = Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8")
+    text = _WRAPPED.sub(r"import \1", text)
     for line in text.splitlines():
         match line.split():
             case ["from", module, "import", name, "as", public, *_] if line.startswith(" "):

@@ -42,11 +42,8 @@ def line(x: Sequence[float], y: Sequence[float], label: str, *, down: bool = Fal
       down: y grows downwards, as depth does.
     """
     every = max(1, math.ceil(len(x) / POINTS))
-    points = [
-        (float(a), float(b))
-        for a, b in zip(x[::every], y[::every], strict=True)
-        if math.isfinite(a) and math.isfinite(b)
-    ]
+    pairs = zip(x[::every], y[::every], strict=True)
+    points = [(float(a), float(b)) for a, b in pairs if math.isfinite(a) and math.isfinite(b)]
     if len(points) < 2:
         return ""
     low, high = (f(b for _, b in points) for f in (min, max))
@@ -64,10 +61,8 @@ def spans(rows: Sequence[tuple[str, float, float]], label: str) -> str:
     step = HEIGHT / len(rows)
     drawn = f"<line x1='{WIDTH / 2}' x2='{WIDTH / 2}' y1='0' y2='{HEIGHT}' stroke='{GREY}'/>"
     for k, (name, value, deviation) in enumerate(rows):
-        left, middle, right = (
-            WIDTH / 2 + (WIDTH / 2 - EDGE) * one / reach
-            for one in (value - deviation, value, value + deviation)
-        )
+        ends = (value - deviation, value, value + deviation)
+        left, middle, right = (WIDTH / 2 + (WIDTH / 2 - EDGE) * one / reach for one in ends)
         y = (k + 0.5) * step
         drawn += (
             f"<g><title>{html.escape(name)}</title><line x1='{left:.1f}' x2='{right:.1f}' "

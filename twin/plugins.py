@@ -25,6 +25,10 @@ PLUGINS = "GLIDER_TWIN_PLUGINS"
 """Environment variable with the Python files of a user's own kinds."""
 PLUGIN_MODULE = "glider_twin_plugin_"
 """Start of the names under which those files are known as modules."""
+PROGRAMS = ("__main__", "__mp_main__")
+"""Names of the file that Python was started with, here and in its worker processes."""
+PLUGIN_FOLDER, OWN_PLUGINS = "plugins/", "glider-twin-"
+"""Start of the names of this project's plugins as folders of a clone, and as distributions"""
 
 _plugins_ran: set[str] = set()
 
@@ -63,10 +67,6 @@ def _run_plugin(path: Path) -> None:
         raise InputError(f"{path} ({PLUGINS}) fails: {type(error).__name__}: {error}") from error
 
 
-PROGRAMS = ("__main__", "__mp_main__")
-"""Names of the file that Python was started with, here and in its worker processes."""
-
-
 def imported(place: str) -> Any:
     """What stands at `module:attribute`."""
     module, _, attribute = place.partition(":")
@@ -101,12 +101,6 @@ def importable(kind: Any) -> bool:
         return importlib.util.find_spec(module) is not None
     except (ImportError, ValueError):
         return False
-
-
-PLUGIN_FOLDER = "plugins/"
-"""Start of the names of this project's plugins as folders of a clone"""
-OWN_PLUGINS = "glider-twin-"
-"""Start of the names of this project's plugins as distributions"""
 
 
 def installation(source: str) -> str:

@@ -20,21 +20,9 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
+from twin import plugins
 from twin.errors import InputError, TwinError, UnknownName
-from twin.plugins import (
-    PLUGIN_MODULE,
-    PLUGINS,
-    PROGRAMS,
-    from_plugin,
-    importable,
-    imported,
-    installation,
-    load_entry_point,
-    origin_of,
-    place_of,
-    run_plugins,
-    same_place,
-)
+from twin.plugins import PLUGIN_MODULE, PLUGINS, PROGRAMS, imported, place_of, run_plugins
 
 Kind = TypeVar("Kind")
 NAMES = re.compile(r"\w[\w-]*")
@@ -124,18 +112,25 @@ class Registry(Mapping[str, Kind]):
         before = self._registered.get(name)
         if before is kind or (name in self._places and self[name] is kind):
             return kind
-        if name in self._places or (before is not None and not same_place(before, kind)):
+        if name in self._places or (before is not None and not plugins.same_place(before, kind)):
             raise self._error(f"{self.noun} {name!r} exists already: choose another name")
-        self._registered[name] = kind  # the check may look it up by its name
         try:
-            self._registered[name] = self.check(name, kind)
+            self._check_among(self._registered, name, kind)
         except BaseException:
-            del self._registered[name]
             if before is not None:
                 self._registered[name] = before
             raise
         self._changed()
         return kind
+
+    def _check_among(self, kinds: dict[str, Kind], name: str, kind: Any) -> None:
+        """Keep a kind among `kinds` when it is whole; its check may look it up by its name."""
+        kinds[name] = kind
+        try:
+            kinds[name] = self.check(name, kind)
+        except BaseException:
+            del kinds[name]
+            raise
 
     def unregister(self, name: str) -> None:
         """Forget a kind that `register` added; raises UnknownName when there is none."""
@@ -182,6 +177,11 @@ class Registry(Mapping[str, Kind]):
         self[name]
         return zlib.crc32(name.encode())
 
+    def kernels(self, attribute: str) -> dict[int, Any]:
+        """Compiled functions that kinds have in an attribute, by code; without None."""
+        found = {self.code(name): getattr(kind, attribute) for name, kind in self.items()}
+        return {code: kernel for code, kernel in found.items() if kernel is not None}
+
     def loaded(self) -> tuple[Kind, ...]:
         """The kinds that have been used or registered so far."""
         return (*self._loaded.values(), *self._registered.values())
@@ -189,7 +189,9 @@ class Registry(Mapping[str, Kind]):
     def registered(self) -> dict[str, Kind]:
         """Kinds that another process has to be told of: those that neither a file named by
         `GLIDER_TWIN_PLUGINS` nor an entry point registers there as well."""
-        return {name: kind for name, kind in self._registered.items() if not from_plugin(kind)}
+        return {
+            name: kind for name, kind in self._registered.items() if not plugins.from_plugin(kind)
+        }
 
     def adopt(self, kinds: Mapping[str, Any]) -> None:
         """In another process: register what `registered` gave in the first one."""
@@ -205,7 +207,7 @@ class Registry(Mapping[str, Kind]):
           InputError: it is not found by its module's name, as one in a notebook.
         """
         kind = self.registered().get(name)
-        if kind is not None and not importable(kind):
+        if kind is not None and not plugins.importable(kind):
             raise InputError(
                 f"{self.noun} {name!r} ({place_of(kind)}) cannot be imported by another process: "
                 f"put it at the top of a file and name the file in {PLUGINS}, or use 1 worker"
@@ -235,7 +237,7 @@ class Registry(Mapping[str, Kind]):
 
     def source(self, name: str) -> str:
         """Which plugin of this project brings a kind that is not here, in words."""
-        return f"comes with a plugin: {installation(self._apart[name])}"
+        return f"comes with a plugin: {plugins.installation(self._apart[name])}"
 
     def shipped(self) -> tuple[str, ...]:
         """Names of the kinds that come with the package."""
@@ -253,18 +255,15 @@ class Registry(Mapping[str, Kind]):
             if name in self._places:
                 kind = imported(self._places[name])
             elif name in self._offered:
-                kind = load_entry_point(self._offered[name], f"{self.noun} {name!r}")
+                kind = plugins.load_entry_point(self._offered[name], f"{self.noun} {name!r}")
                 if name in self._registered:  # its module has registered it
                     return self._registered[name]
             else:
                 raise self.unknown(name)
-            self._loaded[name] = kind  # the check may look it up by its name
             if self._check_shipped or name not in self._places:
-                try:
-                    self._loaded[name] = self.check(name, kind)
-                except BaseException:
-                    del self._loaded[name]
-                    raise
+                self._check_among(self._loaded, name, kind)
+            else:
+                self._loaded[name] = kind
             if name not in self._places:
                 self._changed()
         return self._loaded[name]
@@ -287,9 +286,9 @@ class Registry(Mapping[str, Kind]):
         for group in self._groups:
             for point in importlib.metadata.entry_points(group=group):
                 if point.name in self._places:
+                    offer = f"{plugins.origin_of(point)} offers a {self.noun} named {point.name!r}"
                     raise InputError(
-                        f"{origin_of(point)} offers a {self.noun} named {point.name!r}, which the "
-                        "package has already: rename its entry point"
+                        f"{offer}, which the package has already: rename its entry point"
                     )
                 found.setdefault(point.name, point)
         return found

@@ -1,4 +1,4 @@
-"""`factory generate`: randomised missions into one store."""
+"""`factory generate`, `reference`, `finish`, `distributions`: randomised missions in a store."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.durations import Hours
-from twin.cli.endings import interruption
-from twin.cli.options import EngineOption, StoreArgument
+from twin.cli.options import EngineOption, Hours, StoreArgument
+from twin.cli.program import interruption
+from twin.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from factory.generation import StorePart, Summary, Watcher
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE = "faulty", "faulty-satellite"
 """Presets of deployments; the first begins both names"""
 DEFAULT_OUT = Path("data/missions.zarr")
+MOST_NAMED = 8
+"""Arrays of a reference set that are named when more than so many differ."""
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 
@@ -82,17 +86,26 @@ class Generate(EngineOption, JsonOption):
     def run(self, console: Console) -> int:
         """Generate, with progress, and summarise."""
         import_numpy_with_one_thread()
-        from factory.generation import parse_part, slurm_part
+        from factory.generation import dask_executor, generate, parse_part, slurm_part
 
         if self.preset.startswith(DEPLOYMENTS):
             return self._deployments(console)
         part = slurm_part() if self.shard is None else parse_part(self.shard)
         recipe = self._recipe()
         history = shlex.join([console.prog, *sys.argv[1:]])
+        names = ("workers", "resume", "overwrite")
+        how: dict[str, Any] = {name: getattr(self, name) for name in names}
         try:
             if part is not None:
                 return self._part(recipe, part, history, console)
-            summary = self._all(recipe, history, console)
+            with contextlib.ExitStack() as stack:
+                executor = None
+                if self.scheduler is not None:
+                    executor = stack.enter_context(dask_executor(self.scheduler))
+                watch = stack.enter_context(watching(recipe.plan.hours, console))
+                summary = generate(
+                    recipe, self.out, executor=executor, history=history, watch=watch, **how
+                )
         except (KeyboardInterrupt, SystemError) as error:
             if interruption(error) is None:
                 raise
@@ -108,7 +121,6 @@ class Generate(EngineOption, JsonOption):
     def _deployments(self, console: Console) -> int:
         """Deployments of many dives, half of them with a fault."""
         from factory.facade import make_deployments
-        from twin.errors import InputError
 
         for name in ("set", "config", "sensors", "current", "shard", "resume", "scheduler"):
             if getattr(self, name):
@@ -118,17 +130,10 @@ class Generate(EngineOption, JsonOption):
                 )
         if not isinstance(self.out, Path):
             raise InputError(f"preset {self.preset} is written into a folder, not to {self.out}")
+        names = ("vehicle", "preset", "hours", "seed", "workers", "overwrite")
+        given = {name: getattr(self, name) for name in names}
         with watching(240.0 if self.hours is None else self.hours, console) as watch:
-            made = make_deployments(
-                self.out,
-                vehicle=self.vehicle,
-                preset=self.preset,
-                hours=self.hours,
-                seed=self.seed,
-                workers=self.workers,
-                overwrite=self.overwrite,
-                watch=lambda hours: watch(hours, 0),
-            )
+            made = make_deployments(self.out, **given, watch=lambda hours: watch(hours, 0))
         console.answer(
             out=made.store, preset=self.preset, seed=self.seed, deployments=made.deployments,
             faulty=made.faulty, dives=made.dives, days=made.days,
@@ -144,28 +149,8 @@ class Generate(EngineOption, JsonOption):
         )
         return 0
 
-    def _all(self, recipe: Recipe, history: str, console: Console) -> Summary:
-        from factory.generation import dask_executor, generate
-
-        with contextlib.ExitStack() as stack:
-            executor = None
-            if self.scheduler is not None:
-                executor = stack.enter_context(dask_executor(self.scheduler))
-            watch = stack.enter_context(watching(recipe.plan.hours, console))
-            return generate(
-                recipe,
-                self.out,
-                workers=self.workers,
-                executor=executor,
-                resume=self.resume,
-                overwrite=self.overwrite,
-                history=history,
-                watch=watch,
-            )
-
     def _part(self, recipe: Recipe, part: StorePart, history: str, console: Console) -> int:
         from factory.generation import generate_part, hours_of
-        from twin.errors import InputError
 
         for name in ("overwrite", "workers", "scheduler"):
             if getattr(self, name):
@@ -186,7 +171,6 @@ class Generate(EngineOption, JsonOption):
 
     def _recipe(self) -> Recipe:
         from factory.sampling import PRESETS, check_room, make_recipe, read_changes
-        from twin.errors import InputError, unknown_name
 
         if self.preset not in PRESETS:
             presets = [*PRESETS, DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE]
@@ -194,49 +178,183 @@ class Generate(EngineOption, JsonOption):
         # what is to be resumed may be nearly complete; an object storage has room
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
             check_room(self.hours, self.out)
-        return make_recipe(
-            preset=self.preset,
-            hours=self.hours,
-            seed=self.seed,
-            changes=read_changes(self.config, self.set),
-            vehicle=self.vehicle,
-            sensors=self.sensors,
-            current=self.current,
-            engine=self.engine,
+        names = ("preset", "hours", "seed", "vehicle", "sensors", "current", "engine")
+        given = {name: getattr(self, name) for name in names}
+        return make_recipe(changes=read_changes(self.config, self.set), **given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WriteReference(JsonOption):
+    """Make the reference set of 200 h and compare every array with its checksum, so that results of
+    different groups are results on the same data. Exit code 1 when an array differs.
+
+    Example:
+
+        factory reference --out data/reference.zarr
+    """
+
+    name: str = "field-200h"
+    """which set: field-200h, or field-2h to try"""
+    out: Path = Path("data/reference.zarr")
+    """the store"""
+    compare: bool = False
+    """compare an existing store without flying"""
+    workers: int | None = None
+    """processes [default: the CPUs that this process may use]"""
+    resume: bool = False
+    """complete a store that an earlier run left incomplete"""
+    overwrite: bool = False
+    """replace an existing store, once the new one is complete"""
+
+    def run(self, console: Console) -> int:
+        """Generate, compare, and say what differs."""
+        import_numpy_with_one_thread()
+        from factory.generation import generate
+        from factory.sampling import make_recipe, reference_set
+        from twin import load_vehicle
+        from twin.records.storage import array_checksums
+
+        wanted = reference_set(self.name)
+        if self.compare and (self.overwrite or self.resume or self.workers is not None):
+            raise InputError(
+                "--compare does not fly: leave out --workers, --resume and --overwrite"
+            )
+        physics = load_vehicle().physics_version
+        if wanted.physics != physics:
+            raise InputError(
+                f"the checksums of {wanted.name} are of physics {wanted.physics}, this is physics "
+                f"{physics}: install the version of glider-twin that has them"
+            )
+        if not self.compare:
+            recipe = make_recipe(preset=wanted.preset, hours=wanted.hours, seed=wanted.seed)
+            names = ("workers", "resume", "overwrite")
+            how: dict[str, Any] = {name: getattr(self, name) for name in names}
+            history = f"factory reference --name {wanted.name}"
+            with watching(recipe.plan.hours, console) as watch:
+                summary = generate(recipe, self.out, history=history, watch=watch, **how)
+            show_summary(recipe, summary, console)
+        elif not self.out.exists():
+            raise InputError(f"{self.out} is not there: leave --compare out to make it")
+        wrong = wanted.differences(array_checksums(self.out))
+        console.answer(reference=wanted.name, arrays=len(wanted.arrays), differences=wrong)
+        if not wrong:
+            console.say(f"{self.out} is {wanted.name}: {len(wanted.arrays)} arrays, all as listed")
+            return 0
+        named = list(wrong.items())[:MOST_NAMED]
+        more = f" and {len(wrong) - len(named)} more" if len(wrong) > len(named) else ""
+        listing = ", ".join(f"{name} {what}" for name, what in named)
+        console.item(
+            f"{self.out} is NOT {wanted.name}, {len(wrong)} of {len(wanted.arrays)} arrays: "
+            f"{listing}{more}"
         )
+        console.item(
+            "The lists are of x86_64 and the library versions of constraints.txt; `factory info` "
+            "names what a store was made with."
+        )
+        return 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finish(JsonOption):
+    """Complete a store that `factory generate --shard` made in parts: the same bytes as those of a
+    single run. Lists missing parts as Slurm's --array takes them.
+
+    Example:
+
+        factory finish big.zarr
+    """
+
+    store: Annotated[StoreArgument, tyro.conf.Positional]
+    """the store"""
+
+    def run(self, console: Console) -> int:
+        """Finish and summarise."""
+        import_numpy_with_one_thread()
+        from factory.generation import finish
+
+        summary, recipe = finish(self.store)
+        show_summary(recipe, summary, console)
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distributions(JsonOption):
+    """Every parameter with its distribution, unit and reason.
+
+    Examples:
+
+        factory distributions --preset field
+        factory distributions --set mission.pitch_deg="uniform(15,35)"
+    """
+
+    preset: Literal["paper", "field", "family", "paper-test"] = "paper"
+    """whose distributions to show"""
+    set: tuple[str, ...] = ()
+    """replacements to apply first, as in `factory generate`"""
+    vehicle: str = "glider"
+    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
+    config: Path | None = None
+    """TOML file with replacements"""
+
+    def run(self, console: Console) -> int:
+        """Print the table."""
+        from factory.sampling import PRESETS, override, parameter_table, read_changes
+        from twin import load_vehicle
+
+        changes = read_changes(self.config, self.set)
+        table = parameter_table(load_vehicle(self.vehicle))
+        drawn = override(PRESETS[self.preset].distributions(table), changes)
+        texts = {name: distribution.text() for name, distribution in drawn.items()}
+        console.table(
+            [
+                {
+                    "parameter": name,
+                    "distribution": text,
+                    "unit": table[name].unit,
+                    "what": table[name].long_name,
+                    "why": table[name].why,
+                }
+                for name, text in texts.items()
+            ]
+        )
+        console.answer(preset=self.preset, vehicle=self.vehicle, distributions=texts)
+        return 0
 
 
 def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
     """What a run did, as a table and as JSON."""
     from twin.physics import ENGINES
+    from twin.records import SPLITS
 
-    raw = recipe.float32_bytes
+    raw, size = recipe.float32_bytes, summary.stored_bytes
+    engine = {} if recipe.engine == ENGINES[0] else {"engine": recipe.engine}
     console.answer(
         out=summary.store,
         preset=recipe.preset,
         seed=recipe.seed,
-        **({} if recipe.engine == ENGINES[0] else {"engine": recipe.engine}),
+        **engine,
         missions=summary.missions,
         hours=summary.hours,
         flown=summary.flown,
         failed=summary.failed,
         wall_s=summary.wall_s,
         times_real_time=summary.times_real_time,
-        stored_bytes=summary.stored_bytes,
+        stored_bytes=size,
         float32_bytes=raw,
     )
+    counts = {name: recipe.plan.splits.count(i) for i, name in enumerate(SPLITS)}
+    splits = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    speed = f", {summary.times_real_time:,.0f} times real time" if summary.flown else ""
     console.pairs(
         {
             "store": str(summary.store),
-            **({} if recipe.engine == ENGINES[0] else {"engine": recipe.engine}),
-            "missions": f"{summary.missions} ({_splits(recipe)})",
+            **engine,
+            "missions": f"{summary.missions} ({splits})",
             "simulated": f"{summary.hours:.4g} h",
             "failed and replaced": summary.failed,
-            "time": f"{summary.wall_s:.1f} s"
-            + (f", {summary.times_real_time:,.0f} times real time" if summary.flown else ""),
-            "size": f"{summary.stored_bytes / 1e6:.1f} MB, "
-            f"{summary.stored_bytes / 1e6 / summary.hours:.2f} MB per simulated hour, "
-            f"{100 * summary.stored_bytes / raw:.0f} % of float32 uncompressed",
+            "time": f"{summary.wall_s:.1f} s{speed}",
+            "size": f"{size / 1e6:.1f} MB, {size / 1e6 / summary.hours:.2f} MB per simulated hour, "
+            f"{100 * size / raw:.0f} % of float32 uncompressed",
         },
         title=f"preset {recipe.preset}, seed {recipe.seed}",
     )
@@ -268,10 +386,3 @@ def import_numpy_with_one_thread() -> None:
         import numpy  # noqa: F401
     finally:
         del os.environ[BLAS_THREADS]
-
-
-def _splits(recipe: Recipe) -> str:
-    from twin.records import SPLITS
-
-    counts = [recipe.plan.splits.count(i) for i in range(len(SPLITS))]
-    return ", ".join(f"{n} {name}" for n, name in zip(counts, SPLITS, strict=True) if n)

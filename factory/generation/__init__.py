@@ -21,5 +21,6 @@ if TYPE_CHECKING:
     from factory.generation.parts import hours_of as hours_of
     from factory.generation.parts import parse_part as parse_part
     from factory.generation.parts import slurm_part as slurm_part
+    from factory.generation.target import unfinished as unfinished
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.attempts import FlownMission
-from factory.sampling.distribution import Choice, Fixed, Value
-from factory.sampling.mission_water import mission_place
-from factory.sampling.profiles import kinds_for
-from factory.sampling.recipe import Recipe
+from factory.sampling.distribution import Choice, Fixed
+from factory.sampling.mission_kinds import kinds_for
 from twin.records import attributes as names
 from twin.records.coordinates import ATTRIBUTES, PLACE, place_arrays
-from twin.records.schema import MISSION
 from twin.records.storage.sharded import flag_attributes
+
+if TYPE_CHECKING:
+    from factory.sampling.draw import Parameters
+    from factory.sampling.recipe import Recipe
 
 UNUSED_CODE = -1
 """Stands in integer parameters where NaN stands in the others."""
@@ -33,6 +33,31 @@ SEGMENT = "segment"
 """Dimension of the parameters that are drawn for every segment."""
 
 
+class FailedAttempt(NamedTuple):
+    """An attempt that had to be replaced, as JSON lists and the arrays of a store have it."""
+
+    mission: int
+    attempt: int
+    reason: str
+    time_s: float | None
+    """[s] when the simulation left the finite numbers; None: it never started"""
+
+
+class FlownMission(NamedTuple):
+    """One mission as it was made."""
+
+    mission: int
+    attempt: int
+    """the attempt that succeeded, from 0"""
+    samples: int
+    parameters: Parameters
+    place: Mapping[str, float | str]
+    """where and when it began, as a trajectory's provenance says it"""
+    sensors: Mapping[str, float]
+    """the sensors' constants"""
+    failures: tuple[FailedAttempt, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Column:
     """One array over missions."""
@@ -41,15 +66,9 @@ class Column:
     attributes: Mapping[str, Any]
     empty: float
     """what stands where there is nothing"""
-    dtype: str = "float64"
     usual: float | None = None
     """the array is left out when no mission has another value; None: it is always there"""
     per_segment: bool = False
-
-    @property
-    def dimensions(self) -> tuple[str, ...]:
-        """Names of its dimensions."""
-        return (MISSION, SEGMENT) if self.per_segment else (MISSION,)
 
     def says_something(self, values: NDArray[Any]) -> bool:
         """Whether one of these values has to be kept."""
@@ -61,17 +80,15 @@ class Column:
 
 def columns(recipe: Recipe) -> list[Column]:
     """Every array over missions that a store of the recipe can have, but for those of its plan."""
-    counted = {names.N_SAMPLES: "int32", names.ATTEMPT: "int16"}
+    counted = {name: names.OF_MISSIONS[name] for name in (names.N_SAMPLES, names.ATTEMPT)}
+    placed = {name: ATTRIBUTES[name] for name in PLACE}
     drawn = {
-        SENSOR_PREFIX + n: constant_attributes(n, unit)
-        for n, unit in recipe.suite.drawn_units().items()
+        SENSOR_PREFIX + name: constant_attributes(name, unit)
+        for name, unit in recipe.suite.drawn_units().items()
     }
     return [
-        *(
-            Column(name=n, attributes=names.OF_MISSIONS[n], dtype=kind, empty=0)
-            for n, kind in counted.items()
-        ),
-        *(Column(name=name, attributes=ATTRIBUTES[name], empty=np.nan) for name in PLACE),
+        *(Column(name=n, attributes=said, empty=0) for n, said in counted.items()),
+        *(Column(name=n, attributes=said, empty=np.nan) for n, said in placed.items()),
         *(_parameter_column(recipe, name) for name in _parameters(recipe)),
         *(Column(name=n, attributes=said, empty=0.0, usual=0.0) for n, said in drawn.items()),
     ]
@@ -89,8 +106,8 @@ def rows(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, NDArray[
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
     }
-    places = [mission_place(flown.parameters, recipe.given_current) for flown in missions]
-    made |= {name: values for name, (_, values, _) in place_arrays(places).items()}
+    places = place_arrays([flown.place for flown in missions])
+    made |= {name: values for name, (_, values, _) in places.items()}
     longest = max(len(flown.parameters.segments) for flown in missions)
     for name in _parameters(recipe):
         parameter, words = recipe.table[name], option_names(recipe, name)
@@ -102,7 +119,9 @@ def rows(recipe: Recipe, missions: Sequence[FlownMission]) -> dict[str, NDArray[
         empty, kind = (UNUSED_CODE, np.int8) if words else (np.nan, np.float64)
         values: NDArray[Any] = np.full((len(drawn), width), empty, kind)
         for i, row in enumerate(drawn):
-            values[i, : len(row)] = [_code(value, words) for value in row] if words else row
+            if words:
+                row = [UNUSED_CODE if isinstance(v, float) else words.index(v) for v in row]
+            values[i, : len(row)] = row
         made[parameter.variable] = values if parameter.per_segment else values[:, 0]
     for name in recipe.suite.drawn_units():
         values = np.array([flown.sensors.get(name, 0.0) for flown in missions])
@@ -121,16 +140,12 @@ def option_names(recipe: Recipe, name: str) -> tuple[str, ...]:
 
 
 def _parameters(recipe: Recipe) -> list[str]:
-    """Parameters that stores can have an array of."""
-
-    def is_word(name: str) -> bool:
-        distribution = recipe.distributions[name]
-        return isinstance(distribution, Fixed) and isinstance(distribution.value, str)
-
+    """Parameters that stores can have an array of: not those that are one word."""
+    fixed = {n: one.value for n, one in recipe.distributions.items() if isinstance(one, Fixed)}
     return [
         name
         for name in recipe.table
-        if name != LENGTH and (option_names(recipe, name) or not is_word(name))
+        if name != LENGTH and (option_names(recipe, name) or not isinstance(fixed.get(name), str))
     ]
 
 
@@ -149,16 +164,10 @@ def _parameter_column(recipe: Recipe, name: str) -> Column:
         attributes |= flag_attributes(parameter.long_name, words)
         del attributes["units"]
     fixed = distribution.value if isinstance(distribution, Fixed) else None
-    usual = fixed if isinstance(fixed, (int, float)) and not parameter.per_segment else np.nan
     return Column(
         name=parameter.variable,
         attributes=attributes,
-        dtype="int8" if words else "float64",
         empty=UNUSED_CODE if words else np.nan,
-        usual=usual,
+        usual=fixed if isinstance(fixed, float) and not parameter.per_segment else np.nan,
         per_segment=parameter.per_segment,
     )
-
-
-def _code(value: Value, words: Sequence[str]) -> int:
-    return words.index(value) if isinstance(value, str) else UNUSED_CODE

@@ -20,15 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.attempts import FailedAttempt
-from factory.generation.bookkeeping import SEGMENT, Column, columns
-from factory.generation.job import Job
-from factory.generation.shard import Marker, finished, read_marker
+from factory.generation.bookkeeping import SEGMENT, Column, FailedAttempt, columns
+from factory.generation.job import Job, finished, read_marker
 from factory.sampling.recipe import Recipe, sha256, versions
 from twin.errors import StoreError
-from twin.physics.scenario import SAMPLE_PERIOD
+from twin.physics.true_signals import SAMPLE_PERIOD
 from twin.records import attributes as names
-from twin.records.attributes import SPLITS
 from twin.records.coordinates import (
     ATTRIBUTES,
     COORDINATE_DTYPES,
@@ -38,10 +35,8 @@ from twin.records.coordinates import (
     PLACE,
 )
 from twin.records.schema import MISSION, TIME, VARIABLES
-from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import BESIDE, DTYPE, ArrayMeta, ShardedStore, flag_attributes
-from twin.records.storage.store_path import StorePath
-from twin.records.storage.stored_files import FileSum
+from twin.records.storage.store_path import FileSum, StorePath, files_at
 from twin.version import __version__
 
 RECIPE_COPY = "recipe"
@@ -53,7 +48,7 @@ FAILED_TIME, FAILED_REASON = "failure_time", "failure_reason"
 PLANNED: Mapping[str, Mapping[str, Any]] = {
     SEGMENT: {"long_name": "place of a segment in its mission"},
     names.SPLIT: {
-        **flag_attributes("part of the data set", SPLITS),
+        **flag_attributes("part of the data set", names.SPLITS),
         "comment": "missions are split, never samples",
     },
 }
@@ -73,16 +68,16 @@ Part = tuple[str, int, NDArray[Any], ArrayMeta]
 """Name of an array, number and values of a chunk, and the array's metadata."""
 
 
-@dataclasses.dataclass(kw_only=True)
+@dataclasses.dataclass
 class Found:
     """Contents of all shards together."""
 
-    files: dict[str, FileSum] = dataclasses.field(default_factory=dict)
-    used: set[str] = dataclasses.field(default_factory=set)
+    files: dict[str, FileSum]
+    used: set[str]
     """columns that say something"""
-    segments: int = 0
+    segments: int
     """of the mission with most"""
-    failures: list[FailedAttempt] = dataclasses.field(default_factory=list)
+    failures: list[FailedAttempt]
 
 
 def complete(job: Job) -> int:
@@ -105,8 +100,7 @@ def complete(job: Job) -> int:
     )
     target.sums |= found.files
     used = [column for column in table if column.name in found.used]
-    every = (_plan_arrays(recipe, job, found), _rows(job, used, found), _failures(found))
-    for part in itertools.chain(*every):
+    for part in itertools.chain(_planned(job, found), _rows(job, used, found), _failures(found)):
         target.write_rows(*part)
     beside, flown = {BESIDE: " ".join(COORDINATES)}, {key.partition("/")[0] for key in found.files}
     signals: dict[str, tuple[np.dtype[Any], Mapping[str, Any]]] = {
@@ -124,7 +118,7 @@ def complete(job: Job) -> int:
 
 def _survey(job: Job, table: list[Column]) -> Found:
     """A first look at all shards."""
-    found, sizes = Found(), dict(job.tree.sizes())
+    found, sizes = Found({}, set(), 0, []), dict(job.tree.sizes())
     for number in job.layout.shards:
         marker = finished(job, number, sizes)
         if marker is None:
@@ -140,54 +134,53 @@ def _survey(job: Job, table: list[Column]) -> Found:
     return found
 
 
-def _plan_arrays(recipe: Recipe, job: Job, found: Found) -> Iterator[Part]:
+def _planned(job: Job, found: Found) -> Iterator[Part]:
     """Coordinates, and what the plan says of each mission."""
-    plan, size = recipe.plan, job.layout.row_missions
-    time = np.arange(plan.samples) * SAMPLE_PERIOD
-    yield TIME, 0, time, ArrayMeta(time.shape, time.dtype, (TIME,), names.AXES[TIME])
-    places = np.arange(found.segments)
-    yield SEGMENT, 0, places, ArrayMeta(places.shape, places.dtype, (SEGMENT,), PLANNED[SEGMENT])
-    whole: dict[str, NDArray[Any]] = {
-        MISSION: np.arange(len(plan)),
-        names.DURATION: np.array(plan.durations_s),
-        names.SPLIT: np.array(plan.splits, np.int8),
+    plan, size = job.recipe.plan, job.layout.row_missions
+    whole: dict[str, tuple[str, NDArray[Any]]] = {
+        TIME: (TIME, np.arange(plan.samples) * SAMPLE_PERIOD),
+        SEGMENT: (SEGMENT, np.arange(found.segments)),
+        MISSION: (MISSION, np.arange(len(plan))),
+        names.DURATION: (MISSION, np.array(plan.durations_s)),
+        names.SPLIT: (MISSION, np.array(plan.splits, np.int8)),
     }
     described = {**names.AXES, **names.OF_MISSIONS, **PLANNED}
-    for name, values in whole.items():
-        attributes = described[name]
-        meta = ArrayMeta(values.shape, values.dtype, (MISSION,), attributes)
-        for number, first in enumerate(range(0, len(plan), size)):
-            yield name, number, values[first : first + size], meta
+    for name, (dimension, values) in whole.items():
+        meta = ArrayMeta(values.shape, values.dtype, (dimension,), described[name])
+        step = size if dimension == MISSION else max(1, len(values))
+        for number, first in enumerate(range(0, len(values), step)):
+            yield name, number, values[first : first + step], meta
 
 
 def _rows(job: Job, table: list[Column], found: Found) -> Iterator[Part]:
     """The columns that say something, chunk by chunk."""
-    layout = job.layout
+    layout, width = job.layout, found.segments
     shards_per_chunk = -(-layout.row_missions // layout.shard_missions)
     for number, first in enumerate(range(0, len(layout.shards), shards_per_chunk)):
-        some = [_marker(job, n) for n in layout.shards[first : first + shards_per_chunk]]
+        markers = []
+        for shard in layout.shards[first : first + shards_per_chunk]:
+            marker = read_marker(job, shard)
+            if marker is None:
+                raise StoreError(f"the marker of shard {shard} has disappeared; --resume makes it")
+            markers.append(marker)
         for column in table:
-            parts = [marker.rows[column.name] for marker in some]
+            parts = [marker.rows[column.name] for marker in markers]
             shape: tuple[int, ...] = (layout.missions,)
-            if column.per_segment:
-                shape = (layout.missions, found.segments)
-                parts = [_widened(values, found.segments, column.empty) for values in parts]
+            dimensions: tuple[str, ...] = (MISSION,)
+            if column.per_segment:  # filled up to the mission with most segments
+                shape, dimensions = (*shape, width), (MISSION, SEGMENT)
+                parts = [
+                    np.pad(one, ((0, 0), (0, width - one.shape[1])),
+                           constant_values=one.dtype.type(column.empty))
+                    for one in parts
+                ]  # fmt: skip
             values = np.concatenate(parts)
-            meta = ArrayMeta(shape, values.dtype, column.dimensions, column.attributes)
-            yield column.name, number, values, meta
-
-
-def _marker(job: Job, number: int) -> Marker:
-    marker = read_marker(job, number)
-    if marker is None:
-        raise StoreError(f"the marker of shard {number} has disappeared; --resume makes it")
-    return marker
-
-
-def _widened(values: NDArray[Any], width: int, empty: float) -> NDArray[Any]:
-    """Rows (missions, segments) filled up to the mission with most segments."""
-    more = ((0, 0), (0, width - values.shape[1]))
-    return np.pad(values, more, constant_values=values.dtype.type(empty))
+            yield (
+                column.name,
+                number,
+                values,
+                ArrayMeta(shape, values.dtype, dimensions, column.attributes),
+            )
 
 
 def _failures(found: Found) -> Iterator[Part]:
@@ -223,13 +216,8 @@ def store_attributes(recipe: Recipe) -> dict[str, Any]:
     }
 
 
-def log_of(store: StorePath) -> StorePath:
-    """The log of a store."""
-    return store.with_name(store.name + ".log")
-
-
 def note(store: StorePath, recipe: Recipe, command: str) -> None:
-    """Add a line; raises OSError."""
+    """Add a line to the log of a store, `NAME.log`; raises OSError."""
     entry = {
         "time": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "command": command,
@@ -239,7 +227,7 @@ def note(store: StorePath, recipe: Recipe, command: str) -> None:
         "processors": os.cpu_count(),
         "versions": versions(recipe.vehicle),
     }
-    line, log = json.dumps(entry) + "\n", log_of(store)
+    line, log = json.dumps(entry) + "\n", store.with_name(store.name + ".log")
     if isinstance(log, Path):
         with log.open("a", encoding="utf-8") as file:
             file.write(line)

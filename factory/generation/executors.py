@@ -1,7 +1,7 @@
 """Executors: what flies missions: a pool of this machine's processes, or a dask cluster.
 
-Processes are forked once everything is imported and compiled, where the system can fork: a fresh
-interpreter would need seconds for that. A worker ignores Ctrl-C, which its parent answers, and ends
+Processes are forked, where the system can fork: a fresh interpreter would need seconds for what is
+imported and compiled already. A worker ignores Ctrl-C, which its parent answers, and ends
 when the parent dies, which the standard pool does not see to.
 """
 
@@ -25,7 +25,16 @@ from twin.errors import InputError, TwinError
 from twin.extras import require
 from twin.version import __version__
 
-_FORK = "fork"
+RETRIES = 2
+"""Times that a shard which raised an error is flown again, perhaps by another worker. One whose
+worker is lost is flown again by dask itself, see its setting distributed.scheduler.allowed-failures
+"""
+TIMEOUT_S = 30.0
+"""[s] to reach the scheduler"""
+WORKERS_S = 10.0
+"""[s] after which a scheduler without workers is told of"""
+VERSION = "factory.generation.completion:__version__"
+"""What is there where shards can be flown"""
 
 
 @contextlib.contextmanager
@@ -36,8 +45,8 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
       fork: whether processes may be forked; what has threads, as clients of object storages have,
         does not work in them.
     """
-    can_fork = fork and _FORK in multiprocessing.get_all_start_methods()
-    context = multiprocessing.get_context(_FORK if can_fork else "spawn")
+    fork = fork and "fork" in multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("fork" if fork else "spawn")
     executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
     with warnings.catch_warnings():
         # Python 3.12 warns of forks beside threads; the ones there may be are idle pools of
@@ -48,21 +57,14 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
     try:
         yield executor
     except BaseException:
-        _end(executor, children)
+        try:  # each worker finishes its shard, and the others are dropped
+            executor.shutdown(wait=True, cancel_futures=True)
+        except KeyboardInterrupt:
+            for child in children:
+                child.kill()
+            raise
         raise
     executor.shutdown()
-
-
-def _end(
-    executor: ProcessPoolExecutor, children: list[multiprocessing.process.BaseProcess]
-) -> None:
-    """Let each worker finish its shard and drop the others; kill them on a second interrupt."""
-    try:
-        executor.shutdown(wait=True, cancel_futures=True)
-    except KeyboardInterrupt:
-        for child in children:
-            child.kill()
-        raise
 
 
 def _begin() -> None:
@@ -79,18 +81,6 @@ def _watch_parent() -> None:
     if parent is not None:
         multiprocessing.connection.wait([parent.sentinel])
         os._exit(1)
-
-
-RETRIES = 2
-"""Times that a shard which raised an error is flown again, perhaps by another worker. One whose
-worker is lost is flown again by dask itself, see its setting distributed.scheduler.allowed-failures
-"""
-TIMEOUT_S = 30.0
-"""[s] to reach the scheduler"""
-WORKERS_S = 10.0
-"""[s] after which a scheduler without workers is told of"""
-VERSION = "factory.generation.completion:__version__"
-"""What is there where shards can be flown"""
 
 
 @contextlib.contextmanager
@@ -116,7 +106,10 @@ def dask_executor(address: str) -> Iterator[Executor]:
             f"--scheduler {address}: no dask scheduler answers there "
             f"({' '.join(str(error).split())}); `dask scheduler` prints its address"
         ) from error
-    with _quiet(), client:
+    log = logging.getLogger("distributed.client")  # it logs a traceback when a scheduler is gone
+    with contextlib.ExitStack() as after, client:
+        after.callback(log.setLevel, log.level)
+        log.setLevel(logging.CRITICAL)
         try:
             _check_workers(client, address)
             yield client.get_executor(retries=RETRIES, pure=False)
@@ -126,18 +119,6 @@ def dask_executor(address: str) -> Iterator[Executor]:
                 f"--scheduler {address}: the cluster was lost ({reason}). Finished shards are "
                 "kept: --resume goes on from them"
             ) from error
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the tracebacks that dask's client logs of a scheduler that is gone."""
-    log = logging.getLogger("distributed.client")
-    before = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(before)
 
 
 def _check_workers(client: Any, address: str) -> None:

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from factory.generation.attempts import FailedAttempt
-from factory.generation.bookkeeping import SENSOR_PREFIX, UNUSED_CODE
+from factory.generation.bookkeeping import SENSOR_PREFIX, UNUSED_CODE, FailedAttempt
 from factory.generation.completion import (
     FAILED_ATTEMPT,
     FAILED_MISSION,
@@ -21,7 +20,6 @@ from factory.generation.completion import (
 )
 from factory.sampling.distribution import Distribution, Fixed, Parameter, Value, parse_distribution
 from factory.sampling.draw import Parameters
-from factory.sampling.drawn_plan import GivenCurrent, stored_current
 from factory.sampling.parameters import ADDED, Table, parameter_table
 from factory.sampling.recipe import Recipe, read_recipe
 from twin.bounded import parse_json
@@ -41,9 +39,12 @@ from twin.records.coordinates import read_place
 from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
-from twin.records.storage.store_arrays import read_array
 from twin.records.storage.store_path import StorePath
+from twin.records.store import read_array
 from twin.sensors import SensorSuite
+
+if TYPE_CHECKING:
+    from factory.sampling.fly import GivenCurrent
 
 ROWS = 65_536
 """Missions of an array that is no signal that are read at a time"""
@@ -75,14 +76,11 @@ class GeneratedStore(MissionStore):
             }
         except (KeyError, TypeError, AttributeError, ValueError) as error:
             if SCENARIO in self.attributes:
-                raise StoreError(
-                    f"store {self.path} is a mission of `twin simulate`; `twin plot` and `twin "
-                    "render` read it"
-                ) from error
-            raise StoreError(
-                f"store {self.path} was not made by `factory generate`, or its attributes are "
-                f"damaged ({type(error).__name__}: {error})"
-            ) from error
+                what = "is a mission of `twin simulate`; `twin plot` and `twin render` read it"
+            else:
+                what = "was not made by `factory generate`, or its attributes are damaged "
+                what += f"({type(error).__name__}: {error})"
+            raise StoreError(f"store {self.path} {what}") from error
 
     @property
     def sensor_preset(self) -> str:
@@ -115,7 +113,9 @@ class GeneratedStore(MissionStore):
         description = self.settings.get("current")
         if description is None:
             return None
-        return stored_current(description, float(self.array(DURATION).max()))
+        from factory.sampling.fly import given_current
+
+        return given_current(description, float(self.array(DURATION).max()))
 
     @functools.cached_property
     def recipe(self) -> Recipe:
@@ -143,22 +143,15 @@ class GeneratedStore(MissionStore):
         return int(self._at(ATTEMPT, mission))
 
     def _at(self, name: str, mission: int) -> Any:
-        """What an array that is no signal says of a mission."""
+        """What an array that is no signal says of a mission; some are read together, since reading
+        it whole for each mission would take squared time."""
         number, row = divmod(mission, ROWS)
-        return self._rows(name, number)[row]
-
-    def _rows(self, name: str, number: int) -> NDArray[Any]:
-        """Some missions of an array: reading it whole for each mission would take squared time."""
-        kept = self._read.get(name)
-        if kept is None or kept[0] != number:
-            kept = self._read[name] = (number, self._read_rows(name, number))
-        return kept[1]
-
-    def _read_rows(self, name: str, number: int) -> NDArray[Any]:
-        if name not in self.dataset.variables:
-            raise StoreError(f"store {self.path} lacks the array {name!r}")
-        some = self.dataset[[name]].isel({MISSION: slice(number * ROWS, (number + 1) * ROWS)})
-        return read_array(some, name, self.path)
+        if name not in self._read or self._read[name][0] != number:
+            if name not in self.dataset.variables:
+                raise StoreError(f"store {self.path} lacks the array {name!r}")
+            some = self.dataset[[name]].isel({MISSION: slice(number * ROWS, (number + 1) * ROWS)})
+            self._read[name] = number, read_array(some, name, self.path)
+        return self._read[name][1][row]
 
     def parameters(self, mission: int) -> Parameters:
         """What the mission was made of.
@@ -182,29 +175,21 @@ class GeneratedStore(MissionStore):
                 columns[name] = self._segments(parameter, mission)
             else:
                 values[name] = self._value(parameter, mission)
-        kinds = columns["mission.kind"]
-        count = sum(isinstance(kind, str) for kind in kinds)
-        return Parameters(
-            duration_s=float(self._at(DURATION, mission)),
-            values=values,
-            segments=tuple(
-                {name: column[i] for name, column in columns.items()} for i in range(count)
-            ),
-        )
+        count = sum(isinstance(kind, str) for kind in columns["mission.kind"])
+        segments = ({name: column[i] for name, column in columns.items()} for i in range(count))
+        duration = float(self._at(DURATION, mission))
+        return Parameters(duration_s=duration, values=values, segments=tuple(segments))
 
     def _value(self, parameter: Parameter, mission: int) -> Value:
-        if parameter.variable not in self:
-            distribution = self.distributions[parameter.name]
-            if isinstance(distribution, Fixed):
-                return distribution.value
-            raise StoreError(f"store {self.path} lacks the array {parameter.variable!r}")
+        distribution = self.distributions[parameter.name]
+        if parameter.variable not in self and isinstance(distribution, Fixed):
+            return distribution.value
         return self._word(parameter, self._at(parameter.variable, mission))
 
     def _segments(self, parameter: Parameter, mission: int) -> list[Value]:
         if parameter.variable not in self:
             return [math.nan] * int(self.dataset.sizes["segment"])
-        row = self._at(parameter.variable, mission)
-        return [self._word(parameter, value) for value in row]
+        return [self._word(parameter, value) for value in self._at(parameter.variable, mission)]
 
     def _word(self, parameter: Parameter, value: Any) -> Value:
         words = self.flags(parameter.variable)
@@ -214,12 +199,8 @@ class GeneratedStore(MissionStore):
 
     def sensor_constants(self, mission: int) -> dict[str, float]:
         """The sensors' constants of a mission; those that no mission has are 0."""
-        return {
-            name: float(self._at(SENSOR_PREFIX + name, mission))
-            if SENSOR_PREFIX + name in self
-            else 0.0
-            for name in self.suite.drawn_units()
-        }
+        stored = {name: SENSOR_PREFIX + name for name in self.suite.drawn_units()}
+        return {n: float(self._at(a, mission)) if a in self else 0.0 for n, a in stored.items()}
 
     def failures(self) -> list[FailedAttempt]:
         """The attempts that failed and were replaced."""
@@ -227,7 +208,8 @@ class GeneratedStore(MissionStore):
             fields = ("mission", "attempt", "reason", "time_s")
             return [FailedAttempt(*(item[name] for name in fields)) for item in self._failed]
         columns = (FAILED_MISSION, FAILED_ATTEMPT, FAILED_REASON, FAILED_TIME)
-        return [FailedAttempt.of(*row) for row in zip(*map(self.array, columns), strict=True)]
+        rows = zip(*(self.array(name).tolist() for name in columns), strict=True)
+        return [FailedAttempt(m, n, why, None if math.isnan(t) else t) for m, n, why, t in rows]
 
 
 def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:

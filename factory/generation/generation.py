@@ -1,11 +1,17 @@
 """Generate: all missions of a recipe into one store, resumable at any moment.
 
-The plan says how long each mission lasts; its bytes follow from the recipe and its number alone. So
-shards of missions are flown by whatever runs them, in any order, and twice if need be; nobody
-coordinates and nothing conflicts. A finished shard has a marker; a run flies those that have none,
-then completes the store, which takes its name in one step.
+How a store is made:
 
-Into store: missions into any zarr store that a program has opened, such as one of icechunk.
+- Plan. The recipe says how long each mission lasts, and its bytes follow from the recipe and its
+  number alone. `Layout` cuts the missions into shards.
+- Workers. Shards are flown by whatever runs them, in any order, and twice if need be; nobody
+  coordinates and nothing conflicts.
+- Shard. A worker flies its missions and puts a file of each signal into the tree of the job
+  (`fly_shard`).
+- Marker. Then it leaves the shard's marker. A run flies the shards that have none, so that a kill
+  at any moment costs the shards that were being flown.
+- Finish. `complete` writes from the markers what is not in the shards, the metadata last, and
+  `give_name` gives the store its name in one step.
 """
 
 from __future__ import annotations
@@ -24,21 +30,17 @@ from typing import TYPE_CHECKING
 
 from factory.generation.completion import complete, note
 from factory.generation.executors import local_pool
-from factory.generation.job import Job, locked
-from factory.generation.shard import ShardDone, finished, fly_shard
+from factory.generation.job import Job, finished, locked
 from factory.generation.target import check_target, failures_in, give_name
-from factory.sampling.drawn_plan import HOUR
+from factory.sampling.draw import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
 from twin.numbers import processors
-from twin.records.storage.object_storage import files_at
-from twin.records.storage.sharded import load_zarr
-from twin.records.storage.store_arrays import check_empty, copy_into
-from twin.records.storage.store_path import StorePath, store_path
-from twin.records.storage.stored_files import Files
+from twin.records.storage.sharded import check_empty, copy_into, load_zarr
+from twin.records.storage.store_path import StorePath, files_at, store_path
 
 if TYPE_CHECKING:
-    from twin.records.storage.store_arrays import AnyStore
+    from twin.records.storage.sharded import AnyStore
 
 
 WAITING = 4
@@ -106,7 +108,10 @@ def generate(
     store = store_path(out)
     if executor is not None and isinstance(store, Path):
         store = store.absolute()  # its processes may work in other folders
-    workers = check_workers(workers, executor)
+    if workers is not None and executor is not None:
+        raise StoreError("give either workers or an executor, which has its own")
+    if workers is not None and workers < 1:
+        raise StoreError(f"--workers {workers} must be at least 1")
     job = Job(recipe, store)
     with reported(store):
         check_target(recipe, store, resume=resume, overwrite=overwrite)  # before a lock is made
@@ -117,32 +122,19 @@ def generate(
             job.begin()
             job.sweep()
             note(store, recipe, history)
-            shards = missing_shards(job, job.layout.shards)
-            report_kept(job, shards, job.layout.shards, watch)
+            shards = missing_shards(job, job.layout.shards, watch)
             with contextlib.ExitStack() as pool:
+                waiting = UNKNOWN_WORKERS
                 if executor is None and shards:
                     recipe.warm()
-                    most = min(workers, len(shards))
+                    most = min(workers or processors(), len(shards))
                     executor = pool.enter_context(local_pool(most, fork=job.local))
                     waiting = WAITING * most
-                else:
-                    waiting = UNKNOWN_WORKERS
-                for done in _flown(executor, job, shards, waiting):
-                    report_shard(job, done, watch)
+                for shard, failures in _flown(executor, job, shards, waiting):
+                    report_shard(job, shard, failures, watch)
             failed = complete(job)
             give_name(job)
     return summary_of(job, begun, shards, failed)
-
-
-def check_workers(workers: int | None, executor: Executor | None) -> int:
-    """Processes to start; raises StoreError for an impossible number."""
-    if workers is None:
-        return processors()
-    if executor is not None:
-        raise StoreError("give either workers or an executor, which has its own")
-    if workers < 1:
-        raise StoreError(f"--workers {workers} must be at least 1")
-    return workers
 
 
 @contextlib.contextmanager
@@ -160,48 +152,49 @@ def reported(store: StorePath) -> Iterator[None]:
         raise StoreError(what) from error
 
 
-def missing_shards(job: Job, shards: Iterable[int]) -> list[int]:
-    """Shards, of these, that have to be flown."""
+def missing_shards(job: Job, shards: Sequence[int], watch: Watcher | None = None) -> list[int]:
+    """Shards, of these, that have to be flown; the missions of the others are reported."""
     sizes = dict(job.tree.sizes())
-    return [shard for shard in shards if finished(job, shard, sizes) is None]
-
-
-def report_kept(
-    job: Job, missing: Sequence[int], shards: Iterable[int], watch: Watcher | None
-) -> None:
-    """Report the missions of the shards that were flown before."""
+    missing = [shard for shard in shards if finished(job, shard, sizes) is None]
     for shard in shards:
         if shard not in missing:
-            report_shard(job, ShardDone(shard, (0,) * len(job.layout.missions_of(shard))), watch)
+            report_shard(job, shard, (0,) * len(job.layout.missions_of(shard)), watch)
+    return missing
 
 
-def report_shard(job: Job, done: ShardDone, watch: Watcher | None) -> None:
-    """Report the missions of a finished shard."""
+def report_shard(job: Job, shard: int, failures: Sequence[int], watch: Watcher | None) -> None:
+    """Report the missions of a finished shard, with the attempts that each needed beyond one."""
     if watch is not None:
-        missions = job.layout.missions_of(done.number)
-        for mission, failures in zip(missions, done.failures, strict=True):
-            watch(job.recipe.plan.durations_s[mission] / HOUR, failures)
+        for mission, more in zip(job.layout.missions_of(shard), failures, strict=True):
+            watch(job.recipe.plan.durations_s[mission] / HOUR, more)
 
 
-def _flown(pool: Executor | None, job: Job, shards: list[int], waiting: int) -> Iterator[ShardDone]:
-    """Have shards flown; yields each as it is kept, in any order."""
+def fly(job: Job, shard: int) -> tuple[int, ...]:
+    """Fly a shard in a worker, which alone needs what flies; see `fly_shard`."""
+    from factory.generation.shard import fly_shard
+
+    return fly_shard(job, shard)
+
+
+def _flown(
+    pool: Executor | None, job: Job, shards: list[int], waiting: int
+) -> Iterator[tuple[int, tuple[int, ...]]]:
+    """Have shards flown; yields each as it is kept, in any order, with its failures."""
     todo = iter(shards)
-    flying: set[Future[ShardDone]] = set()
+    flying: dict[Future[tuple[int, ...]], int] = {}
     while True:
         for shard in todo:
             assert pool is not None
-            flying.add(pool.submit(fly_shard, job, shard))
+            flying[pool.submit(fly, job, shard)] = shard
             if len(flying) >= waiting:
                 break
         load_zarr()  # while others fly
         if not flying:
             return
-        done, flying = concurrent.futures.wait(
-            flying, return_when=concurrent.futures.FIRST_COMPLETED
-        )
-        for future in done:
+        first = concurrent.futures.FIRST_COMPLETED
+        for future in concurrent.futures.wait(flying, return_when=first).done:
             try:
-                yield future.result()
+                yield flying.pop(future), future.result()
             except BrokenProcessPool as error:
                 raise TwinError(
                     "a worker process ended abruptly; too little memory is the usual reason. "
@@ -253,5 +246,5 @@ def generate_into(
     with tempfile.TemporaryDirectory(prefix="glider-twin-") as folder:
         made = Path(folder) / "missions.zarr"
         summary = generate(recipe, made, workers=workers, executor=executor, watch=watch)
-        copy_into(Files(made), store)
+        copy_into(files_at(made), store)
     return dataclasses.replace(summary, store=store)

@@ -11,31 +11,37 @@ for runs of one recipe, which write the same bytes. Those of two recipes must no
 first one that was begun keeps the name.
 
 Layout: which missions make a shard; by their number and how many fly together.
+Marker: record of a finished shard, so that it is neither repeated nor mistaken.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import fcntl
 import functools
+import hashlib
 import json
+import math
 import os
 import re
 import shutil
 import socket
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.generation.bookkeeping import FailedAttempt
 from factory.sampling.recipe import Recipe, read_recipe
+from twin.bounded import FREE_BYTES
 from twin.errors import StoreError
 from twin.records.presence import RECIPE, begun, generating
 from twin.records.storage.disk import sweep
-from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_path import StorePath, Url
-from twin.records.storage.stored_files import Files
+from twin.records.storage.store_path import Files, FileSum, StorePath, Url, files_at
 
 DIGITS = 16
 """Of a recipe's hash, in names of folders"""
@@ -43,14 +49,55 @@ STAGING = "staging-"
 """Begins the names of folders in which processes make shards that are not whole yet"""
 MARKER = re.compile(r"done/(\d{7,12})-(\d{7,12})")
 """Key of a shard's marker: its first and last mission"""
-OLDER = ("blocks", "shards")
-"""Folders in which an older glider-twin kept what it had made"""
+DIGEST = 32
+"""[byte] of a marker's SHA-256, with which its file begins"""
 _READY: dict[str, Recipe] = {}
 """Recipes of this process by their hashes: each is planned and compiled once. Forked workers have
 those of their parent."""
 _MOST_READY = 4
 _HELD: set[int] = set()
 """Open files that hold locks"""
+MOST_IN_SHARD = 64
+"""Missions in a shard: 48 h of preset paper, a MB per signal, some seconds of work"""
+SHARDS_PER_STORE = 8
+"""Fewest shards, if there are enough missions: processes that share a store end together"""
+SHARDS_ABREAST = 4
+"""Fewest shards of the batched engine: of 64 missions each takes a twentieth of one alone"""
+MOST_SHARDS = 192
+"""Shards of a large store grow instead: a million missions stay below 20 000 files"""
+ROWS = 65_536
+"""Missions in a chunk of an array that holds one value of each mission"""
+
+
+class Layout(NamedTuple):
+    """The shards of a store of `missions`."""
+
+    missions: int
+    abreast: int = 1
+    """missions that fly together"""
+
+    @property
+    def shard_missions(self) -> int:
+        """Missions in each shard; the last one may have fewer."""
+        least = SHARDS_PER_STORE if self.abreast == 1 else SHARDS_ABREAST
+        usual = min(MOST_IN_SHARD, -(-self.missions // least))
+        return usual * -(-self.missions // (usual * MOST_SHARDS))
+
+    @property
+    def row_missions(self) -> int:
+        """Missions in each chunk of an array over missions: whole shards."""
+        shard = self.shard_missions
+        return min(self.missions, shard * max(1, ROWS // shard))
+
+    @property
+    def shards(self) -> range:
+        """Numbers of all shards."""
+        return range(-(-self.missions // self.shard_missions))
+
+    def missions_of(self, shard: int) -> range:
+        """Missions of one shard."""
+        size = self.shard_missions
+        return range(shard * size, min((shard + 1) * size, self.missions))
 
 
 class Job:
@@ -156,11 +203,17 @@ class Job:
             sweep(self.folder)
 
     def clear(self) -> None:
-        """Remove what this recipe's runs keep, and the folder when nothing else is in it."""
+        """Remove what this recipe's runs keep, and the folder when nothing else is in it.
+
+        Nobody else works here.
+        """
         self.files.remove_all()
         outer = generating(self.store)
         if isinstance(outer, Path):
             with contextlib.suppress(OSError):
+                for left in outer.iterdir():  # of a run that was killed as it began
+                    if left.is_dir() and not (left / RECIPE).exists():
+                        shutil.rmtree(left, ignore_errors=True)
                 (outer / "lock").unlink(missing_ok=True)
                 outer.rmdir()
 
@@ -176,11 +229,6 @@ def missions_kept(folder: StorePath) -> int:
     """Missions of the finished shards of a run that was begun, by the names of their markers."""
     found = map(MARKER.fullmatch, files_at(folder).all_keys())
     return sum(max(0, int(one[2]) - int(one[1]) + 1) for one in found if one)
-
-
-def is_older(folder: StorePath) -> bool:
-    """Whether an older glider-twin has kept something in the folder of a run."""
-    return any(name in OLDER for name in files_at(folder).folders())
 
 
 @contextlib.contextmanager
@@ -218,45 +266,68 @@ def close_locks() -> None:
         os.close(_HELD.pop())
 
 
-MOST_IN_SHARD = 64
-"""Missions in a shard: 48 h of preset paper, a MB per signal, some seconds of work"""
-SHARDS_PER_STORE = 8
-"""Fewest shards, if there are enough missions: processes that share a store end together"""
-SHARDS_ABREAST = 4
-"""Fewest shards of the batched engine: of 64 missions each takes a twentieth of one alone"""
-MOST_SHARDS = 192
-"""Shards of a large store grow instead: a million missions stay below 20 000 files"""
-ROWS = 65_536
-"""Missions in a chunk of an array that holds one value of each mission"""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Marker:
+    """Record of a finished shard."""
+
+    number: int
+    recipe: str
+    """hash of the recipe"""
+    files: dict[str, FileSum]
+    """by key in the tree"""
+    failures: list[FailedAttempt]
+    """every attempt that failed and was replaced"""
+    versions: Mapping[str, str]
+    """of what can change a bit of a result"""
+    rows: dict[str, NDArray[Any]]
+    """values of each mission, as `bookkeeping.rows` gives them"""
+
+    def to_bytes(self) -> bytes:
+        """As it is kept: SHA-256 of the rest, a line of JSON, the rows one after the other."""
+        table: dict[str, Any] = {**vars(self)}
+        table["rows"] = {name: (one.dtype.str, one.shape) for name, one in self.rows.items()}
+        text = json.dumps(table).encode() + b"\n"
+        data = text + b"".join(one.tobytes() for one in self.rows.values())
+        return hashlib.sha256(data).digest() + data
+
+    @classmethod
+    def of_bytes(cls, data: bytes) -> Marker:
+        """Read a marker; raises ValueError, KeyError or TypeError where the file is damaged."""
+        if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
+            raise ValueError("it does not have its own digest")
+        place = data.index(b"\n", DIGEST) + 1
+        table = json.loads(data[DIGEST:place])
+        table["files"] = {key: FileSum(*one) for key, one in table["files"].items()}
+        table["failures"] = [FailedAttempt(*one) for one in table["failures"]]
+        for name, (kind, shape) in table["rows"].items():
+            values = np.frombuffer(data, kind, math.prod(shape), place).reshape(shape)
+            table["rows"][name] = values
+            place += values.nbytes
+        return cls(**table)
 
 
-@dataclass(frozen=True)
-class Layout:
-    """The shards of a store of `missions`."""
+def read_marker(job: Job, number: int) -> Marker | None:
+    """The marker of a shard; None when there is none, or a damaged one: the shard is flown again.
 
-    missions: int
-    abreast: int = 1
-    """missions that fly together"""
+    Raises:
+      StoreError: it is that of another shard or recipe.
+    """
+    key = job.marker(number)
+    try:
+        found = Marker.of_bytes(job.files.read_small(key, FREE_BYTES))
+    except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+    if (found.number, found.recipe) != (number, job.digest):
+        raise StoreError(
+            f"{job.files.name}/{key} is of shard {found.number} of recipe {found.recipe[:12]}, "
+            f"expected is {number} of recipe {job.digest[:12]}: remove that folder, or use another "
+            "--out"
+        )
+    return found
 
-    @property
-    def shard_missions(self) -> int:
-        """Missions in each shard; the last one may have fewer."""
-        least = SHARDS_PER_STORE if self.abreast == 1 else SHARDS_ABREAST
-        usual = min(MOST_IN_SHARD, -(-self.missions // least))
-        return usual * -(-self.missions // (usual * MOST_SHARDS))
 
-    @property
-    def row_missions(self) -> int:
-        """Missions in each chunk of an array over missions: whole shards."""
-        shard = self.shard_missions
-        return min(self.missions, shard * max(1, ROWS // shard))
-
-    @property
-    def shards(self) -> range:
-        """Numbers of all shards."""
-        return range(-(-self.missions // self.shard_missions))
-
-    def missions_of(self, shard: int) -> range:
-        """Missions of one shard."""
-        size = self.shard_missions
-        return range(shard * size, min((shard + 1) * size, self.missions))
+def finished(job: Job, number: int, sizes: Mapping[str, int]) -> Marker | None:
+    """The marker of a shard whose files are all in the tree, by the `sizes` there; else None."""
+    found = read_marker(job, number)
+    there = found and all(sizes.get(key) == one.bytes for key, one in found.files.items())
+    return found if there else None

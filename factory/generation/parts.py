@@ -17,26 +17,22 @@ from factory.generation.completion import complete, note
 from factory.generation.generation import (
     Summary,
     Watcher,
+    fly,
     missing_shards,
-    report_kept,
     report_shard,
     reported,
     summary_of,
 )
 from factory.generation.job import Job, Layout, locked
-from factory.generation.shard import fly_shard
 from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
-from factory.sampling.drawn_plan import HOUR
+from factory.sampling.draw import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 from twin.records.presence import begun, is_complete
 from twin.records.storage.store_path import StorePath, store_path
 
-SLURM_TASK, SLURM_COUNT, SLURM_FIRST = (
-    "SLURM_ARRAY_TASK_ID",
-    "SLURM_ARRAY_TASK_COUNT",
-    "SLURM_ARRAY_TASK_MIN",
-)
+SLURM_TASK = "SLURM_ARRAY_TASK_ID"
+SLURM_COUNT, SLURM_FIRST = "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN"
 ARRAY = "array.json"
 """In the working folder: first index and number of the parts of a job array"""
 
@@ -77,11 +73,7 @@ def slurm_part(environment: Mapping[str, str] = os.environ) -> StorePart | None:
     if SLURM_TASK not in environment:
         return None
     try:
-        return StorePart(
-            int(environment[SLURM_TASK]),
-            int(environment[SLURM_COUNT]),
-            int(environment[SLURM_FIRST]),
-        )
+        return StorePart(*(int(environment[n]) for n in (SLURM_TASK, SLURM_COUNT, SLURM_FIRST)))
     except (KeyError, ValueError) as error:
         raise InputError(
             f"{SLURM_TASK}={environment[SLURM_TASK]} without a usable {SLURM_COUNT} and "
@@ -121,10 +113,9 @@ def generate_part(
             part = _fixed(job, part)
             note(store, recipe, f"{history} (part {part.index} of {part.count})")
             mine = part.shards(job.layout)
-            missing = missing_shards(job, mine)
-            report_kept(job, missing, mine, watch)
+            missing = missing_shards(job, mine, watch)
             for shard in missing:
-                report_shard(job, fly_shard(job, shard), watch)
+                report_shard(job, shard, fly(job, shard), watch)
     flown, missions = (
         sum(len(job.layout.missions_of(s)) for s in some) for some in (missing, mine)
     )
@@ -172,34 +163,32 @@ def _fixed(job: Job, part: StorePart) -> StorePart:
     if not job.files.exists(ARRAY):
         array = {"first": part.first, "count": part.count}
         job.files.write(ARRAY, json.dumps(array).encode(), safe=True)
-    kept = _array(job)
-    fixed = StorePart(part.index, kept.count, kept.first)
-    if not 0 <= fixed.index - fixed.first < fixed.count:
-        last = fixed.first + fixed.count - 1
+    first, count = _array(job)
+    if not 0 <= part.index - first < count:
         raise InputError(
-            f"part {part.index}: {job.store} was begun in {fixed.count} parts, {fixed.first} to "
-            f"{last}"
+            f"part {part.index}: {job.store} was begun in {count} parts, {first} to "
+            f"{first + count - 1}"
         )
-    return fixed
+    return StorePart(part.index, count, first)
 
 
-def _array(job: Job) -> StorePart:
-    """How the first task of the array counted its parts, as its first one.
+def _array(job: Job) -> tuple[int, int]:
+    """First index and number of the parts, as the first task of the array counted them.
 
     Raises:
       StoreError: the file that says so is damaged.
     """
     try:
         kept = json.loads(job.files.read_small(ARRAY))
-        first = StorePart(int(kept["first"]), int(kept["count"]), int(kept["first"]))
-        if first.count < 1:
-            raise ValueError(f"{first.count} parts")
+        first, count = int(kept["first"]), int(kept["count"])
+        if count < 1:
+            raise ValueError(f"{count} parts")
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise StoreError(
             f"{job.folder / ARRAY} is damaged ({type(error).__name__}): remove it, then run any "
             "part of the array again"
         ) from error
-    return first
+    return first, count
 
 
 def _missing(job: Job, shards: list[int]) -> str:
@@ -208,17 +197,13 @@ def _missing(job: Job, shards: list[int]) -> str:
     start = f"{missing} of {job.layout.missions} missions of {job.store} are missing"
     if not job.files.exists(ARRAY):
         return f"{start}: complete it with the command that began it and --resume"
-    array = _array(job)
-    parts = sorted({shard % array.count + array.first for shard in shards})
-    return f"{start}; run these parts of {array.count} again: --array={_ranges(parts)}"
-
-
-def _ranges(numbers: list[int]) -> str:
-    """Numbers as Slurm writes them: 1,3-5."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1].append(number)
+    first, count = _array(job)
+    parts = sorted({shard % count + first for shard in shards})
+    runs: list[list[int]] = []  # as Slurm writes them: 1,3-5
+    for part in parts:
+        if runs and part == runs[-1][-1] + 1:
+            runs[-1].append(part)
         else:
-            runs.append([number])
-    return ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+            runs.append([part])
+    array = ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+    return f"{start}; run these parts of {count} again: --array={array}"

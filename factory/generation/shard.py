@@ -3,126 +3,45 @@
 A task flies the missions of a shard and encodes them one after the other into files of a folder of
 its own. Then each file gets its name in the tree, and the marker is written last, when they are on
 the disk. A shard without a marker is flown again; one that two processes make at once has the same
-bytes twice.
+bytes twice. A mission that fails is drawn again as its next attempt, so that its number alone
+decides its bytes.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
-import dataclasses
-import hashlib
-import json
-import math
+import re
 import socket
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.attempts import FailedAttempt, FlownMission, fly_missions
-from factory.generation.bookkeeping import rows
-from factory.generation.job import Job
-from factory.sampling.drawn_plan import samples_in
-from factory.sampling.mission_water import mission_coordinates, mission_place
+from factory.generation.bookkeeping import FailedAttempt, FlownMission, rows
+from factory.generation.job import Job, Marker, finished, read_marker
+from factory.sampling.conditions import mission_coordinates, mission_place
+from factory.sampling.draw import samples_in, sensor_seed
+from factory.sampling.fly import REPLACED, Draw, FlownSignals, fly_abreast
 from factory.sampling.recipe import Recipe, versions
-from twin.bounded import FREE_BYTES
-from twin.errors import StoreError
+from twin.errors import InputError, SimulationUnstable, StepTooLong, StoreError, TwinError
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.records.presence import RECIPE
-from twin.records.storage.shard_file import ShardWriter
-from twin.records.storage.stored_files import FileSum
+from twin.records.schema import VARIABLES
+from twin.records.storage.sharded import ShardWriter, stored_values
+from twin.vehicle.consumption import ENERGY
 
 Signals = Mapping[str, NDArray[Any]]
-"""By name: (samples,) of one mission"""
+"""By name: (samples,) of one mission, as the store keeps them"""
 MOST_SAMPLES = 500_000
 """Of missions that fly together, whose logs are in memory at once: about 400 bytes each"""
-DIGEST = 32
-"""[byte] of a marker's SHA-256, with which its file begins"""
+MAX_ATTEMPTS = 20
+"""So many failures in a row mean impossible distributions, not bad luck."""
 _ALONE = threading.RLock()
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 """glibc's; None with another C library"""
-
-
-@dataclass(frozen=True)
-class ShardDone:
-    """Result of a task that flew a shard."""
-
-    number: int
-    failures: tuple[int, ...]
-    """attempts that each mission needed beyond one"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Marker:
-    """Record of a finished shard, so that it is neither repeated nor mistaken."""
-
-    number: int
-    recipe: str
-    """hash of the recipe"""
-    files: dict[str, FileSum]
-    """by key in the tree"""
-    failures: list[FailedAttempt]
-    """every attempt that failed and was replaced"""
-    versions: Mapping[str, str]
-    """of what can change a bit of a result"""
-    rows: dict[str, NDArray[Any]]
-    """values of each mission, as `bookkeeping.rows` gives them"""
-
-    def to_bytes(self) -> bytes:
-        """As it is kept: SHA-256 of the rest, a line of JSON, the rows one after the other."""
-        table: dict[str, Any] = {**vars(self)}
-        table["files"] = {key: dataclasses.astuple(one) for key, one in self.files.items()}
-        table["rows"] = {name: (one.dtype.str, one.shape) for name, one in self.rows.items()}
-        text = json.dumps(table).encode() + b"\n"
-        data = text + b"".join(one.tobytes() for one in self.rows.values())
-        return hashlib.sha256(data).digest() + data
-
-    @classmethod
-    def of_bytes(cls, data: bytes) -> Marker:
-        """Read a marker; raises ValueError, KeyError or TypeError where the file is damaged."""
-        if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
-            raise ValueError("it does not have its own digest")
-        place = data.index(b"\n", DIGEST) + 1
-        table = json.loads(data[DIGEST:place])
-        table["files"] = {key: FileSum(*one) for key, one in table["files"].items()}
-        table["failures"] = [FailedAttempt(*one) for one in table["failures"]]
-        for name, (kind, shape) in table["rows"].items():
-            count = math.prod(shape)
-            values = np.frombuffer(data, kind, count, place).reshape(shape)
-            table["rows"][name] = values
-            place += values.nbytes
-        return cls(**table)
-
-
-def read_marker(job: Job, number: int) -> Marker | None:
-    """The marker of a shard; None when there is none, or a damaged one: the shard is flown again.
-
-    Raises:
-      StoreError: it is that of another shard or recipe.
-    """
-    key = job.marker(number)
-    try:
-        found = Marker.of_bytes(job.files.read_small(key, FREE_BYTES))
-    except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return None
-    if (found.number, found.recipe) != (number, job.digest):
-        raise StoreError(
-            f"{job.files.name}/{key} is of shard {found.number} of recipe {found.recipe[:12]}, "
-            f"expected is {number} of recipe {job.digest[:12]}: remove that folder, or use another "
-            "--out"
-        )
-    return found
-
-
-def finished(job: Job, number: int, sizes: Mapping[str, int]) -> Marker | None:
-    """The marker of a shard whose files are all in the tree, by the `sizes` there; else None."""
-    found = read_marker(job, number)
-    there = found and all(sizes.get(key) == one.bytes for key, one in found.files.items())
-    return found if there else None
 
 
 @contextlib.contextmanager
@@ -142,8 +61,11 @@ def alone() -> Iterator[None]:
 
 
 @alone()
-def fly_shard(job: Job, number: int) -> ShardDone:
+def fly_shard(job: Job, number: int) -> tuple[int, ...]:
     """Fly the missions of a shard and put its files in the tree.
+
+    Returns:
+      The attempts that each mission needed beyond one.
 
     Raises:
       InputError: a mission that no attempt could fly. OSError: the disk refuses.
@@ -159,7 +81,7 @@ def fly_shard(job: Job, number: int) -> ShardDone:
     flown: list[FlownMission] = []
     with job.staging() as folder, ShardWriter(folder, missions=size, samples=samples) as writer:
         for group in together(recipe, layout.missions_of(number)):
-            for one, signals in fly_whole(recipe, group):
+            for one, signals in fly_missions(recipe, group):
                 flown.append(one)
                 writer.add(signals)
         sums = {f"{name}/c/{number}/0": one for name, one in writer.finish().items()}
@@ -178,7 +100,7 @@ def fly_shard(job: Job, number: int) -> ShardDone:
             job.files.write(job.marker(number), marker.to_bytes(), safe=True)
         elif before.files != sums:
             raise StoreError(_differ(number, before, marker))
-    return ShardDone(number, tuple(len(one.failures) for one in flown))
+    return tuple(len(one.failures) for one in flown)
 
 
 def _differ(number: int, before: Marker, now: Marker) -> str:
@@ -213,10 +135,92 @@ def together(recipe: Recipe, missions: Iterable[int]) -> Iterator[list[int]]:
         yield group
 
 
-def fly_whole(recipe: Recipe, missions: Sequence[int]) -> Iterator[tuple[FlownMission, Signals]]:
-    """Fly missions together; all that a store has of each with (mission, time)."""
-    with quiet_mujoco():  # an unstable mission is recorded and replaced instead
-        made = fly_missions(recipe, missions)
-    for one, measured in made:
-        place = mission_place(one.parameters, recipe.given_current)
-        yield one, {**measured, **mission_coordinates(measured, place)}
+def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMission, Signals]]:
+    """Fly missions, together where the recipe's engine can; failed attempts are recorded and
+    replaced.
+
+    Returns:
+      What is kept of each mission, and all that a store has of it over (mission, time).
+
+    Raises:
+      InputError: no attempt at a mission succeeded; names the distributions to narrow.
+    """
+    made: dict[int, tuple[FlownMission, Signals]] = {}
+    failures: dict[int, list[FailedAttempt]] = {mission: [] for mission in missions}
+
+    def failed(mission: int, error: TwinError) -> None:
+        attempt, time_s = len(failures[mission]), getattr(error, "time_s", None)
+        failures[mission].append(FailedAttempt(mission, attempt, reason(error), time_s))
+        if attempt + 1 == MAX_ATTEMPTS:
+            raise InputError(
+                f"mission {mission} failed {MAX_ATTEMPTS} times, last: {reason(error)}; "
+                f"{_to_narrow(recipe, reason(error))}"
+            )
+
+    while len(made) < len(missions):
+        draws: dict[int, Draw] = {}
+        for mission in missions:
+            if mission in made:
+                continue
+            attempt = len(failures[mission])
+            try:
+                parameters = recipe.parameters(mission, attempt)
+            except REPLACED as error:
+                failed(mission, error)
+                continue
+            seed = sensor_seed(recipe.seed, mission, attempt)
+            draws[mission] = Draw(parameters=parameters, sensor_seed=seed)
+        numbers, current = list(draws), recipe.given_current
+        with quiet_mujoco():  # an unstable mission is recorded and replaced instead
+            for index, flight in fly_abreast(
+                list(draws.values()), recipe.vehicle, recipe.suite, current=current,
+                engine=recipe.engine,
+            ):  # fmt: skip
+                mission = numbers[index]
+                if isinstance(flight, TwinError):
+                    failed(mission, flight)
+                    continue
+                parameters, signals = draws[mission].parameters, rounded_signals(flight)
+                place = mission_place(parameters, current)
+                flown = FlownMission(
+                    mission=mission,
+                    attempt=len(failures[mission]),
+                    samples=len(flight.trajectory.time),
+                    parameters=parameters,
+                    place=place,
+                    sensors=flight.drawn,
+                    failures=tuple(failures[mission]),
+                )
+                made[mission] = flown, {**signals, **mission_coordinates(signals, place)}
+    return [made[mission] for mission in missions]
+
+
+def _to_narrow(recipe: Recipe, reason: str) -> str:
+    """Which distributions to narrow: those that the reason speaks of, else those replaced."""
+    words = set(re.findall(r"\w+", reason))
+    named = [name for name in recipe.table if name.partition(".")[2] in words] or [*recipe.changes]
+    if not named:
+        return f"preset {recipe.preset!r} does not suit vehicle {recipe.vehicle.name!r}"
+    now = ", ".join(f"{name} (now {recipe.distributions[name].text()})" for name in named)
+    return f"narrow with --set: {now}"
+
+
+def reason(error: TwinError) -> str:
+    """Why an attempt failed, the same words on every replay."""
+    if isinstance(error, SimulationUnstable) and not isinstance(error, StepTooLong):
+        return f"went unstable at {error.time_s:.1f} s"
+    return str(error)
+
+
+def rounded_signals(flight: FlownSignals) -> dict[str, NDArray[np.float32]]:
+    """Every signal as the store keeps it, in the schema's order.
+
+    Energy is left out: it follows from the other signals and the vehicle that the store holds
+    (`MissionStore.energy`), and would add a fifteenth to the size of a store.
+    """
+    signals = flight.signals
+    return {
+        name: stored_values(signals[name], variable.decimals)
+        for name, variable in VARIABLES.items()
+        if name in signals and not name.startswith(ENERGY)
+    }

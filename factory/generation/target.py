@@ -5,28 +5,31 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from factory.generation.completion import FAILED_MISSION
-from factory.generation.job import Job, is_older, missions_kept
-from factory.sampling.recipe import Recipe, differences, read_recipe, recipe_document
+from factory.generation.job import Job, missions_kept
+from factory.sampling.recipe import Recipe, differences, read_recipe
 from twin.errors import StoreError
 from twin.records.attributes import CHANGES, FAILED_MISSIONS, SETTINGS, VEHICLE_MJCF, is_logged
 from twin.records.presence import (
     RECIPE,
     begun,
     begun_within,
+    check_ending,
+    check_version,
     generating,
     is_complete,
     is_there,
+    is_unfinished,
     read_attributes,
 )
-from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_path import StorePath
+from twin.records.storage.store_path import StorePath, files_at
 from twin.records.storage.whole import take_place
-from twin.records.store import check_ending, check_version
 
+OLDER = ("blocks", "shards")
+"""Folders in which an older glider-twin kept what it had made"""
 MAX_DIFFERENCES = 5
 """Differences named when a resume is refused."""
 
@@ -45,13 +48,15 @@ def check_target(
     """
     check_ending(store)
     local = isinstance(store, Path)
-    if isinstance(store, Path) and store.is_symlink() and not store.exists():
-        raise StoreError(f"{store} is a link to a missing target; choose another --out")
-    present, complete = _present(store), is_complete(store)
-    others = begun(store)
-    within = begun_within(store)
-    older = within or any(map(is_older, others))
-    again = ", --overwrite starts again" if local else ""
+    if isinstance(store, Path):
+        if store.is_symlink() and not store.exists():
+            raise StoreError(f"{store} is a link to a missing target; choose another --out")
+        present = store.exists() and not (store.is_dir() and not any(store.iterdir()))
+    else:
+        present = is_there(store)
+    complete, others, within = is_complete(store), begun(store), begun_within(store)
+    older = within or any(name in OLDER for path in others for name in files_at(path).folders())
+    way = "use --overwrite or another --out" if local else "use another --out"
     if not local and overwrite and (present or others):
         raise StoreError(
             f"{store} is there already, and an object storage cannot replace a store in one step: "
@@ -61,14 +66,14 @@ def check_target(
         raise StoreError(f"{store} exists and is not a store; choose another --out")
     if complete and not overwrite:
         if not resume:
-            way = "use --overwrite or another --out" if local else "use another --out"
             raise StoreError(f"store {store} already exists; {way}")
-        if differences(_settings(store), recipe.describe()) and Job(recipe, store).folder in others:
+        settings = _settings(store)
+        if differences(settings, recipe.describe()) and Job(recipe, store).folder in others:
             raise StoreError(
                 f"store {store} is of other settings, and one of these was begun in its place: "
                 "--overwrite --resume completes that"
             )
-        _check_same(store, _settings(store), recipe)
+        _check_same(store, settings, recipe, way)
         return True
     if older and not overwrite:
         raise StoreError(
@@ -87,8 +92,9 @@ def check_target(
                 files_at(other).remove_all()
             continue
         if not resume:
+            again = ", --overwrite starts again" if local else ""
             raise StoreError(f"store {store} is incomplete: --resume completes it{again}")
-        _check_same(store, _document(other)[SETTINGS], recipe)
+        _check_same(store, _document(other)[SETTINGS], recipe, way)
     return False
 
 
@@ -104,9 +110,24 @@ def give_name(job: Job) -> None:
     job.clear()
 
 
-def unfinished_settings(store: StorePath) -> list[tuple[StorePath, dict[str, Any]]]:
-    """Folders of runs that were begun for a store and not completed, with the settings of each."""
-    return [(path, _document(path)[SETTINGS]) for path in begun(store)]
+class Unfinished(NamedTuple):
+    """A store that a run has begun and not completed."""
+
+    store: StorePath
+    settings: dict[str, Any]
+    missions_kept: int
+
+
+def unfinished(path: StorePath) -> Unfinished | None:
+    """What an unfinished store holds so far; None when the store is complete or no store."""
+    if not is_unfinished(path):
+        return None
+    for folder in begun(path):
+        return Unfinished(path, _document(folder)[SETTINGS], missions_kept(folder))
+    raise StoreError(
+        f"store {path} was begun by an older glider-twin and is incomplete: `factory generate "
+        "--overwrite` starts again"
+    )
 
 
 def recipe_begun(path: StorePath) -> Recipe:
@@ -117,8 +138,8 @@ def recipe_begun(path: StorePath) -> Recipe:
 def recipe_of(store: StorePath) -> Recipe:
     """The recipe of a complete store; raises StoreError."""
     attributes = read_attributes(store)
-    known = {CHANGES: "{}", VEHICLE_MJCF: None, **attributes, SETTINGS: _settings(store)}
-    return read_recipe(recipe_document(known))
+    changes, vehicle = json.loads(attributes.get(CHANGES, "{}")), attributes.get(VEHICLE_MJCF)
+    return read_recipe({SETTINGS: _settings(store), CHANGES: changes, VEHICLE_MJCF: vehicle})
 
 
 def failures_in(store: StorePath) -> int:
@@ -129,19 +150,11 @@ def failures_in(store: StorePath) -> int:
     return len(json.loads(read_attributes(store).get(FAILED_MISSIONS, "[]")))
 
 
-def _present(store: StorePath) -> bool:
-    """Whether something is under the name; an empty folder is nothing."""
-    if not isinstance(store, Path):
-        return is_there(store)
-    return store.exists() and not (store.is_dir() and not any(store.iterdir()))
-
-
-def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe) -> None:
+def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe, way: str) -> None:
     changed = differences(old, recipe.describe())
     if changed:
         more = len(changed) - MAX_DIFFERENCES
         listing = "; ".join(changed[:MAX_DIFFERENCES]) + (f"; {more} more" if more > 0 else "")
-        way = "use --overwrite or another --out" if isinstance(store, Path) else "use another --out"
         raise StoreError(
             f"store {store} was started with other settings ({listing}): resume with the old "
             f"ones, or {way}"

@@ -46,11 +46,6 @@ class Distribution(abc.ABC):
     def text(self) -> str:
         """The form that `parse_distribution` reads back."""
 
-    @property
-    def fixed(self) -> bool:
-        """Whether every draw is the same."""
-        return False
-
     @abc.abstractmethod
     def allows(self, value: Value) -> bool:
         """Whether `value` can be drawn."""
@@ -72,11 +67,6 @@ class Fixed(Distribution):
             return self.value
         return _number(self.value)
 
-    @property
-    def fixed(self) -> bool:
-        """Always."""
-        return True
-
     def allows(self, value: Value) -> bool:
         """Only the value itself."""
         if isinstance(value, float) and isinstance(self.value, float) and math.isnan(value):
@@ -93,7 +83,7 @@ class Uniform(Distribution):
     excluded: tuple[Interval, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_range(self)
+        self._check_range()
         left = self.high - self.low
         for low, high in self.excluded:
             if not low < high:
@@ -102,46 +92,52 @@ class Uniform(Distribution):
         if left <= 1e-3 * (self.high - self.low):
             raise InputError(f"{self.text()}: the exclusions leave nothing to draw")
 
+    def _check_range(self) -> None:
+        if not (math.isfinite(self.high - self.low) and self.low < self.high):
+            raise InputError(f"{self.text()}: give low < high, both finite")
+
     def draw(self, rng: np.random.Generator) -> float:
         """One value."""
-        return _draw_allowed(self, lambda: float(rng.uniform(self.low, self.high)))
+        for _ in range(MAX_REDRAWS):
+            if not self._excludes(value := self._draw(rng)):
+                return value
+        raise InputError(f"{self.text()}: the exclusions leave almost nothing to draw")
+
+    def _draw(self, rng: np.random.Generator) -> float:
+        return float(rng.uniform(self.low, self.high))
+
+    def _excludes(self, value: float) -> bool:
+        return any(low < value < high for low, high in self.excluded)
 
     def text(self) -> str:
-        """uniform(low, high) and its exclusions."""
-        return f"uniform({_number(self.low)}, {_number(self.high)}){_except_text(self.excluded)}"
+        """Name of the distribution, (low, high) and its exclusions."""
+        pairs = " ".join(f"({_number(low)}, {_number(high)})" for low, high in self.excluded)
+        name = type(self).__name__.lower()
+        range_ = f"{name}({_number(self.low)}, {_number(self.high)})"
+        return f"{range_} except {pairs}" if pairs else range_
 
     def allows(self, value: Value) -> bool:
         """Inside the range and outside every exclusion."""
-        return _inside(value, self.low, self.high) and not _in_any(value, self.excluded)
+        return isinstance(value, float) and self._includes(value) and not self._excludes(value)
+
+    def _includes(self, value: float) -> bool:
+        return self.low <= value <= self.high
 
 
-@dataclass(frozen=True)
-class LogUniform(Distribution):
+class LogUniform(Uniform):
     """Uniform in the logarithm, in [low, high), without the excluded open intervals."""
 
-    low: float
-    high: float
-    excluded: tuple[Interval, ...] = ()
-
     def __post_init__(self) -> None:
-        _check_range(self)
+        self._check_range()
         if self.low <= 0.0:
             raise InputError(f"{self.text()}: the lower bound must be above 0")
 
-    def draw(self, rng: np.random.Generator) -> float:
-        """One value."""
-        low, high = math.log(self.low), math.log(self.high)
-        return _draw_allowed(self, lambda: math.exp(rng.uniform(low, high)))
+    def _draw(self, rng: np.random.Generator) -> float:
+        return math.exp(rng.uniform(math.log(self.low), math.log(self.high)))
 
-    def text(self) -> str:
-        """loguniform(low, high) and its exclusions."""
-        return f"loguniform({_number(self.low)}, {_number(self.high)}){_except_text(self.excluded)}"
-
-    def allows(self, value: Value) -> bool:
-        """Inside the range, up to rounding of the exponential, and outside every exclusion."""
-        slack = 1e-12 * self.high
-        inside = _inside(value, self.low - slack, self.high + slack)
-        return inside and not _in_any(value, self.excluded)
+    def _includes(self, value: float) -> bool:
+        slack = 1e-12 * self.high  # rounding of the exponential
+        return self.low - slack <= value <= self.high + slack
 
 
 @dataclass(frozen=True)
@@ -219,22 +215,25 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
     """
     if isinstance(text, bool) or not isinstance(text, str | int | float):
         raise InputError(f"{name} = {text!r}: give a number or a text such as 'uniform(15, 45)'")
-    if not isinstance(text, str):
-        try:
-            return _fixed_number(name, float(text), str(text))
-        except OverflowError:  # a whole number with hundreds of digits
-            return _fixed_number(name, math.inf, "a number beyond 1e308")
-    if len(text) > MOST_TEXT:
-        raise InputError(f"{name} has {len(text)} characters, at most {MOST_TEXT} are possible")
-    text = text.strip()
-    if text == "none":
-        return Fixed(math.nan)
+    if isinstance(text, str):
+        if len(text) > MOST_TEXT:
+            raise InputError(f"{name} has {len(text)} characters, at most {MOST_TEXT} are possible")
+        text = text.strip()
+        if text == "none":
+            return Fixed(math.nan)
     try:
-        number = float(text)
+        value, said = float(text), str(text)
+    except OverflowError:  # a whole number with hundreds of digits
+        value, said = math.inf, "a number beyond 1e308"
     except ValueError:
-        number = None
-    if number is not None:
-        return _fixed_number(name, number, text)
+        return _parse_words(str(text), name)
+    if not math.isfinite(value):
+        raise InputError(f"{name} = {said}: give a finite number, or none for 'not used'")
+    return Fixed(value)
+
+
+def _parse_words(text: str, name: str) -> Distribution:
+    """A distribution that is no number."""
     if re.fullmatch(r"[A-Za-z][\w-]*", text):
         return Fixed(text)
     match = _CALL.match(text)
@@ -258,12 +257,6 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
         return (Uniform if form == "uniform" else LogUniform)(low, high, excluded)
     except InputError as error:
         raise InputError(f"{name} = {text!r}: {error}") from None
-
-
-def _fixed_number(name: str, value: float, text: str) -> Fixed:
-    if not math.isfinite(value):
-        raise InputError(f"{name} = {text}: give a finite number, or none for 'not used'")
-    return Fixed(value)
 
 
 def _two_numbers(text: str) -> Interval:
@@ -293,36 +286,9 @@ def _parse_choice(inner: str) -> Choice:
     return Choice(tuple(options), tuple(weights))
 
 
-def _check_range(distribution: Uniform | LogUniform) -> None:
-    low, high = distribution.low, distribution.high
-    if not (math.isfinite(high - low) and low < high):
-        raise InputError(f"{distribution.text()}: give low < high, both finite")
-
-
 def _number(value: float) -> str:
     """Every digit, since the text is what stores record and replays read."""
     return "none" if math.isnan(value) else repr(float(value)).removesuffix(".0")
-
-
-def _except_text(excluded: tuple[Interval, ...]) -> str:
-    pairs = " ".join(f"({_number(low)}, {_number(high)})" for low, high in excluded)
-    return f" except {pairs}" if pairs else ""
-
-
-def _inside(value: Value, low: float, high: float) -> bool:
-    return isinstance(value, float) and low <= value <= high
-
-
-def _in_any(value: Value, intervals: tuple[Interval, ...]) -> bool:
-    return isinstance(value, float) and any(low < value < high for low, high in intervals)
-
-
-def _draw_allowed(distribution: Uniform | LogUniform, draw) -> float:  # type: ignore[no-untyped-def]
-    for _ in range(MAX_REDRAWS):
-        value: float = draw()
-        if not _in_any(value, distribution.excluded):
-            return value
-    raise InputError(f"{distribution.text()}: the exclusions leave almost nothing to draw")
 
 
 @dataclass(frozen=True)

@@ -1,33 +1,169 @@
-"""Sampling: the parameters of one mission, from the distributions and the mission's own seed.
+"""Draw: the plan of a store, and the parameters of one mission from its own seed.
 
-Every parameter has its own random stream below (seed, mission, attempt), keyed by its name. So a
-mission does not depend on the others or on who flies it, and a changed distribution leaves the
-draws of all other parameters as they were.
+The plan says how long each mission lasts and which split it belongs to, before any is flown. Every
+parameter has its own random stream below (seed, mission, attempt), keyed by its name. So a mission
+does not depend on the others or on who flies it, and a changed distribution leaves the draws of all
+other parameters as they were.
 """
 
 from __future__ import annotations
 
 import math
+import shutil
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from factory.sampling.distribution import Distribution, Drawn, Fixed, Value, number
-from factory.sampling.mission_kind import MissionKind
-from factory.sampling.parameters import Table
-from factory.sampling.profiles import MISSION_KINDS, kinds_for
-from factory.sampling.surveys import SURFACE, Streams
+from factory.sampling.mission_kinds import MISSION_KINDS, SURFACE, MissionKind, Streams, kinds_for
 from twin.errors import InputError, MissionError, UnknownName, unknown_name
-from twin.vehicle.vehicle import Vehicle
+from twin.physics.true_signals import SAMPLE_PERIOD
+from twin.records.attributes import SPLITS
 
-PLAN_STREAM, MISSION_STREAM = 0, 1
-"""First element of every spawn key: what belongs to the whole run, and what to one mission."""
-SENSOR_STREAM = 1
-"""Below a mission's key: the sensors. Parameters use the checksum of their name, a larger one."""
+if TYPE_CHECKING:
+    from factory.sampling.parameters import Table
+    from twin.vehicle.vehicle import Vehicle
+
+TRAIN, VALIDATION, TEST = 0, 1, 2
+VALIDATION_SHARE, TEST_SHARE = 0.15, 0.15
+"""Of the missions; the rest trains (the paper's 70/15/15, by mission instead of by sample)."""
+MIN_MISSIONS = len(SPLITS)
+"""One for each split."""
+MIN_DURATION_S = 60.0
+"""A mission shorter than this has not even launched."""
+HOUR = 3600.0
+BYTES_PER_HOUR = 0.4e6
+"""Of a store, roughly: preset paper takes 0.36 MB, field 0.49, short stores more"""
+GIGABYTE = 1e9
+MOST_HOURS = 1e7
+"""[h] Of one store; drawing the lengths of more missions takes minutes before the first flies."""
 MAX_SEGMENTS = 100
 """A mission of more segments means a wrong distribution of their length."""
+PLAN_STREAM, MISSION_STREAM = 0, 1
+"""First element of every spawn key: what belongs to the whole run, and what to one mission."""
+_DURATION_STREAM, _SPLIT_STREAM = 0, 1
+SENSOR_STREAM = 1
+"""Below a mission's key: the sensors. Parameters use the checksum of their name, a larger one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All missions of one store."""
+
+    durations_s: tuple[float, ...]
+    """[s] of each mission, multiples of the sample period"""
+    splits: tuple[int, ...]
+    """TRAIN, VALIDATION or TEST of each mission"""
+
+    def __len__(self) -> int:
+        return len(self.durations_s)
+
+    @property
+    def hours(self) -> float:
+        """Total [h]."""
+        return sum(self.durations_s) / HOUR
+
+    @property
+    def samples(self) -> int:
+        """Samples of the longest mission."""
+        return samples_in(max(self.durations_s))
+
+
+def samples_in(duration_s: float) -> int:
+    """Samples of a mission, both ends included."""
+    return round(duration_s / SAMPLE_PERIOD) + 1
+
+
+def check_hours(hours: float) -> None:
+    """Raise InputError unless `hours` [h] is a positive number that can be planned."""
+    if np.isnan(hours):
+        raise InputError("--hours nan is not a number; give hours, such as 10")
+    if not hours > 0.0:
+        raise InputError(f"--hours {hours:g} must be above 0")
+    if hours > MOST_HOURS:
+        raise InputError(
+            f"--hours {hours:g} would need about {_size(hours)}; give at most {MOST_HOURS:g}, and "
+            "more as several stores of different --seed"
+        )
+
+
+def check_room(hours: float, store: Path) -> None:
+    """Raise InputError when the disk of `store` has no room for `hours` [h]."""
+    check_hours(hours)
+    folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.is_dir())
+    free = shutil.disk_usage(folder).free
+    if hours * BYTES_PER_HOUR > free:
+        raise InputError(
+            f"--hours {hours:g} needs about {_size(hours)}, and {folder} has {free / GIGABYTE:.3g} "
+            "GB free: give fewer hours or an --out on another disk"
+        )
+
+
+def _size(hours: float) -> str:
+    return f"{hours * BYTES_PER_HOUR / GIGABYTE:.3g} GB"
+
+
+def plan_missions(duration_h: Distribution, *, hours: float, seed: int) -> Plan:
+    """Draw missions until their durations make `hours` [h]; the last ones are cut to fit.
+
+    Raises:
+      InputError: hours that are not positive, or too few for three missions.
+    """
+    check_hours(hours)
+    total = round(hours * HOUR / SAMPLE_PERIOD)
+    if total * SAMPLE_PERIOD < MIN_MISSIONS * MIN_DURATION_S:
+        raise InputError(
+            f"--hours {hours:g} is too little: each of the splits {', '.join(SPLITS)} needs a "
+            f"mission of {MIN_DURATION_S:g} s, so give at least "
+            f"{MIN_MISSIONS * MIN_DURATION_S / HOUR:g}"
+        )
+    rng = _generator(seed, PLAN_STREAM, _DURATION_STREAM)
+    durations: list[int] = []
+    remaining = total
+    while remaining > 0:
+        drawn = duration_h.draw(rng)
+        if isinstance(drawn, str) or not drawn * HOUR >= MIN_DURATION_S:
+            raise InputError(
+                f"mission.duration_h = {duration_h.text()} gives {drawn}: draw hours, at least "
+                f"{MIN_DURATION_S / HOUR:g}"
+            )
+        durations.append(round(drawn * HOUR / SAMPLE_PERIOD))
+        remaining -= durations[-1]
+    durations[-1] += remaining
+    _settle_last(durations, duration_h)
+    if len(durations) < MIN_MISSIONS:
+        durations = _equal_parts(total, MIN_MISSIONS)
+    times = tuple(samples * SAMPLE_PERIOD for samples in durations)
+    validation, test = (max(1, round(s * len(times))) for s in (VALIDATION_SHARE, TEST_SHARE))
+    splits = np.full(len(times), TRAIN)  # at least one mission of each
+    splits[:validation] = VALIDATION
+    splits[validation : validation + test] = TEST
+    drawn_splits = _generator(seed, PLAN_STREAM, _SPLIT_STREAM).permutation(splits)
+    return Plan(durations_s=times, splits=tuple(drawn_splits.tolist()))
+
+
+def _settle_last(durations: list[int], duration_h: Distribution) -> None:
+    """Join a last mission that came out too short with the one before, or share with it."""
+
+    def allowed(samples: int) -> bool:
+        return duration_h.allows(samples * SAMPLE_PERIOD / HOUR)
+
+    if len(durations) < 2 or allowed(durations[-1]):
+        return
+    both = durations[-2] + durations[-1]
+    durations[-2:] = [both] if allowed(both) else _equal_parts(both, 2)
+
+
+def _equal_parts(total: int, parts: int) -> list[int]:
+    return [total // parts + (i < total % parts) for i in range(parts)]
+
+
+def _generator(seed: int, *key: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,16 +203,15 @@ def sensor_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence
 
 
 def draw_values(
-    table: Table,
-    distributions: Mapping[str, Distribution],
-    *,
-    seed: int,
-    mission: int,
-    attempt: int,
+    table: Table, distributions: Mapping[str, Distribution], **key: int
 ) -> dict[str, Value]:
-    """The parameters that a mission draws once."""
+    """The parameters that a mission draws once.
+
+    Args:
+      key: `seed`, `mission` and `attempt`.
+    """
     return {
-        name: _stream(distributions[name], name, seed, mission, attempt)()
+        name: _stream(distributions[name], name, **key)()
         for name, parameter in table.items()
         if not parameter.per_segment and name != "mission.duration_h"
     }
@@ -86,30 +221,29 @@ def draw_parameters(
     table: Table,
     distributions: Mapping[str, Distribution],
     *,
-    seed: int,
-    mission: int,
-    attempt: int,
     duration_s: float,
     vehicle: Vehicle,
+    **key: int,
 ) -> Parameters:
     """The parameters of one attempt at one mission of `duration_s` seconds.
+
+    Args:
+      key: `seed`, `mission` and `attempt`.
 
     Raises:
       MissionError: segments that cannot fill the mission, or that the vehicle cannot fly.
     """
-    values = draw_values(table, distributions, seed=seed, mission=mission, attempt=attempt)
+    values = draw_values(table, distributions, **key)
     streams = {
-        name: _stream(distributions[name], name, seed, mission, attempt)
+        name: _stream(distributions[name], name, **key)
         for name, parameter in table.items()
         if parameter.per_segment
     }
     surface_every = values["mission.surface_every"]
     if isinstance(surface_every, str):
         raise InputError(f"mission.surface_every = {surface_every}: give a number or none")
-    segments: list[Drawn] = []
     surfaces = not math.isnan(surface_every)
-    if surfaces:
-        segments.append(SURFACE.stay(streams))
+    segments: list[Drawn] = [SURFACE.stay(streams)] if surfaces else []
     elapsed, dives = 0.0, 0
     while elapsed < duration_s:
         if len(segments) >= MAX_SEGMENTS:
@@ -133,8 +267,7 @@ def _stream(
     """Draws of one parameter."""
     if isinstance(distribution, Fixed):
         return lambda: distribution.value
-    key = (MISSION_STREAM, mission, attempt, zlib.crc32(name.encode()))
-    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+    rng = _generator(seed, MISSION_STREAM, mission, attempt, zlib.crc32(name.encode()))
     return lambda: distribution.draw(rng)
 
 

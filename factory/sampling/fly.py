@@ -1,31 +1,30 @@
-"""Flight: one mission from its parameters to its signals. Replays run the same code.
+"""Fly: one mission from its parameters to its signals. Replays run the same code.
 
-Bounds: which simulations are missions to keep: possible ones that stay off the ground.
+A simulation is a mission to keep when it stays possible and off the ground.
+Given current: one current for all missions, as `--current` describes it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from factory.sampling.draw import Parameters, kind_of
-from factory.sampling.mission_water import (
+from factory.sampling.conditions import (
+    ballast_of,
+    believed_vehicle,
     bottom_depth,
     build_current,
     build_density,
     build_floor,
-    origin,
-)
-from factory.sampling.vehicle_errors import (
-    ballast_of,
-    believed_vehicle,
     encoder_zeros,
+    origin,
     spread_vehicle,
 )
+from factory.sampling.draw import Parameters, kind_of
 from twin.errors import (
     CurrentError,
     FloorError,
@@ -37,18 +36,23 @@ from twin.errors import (
 )
 from twin.mission import Mission, Segment
 from twin.physics.lanes import Aground, Lane, flown_abreast
-from twin.physics.lookup_tables import Tables
-from twin.physics.scenario import ENGINES, SAMPLE_PERIOD, Scenario
+from twin.physics.model_block import Tables
+from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
+from twin.physics.true_signals import ENGINES, SAMPLE_PERIOD
 from twin.records.schema import VARIABLES
 from twin.records.schema.limits import simulated_limits
 from twin.vehicle.vehicle import Vehicle
+from twin.water.current import Origin, current_from_dict, parse_current
 from twin.water.current.base import Current
+from twin.water.current.sampler import Floats
 from twin.water.floor.lookup import floor_depths
 
 if TYPE_CHECKING:
     from twin.records.trajectory import Trajectory
     from twin.sensors import SensorSuite
+
+Array = NDArray[np.float64]
 
 
 class Impossible(TwinError):
@@ -88,23 +92,8 @@ def check_possible(truth: Mapping[str, Array], time: Array) -> None:
         )
 
 
-def check_afloat(truth: Mapping[str, Array], time: Array) -> None:
-    """Raise Impossible when the vehicle touched the sea floor or an obstacle.
-
-    Args:
-      truth, time: as `check_possible`; missions where nothing can be touched have no
-        `true_contact`.
-    """
-    contact = truth.get("true_contact")
-    if contact is not None and contact.any():
-        raise _grounded(float(time[np.argmax(contact)]))
-
-
 def _grounded(when: float) -> Impossible:
     return Impossible(f"ran aground at {when:.1f} s", time_s=when)
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,49 +206,30 @@ def fly_abreast(
     Args:
       current: instead of the drawn ones.
     """
-    for index, flight in _flights(draws, nominal, current, engine):
-        if isinstance(flight, TwinError):
-            yield index, flight
-            continue
-        try:
-            found = _measured(draws[index], *flight, suite)
-        except REPLACED as error:
-            yield index, error
-        else:
-            yield index, found
-
-
-Flight = tuple[Scenario, "Trajectory", Tables, float]
-"""What was flown and how, its tables, and its duration [s]"""
-
-
-def _flights(
-    draws: Sequence[Draw], nominal: Vehicle, current: Current | None, engine: str
-) -> Iterator[tuple[int, Flight | TwinError]]:
-    """Each draw's flight by the engine, or what was wrong with it."""
-    places: list[int] = []
-    lanes: list[Lane] = []
+    lanes: dict[int, Lane] = {}
     for index, draw in enumerate(draws):
         try:
             scenario = build_scenario(draw.parameters, nominal, current, engine)
             if engine == "lanes":
-                lanes.append(Lane(scenario))
-                places.append(index)
+                lanes[index] = Lane(scenario)
                 continue
-            simulation = Simulation(scenario)
-            trajectory = simulation.run()
+            one = Simulation(scenario)
+            flown = one.run()
+            yield index, _measured(draw, scenario, flown, one.tables, one.duration, suite)
         except REPLACED as error:
             yield index, error
-        else:
-            yield index, (scenario, trajectory, simulation.tables, simulation.duration)
-    for place, found in flown_abreast(lanes):
-        lane = lanes[place]
-        if isinstance(found, Aground):
-            yield places[place], _grounded(found.time_s)
-        elif isinstance(found, SimulationUnstable):
-            yield places[place], found
-        else:
-            yield places[place], (lane.scenario, found, lane.tables, lane.duration)
+    places = list(lanes)
+    for place, found in flown_abreast(list(lanes.values())):
+        index, lane = places[place], lanes[places[place]]
+        try:
+            if isinstance(found, Aground):
+                raise _grounded(found.time_s)
+            if isinstance(found, SimulationUnstable):
+                raise found
+            draw, scenario = draws[index], lane.scenario
+            yield index, _measured(draw, scenario, found, lane.tables, lane.duration, suite)
+        except REPLACED as error:
+            yield index, error
 
 
 def _measured(
@@ -272,7 +242,9 @@ def _measured(
 ) -> FlownSignals:
     """What the sensors make of a flight; raises Impossible."""
     check_possible(trajectory.signals, trajectory.time)
-    check_afloat(trajectory.signals, trajectory.time)
+    contact = trajectory.signals.get("true_contact")
+    if contact is not None and contact.any():
+        raise _grounded(float(trajectory.time[np.argmax(contact)]))
     parameters, seed = draw.parameters, draw.sensor_seed
     drawn = suite.draw(seed) if draw.constants is None else draw.constants
     water, floor = scenario.current, tables.floor
@@ -292,3 +264,45 @@ def _measured(
         current=None if water is None else water.compile(duration, scenario.origin),
     )
     return FlownSignals(trajectory=trajectory, measured=measured, drawn=drawn)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GivenCurrent(Current):
+    """A current compiled once, however many missions meet it; gridded files are read once."""
+
+    program: Floats
+    """Compiled for the longest mission"""
+    description: Mapping[str, Any]
+    """What `current_from_dict` rebuilds it from, everything pinned"""
+
+    def records(self, duration_s: float, origin: Origin) -> list[Floats]:
+        """Not needed: `compile` has the program."""
+        raise NotImplementedError("a given current is compiled already")
+
+    def compile(self, duration_s: float, origin: Origin | None = None) -> Floats:
+        """The program, the same for every mission."""
+        return self.program
+
+    def begins(self, duration_s: float, origin: Origin) -> Origin:
+        """As the current itself."""
+        return current_from_dict(self.description).begins(duration_s, origin)
+
+    def describe(self) -> dict[str, Any]:
+        """The description."""
+        return dict(self.description)
+
+
+def given_current(given: str | Mapping[str, Any], longest_s: float) -> GivenCurrent:
+    """The current of all missions, which last at most `longest_s` [s].
+
+    Args:
+      given: as `--current` takes it, or the description that a store holds.
+
+    Raises:
+      CurrentError: it cannot be used, or a file of it has changed.
+    """
+    if isinstance(given, Mapping):
+        current = current_from_dict(given)
+    else:
+        current = parse_current(given).pinned(longest_s)
+    return GivenCurrent(program=current.compile(longest_s), description=current.describe())

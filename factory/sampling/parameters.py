@@ -1,175 +1,78 @@
-"""Parameters: everything that the factory draws for a mission, with unit, spread and reason.
+"""Parameters: everything that the factory draws for a mission, with unit, distributions and reason.
 
-This is the one table of distributions. A row gives the parameter's name, its unit, what preset
-`paper` and preset `field` draw it from, and why. The rows below depend on no vehicle; those that
-do are in `factory.sampling.vehicle_parameters`, those of vehicles with a propeller in
-`factory.sampling.vehicle_parameters` and with the kinds of segments, and a vehicle file may replace
-what any row draws for it. `--set NAME=DISTRIBUTION` and TOML files replace entries by name; stores
-keep the table that was used, and every drawn value under the name with an underscore for the dot.
+`parameters.csv` has the rows that depend on no vehicle file, this module those that follow from a
+vehicle's law, hull and parts; a vehicle file may replace what any row draws for it. A row gives the
+parameter's name, its unit, what preset `paper` and preset `field` draw it from, and why. Its column
+`per` says that it is drawn for every segment, its column `of` which vehicles have it:
 
-Rows of the group `mission` that are marked per segment are drawn for every segment of a mission.
+  (empty)    all vehicles
+  unturned   instead of the row of that name: nothing turns the vehicle
+  propelled  likewise, or added: a propeller drives it, so that it surveys above a sea floor
+  level      added: it also keeps level
+
+Preset paper never draws a pitch of 30 deg, nor the rotations of 40 and -30 deg: the mission of
+preset paper-test flies these. `--set NAME=DISTRIBUTION` and TOML files replace entries by name;
+stores keep the table that was used.
 """
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 from collections.abc import Mapping
+from pathlib import Path
 
 from factory.sampling.distribution import Distribution, Parameter, parse_distribution
-from factory.sampling.mission_kind import propelled
-from factory.sampling.vehicle_parameters import (
-    FLOOR,
-    as_survey,
-    motion_rows,
-    survey_rows,
-    vehicle_rows,
-)
+from factory.sampling.mission_kinds import keeps_level, kinds_for, propelled
 from twin.errors import InputError, VehicleError, nearest, unknown_name
+from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.vehicle import SPREAD, Vehicle
-
-FLOWN_BY_TEST_LEVEL = "(28, 32)"
-"""Exclusion zone of preset paper: its training missions never command the pitch of the wings-level
-part of preset paper-test (30 deg). The rotations of its two spirals (40 and -30 deg) are excluded
-in the files of the gliders that fly it."""
 
 Table = Mapping[str, Parameter]
 """Rows by name, in their order."""
-
-_MISSION: tuple[Parameter, ...] = (
-    Parameter("mission.duration_h", "h", "uniform(0.5, 1)", "uniform(1, 3)",
-              "length of the mission", "field missions hold several dives between GPS fixes"),
-    Parameter("mission.start_heading_deg", "degree", "uniform(0, 360)", "uniform(0, 360)",
-              "heading at launch", "the vehicle starts at rest in the water"),
-    Parameter("mission.start_depth_m", "m", "0", "0",
-              "depth at launch",
-              "at the surface, so that every mission begins with surge from rest"),
-    Parameter("mission.surface_every", "1", "none", "1",
-              "number of dives between stays at the surface",
-              "stays are for GPS fixes; none: never surfaces"),
-    Parameter("mission.start_day", "d", "0", "uniform(0, 366)",
-              "day of the start",
-              "days since the beginning of 2020, UTC; any day of that year, for the coordinates "
-              "only"),
-    # SEGMENT: drawn for every segment
-    Parameter("mission.kind", "1", "choice(saw-tooth, spiral)", "choice(saw-tooth: 2, spiral: 1)",
-              "kind of the segment",
-              "the paper combines wings-level and spiral motion; field work is mostly transects",
-              per_segment=True),
-    Parameter("mission.segment_duration_s", "s", "uniform(600, 1800)", "none",
-              "time limit of the segment", "one to three of them in a mission", per_segment=True),
-    Parameter("mission.yos", "1", "none", "choice(1, 2)",
-              "number of dives in the segment",
-              "each with its climb; field gliders surface after one or a few",
-              per_segment=True),
-    Parameter("mission.max_depth_m", "m", "loguniform(40, 500)", "uniform(60, 300)",
-              "lower turning depth", "paper: logarithmic, so that inflections are frequent",
-              per_segment=True),
-    Parameter("mission.min_depth_m", "m", "uniform(5, 25)", "uniform(5, 25)",
-              "upper turning depth", "below the overshoot of an inflection", per_segment=True),
-    Parameter("mission.pitch_deg", "degree", f"uniform(15, 45) except {FLOWN_BY_TEST_LEVEL}",
-              "uniform(18, 42)", "pitch magnitude of the dive", "the range that gliders use",
-              per_segment=True),
-    Parameter("mission.climb_pitch_deg", "degree", f"uniform(15, 45) except {FLOWN_BY_TEST_LEVEL}",
-              "uniform(18, 42)", "pitch magnitude of the climb", "the range that gliders use",
-              per_segment=True),
-    Parameter("mission.surface_duration_s", "s", "none", "uniform(180, 600)",
-              "length of the stay at the surface", "a first fix takes 30 to 120 s",
-              per_segment=True),
-)  # fmt: skip
-_LEVEL = Parameter("mission.kind", "1", "saw-tooth", "saw-tooth",
-                   "kind of the segment", "nothing turns the vehicle: it cannot spiral",
-                   per_segment=True)  # fmt: skip
-"""In place of the row of that name"""
-_MOTION = len(_MISSION) - 1
-"""Place of the rows that depend on how the vehicle moves: before the stay at the surface"""
-
-_WATER: tuple[Parameter, ...] = (
-    # --- current: its speed is shared out by the weights, so that it never exceeds the speed ----
-    Parameter("current.speed", "m s-1", "uniform(0, 0.3)", "uniform(0, 0.3)",
-              "largest speed of the current",
-              "sum of all amplitudes; mid-latitude rms is 0.14 m/s at the surface, 0.3 is strong"),
-    Parameter("current.steady", "1", "1", "uniform(0, 1)", "weight of the steady current",
-              "the part without structure"),
-    Parameter("current.steady_direction_deg", "degree", "uniform(0, 360)", "uniform(0, 360)",
-              "direction of the steady current",
-              "toward which it flows"),
-    Parameter("current.shear", "1", "0", "uniform(0, 1)",
-              "weight of the sheared current", "the geostrophic part, which decays with depth"),
-    Parameter("current.shear_direction_deg", "degree", "0", "uniform(0, 360)",
-              "direction of the sheared current",
-              "toward which it flows"),
-    Parameter("current.shear_scale_m", "m", "200", "loguniform(50, 800)",
-              "decay depth of the sheared current",
-              "300 to 1000 m in the open ocean, less on shelves"),
-    Parameter("current.tide", "1", "0", "uniform(0, 1)", "weight of the barotropic tide"),
-    Parameter("current.tide_constituent", "1", "M2", "choice(M2: 3, S2: 1, K1: 2, O1: 1)",
-              "constituent of the tide", "it sets the period; weights follow usual amplitudes"),
-    Parameter("current.tide_direction_deg", "degree", "0", "uniform(0, 360)",
-              "direction of the tidal ellipse's major axis"),
-    Parameter("current.tide_ratio", "1", "0", "uniform(-0.6, 0.6)",
-              "axis ratio of the tidal ellipse",
-              "minor over major; positive turns counterclockwise"),
-    Parameter("current.tide_phase_deg", "degree", "0", "uniform(0, 360)",
-              "phase of the tide at launch"),
-    Parameter("current.inertial", "1", "0", "uniform(0, 1)",
-              "weight of the near-inertial oscillation", "of the mixed layer"),
-    Parameter("current.inertial_direction_deg", "degree", "0", "uniform(0, 360)",
-              "direction of the near-inertial current at launch"),
-    Parameter("current.inertial_layer_m", "m", "40", "uniform(20, 80)", "depth of the mixed layer"),
-    Parameter("current.ekman", "1", "0", "uniform(0, 0.5)",
-              "weight of the Ekman spiral", "driven by wind; thin, so it gets less"),
-    Parameter("current.ekman_direction_deg", "degree", "0", "uniform(0, 360)",
-              "direction of the wind", "toward which it blows"),
-    Parameter("current.ekman_depth_m", "m", "25", "uniform(12, 40)",
-              "e-folding depth of the Ekman spiral"),
-    Parameter("current.bottom", "1", "0", "uniform(0, 0.5)",
-              "weight of the bottom boundary layer", "where there is a bottom"),
-    Parameter("current.bottom_direction_deg", "degree", "0", "uniform(0, 360)",
-              "direction of the bottom boundary layer",
-              "toward which it flows"),
-    Parameter("current.bottom_layer_m", "m", "20", "uniform(20, 100)",
-              "height of the bottom boundary layer", "logarithmic below and constant above"),
-    Parameter("current.wander", "1", "0", "uniform(0, 0.5)",
-              "weight of the wandering current",
-              "a Gauss-Markov process: submesoscale change over the mission"),
-    Parameter("current.wander_direction_deg", "degree", "0", "uniform(0, 360)",
-              "mean direction of the wandering current"),
-    Parameter("current.wander_time_h", "h", "3", "uniform(1, 6)",
-              "correlation time of the wandering current"),
-    Parameter("current.wander_seed", "1", "0", "uniform(0, 2147483647)",
-              "seed of the wandering current",
-              "rounded down"),
-    # --- water ---------------------------------------------------------------------------------
-    Parameter("water.stratified", "1", "0", "1",
-              "stratification of the water",
-              "1: density by TEOS-10 from a thermocline; 0: the constant reference density"),
-    Parameter("water.surface_temperature", "degC", "16", "uniform(8, 22)",
-              "temperature of the mixed layer"),
-    Parameter("water.deep_temperature", "degC", "4", "uniform(3, 7)",
-              "temperature below the thermocline"),
-    Parameter("water.surface_salinity", "1", "33.4", "uniform(33, 35)",
-              "practical salinity of the mixed layer"),
-    Parameter("water.salinity_increase", "1", "1", "uniform(0, 0.8)",
-              "increase of practical salinity with depth",
-              "deep minus surface; positive keeps the column stable"),
-    Parameter("water.mixed_layer_m", "m", "30", "uniform(10, 60)", "depth of the mixed layer"),
-    Parameter("water.thermocline_m", "m", "200", "uniform(60, 250)",
-              "decay depth of the thermocline", "below the mixed layer"),
-    Parameter("water.latitude", "degree_north", "36.8", "uniform(20, 65)",
-              "latitude of the mission",
-              "for gravity at the pressure gauge, inertial period, Ekman turning and coordinates"),
-    Parameter("water.longitude", "degree_east", "-122.4", "uniform(-38, -32)",
-              "longitude of the mission",
-              "for coordinates; with any latitude from 20 to 65 it is the open Atlantic, without "
-              "land; "
-              "paper: off Monterey Bay, in deep water"),
-    Parameter("water.bottom_below_m", "m", "none", "loguniform(20, 2000)",
-              "depth of the bottom below the deepest turning depth", "the DVL sees 110 m"),
-)  # fmt: skip
-
-
+SPREADS = ("paper", "field")
+FLOOR_DEPTH = "floor.depth_m"
+"""Of surveys, whose missions have a sea floor"""
+BOTTOM = "water.bottom_below_m"
+"""Of missions in open water"""
 ADDED: Mapping[str, str] = {"water.longitude": "-121.8", "mission.start_day": "0"}
 """What parameters were, in effect, in stores that were made before they existed"""
+
+NET_MASS = (0.3, 0.9), (0.5, 0.9)
+"""Share of the pump's reach that dives and climbs draw when the vehicle file does not say, in
+presets paper and field"""
+ROTATION = 0.75, 0.65
+"""Share of the travel of what turns the vehicle, likewise"""
+STRAIGHT = 0.1
+"""Share of that range about the middle that makes no spiral"""
+SPEED = (0.8, 1.1)
+"""Share of a propelled vehicle's cruising speed, likewise"""
+WEIGHTS = {"saw-tooth": 6, "transect": 2, "circle": 1, "lawn-mower": 1, "spiral": 1}
+"""Of the kinds of segments of propelled vehicles, as far as the vehicle flies them"""
+ADDED_MASS = {
+    "surge": ("added mass (1,1)", (0, 0)),
+    "sway": ("added mass (2,2)", (1, 1)),
+    "heave": ("added mass (3,3)", (2, 2)),
+    "roll": ("added inertia (4,4)", (3, 3)),
+    "pitch": ("added inertia (5,5)", (4, 4)),
+    "yaw": ("added inertia (6,6)", (5, 5)),
+    "sway_yaw": ("added coupling (2,6)", (1, 5)),
+    "heave_pitch": ("added coupling (3,5)", (2, 4)),
+}
+"""Meaning and cell of each coefficient of the added-mass matrix that is drawn"""
+
+
+def _read_rows() -> dict[str, dict[str, Parameter]]:
+    """Rows of `parameters.csv` by name, for each word of its column `of`."""
+    found: dict[str, dict[str, Parameter]] = {}
+    with Path(__file__).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            per, of = bool(row.pop("per")), row.pop("of")
+            found.setdefault(of, {})[row["name"]] = Parameter(**row, per_segment=per)
+    return found
+
+
+ROWS = _read_rows()
 
 
 def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
@@ -178,17 +81,19 @@ def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
     Raises:
       VehicleError: the file's `spread.` names no parameter of the vehicle, or no distributions.
     """
-    mission = list(_MISSION)
+    rows, moving = dict(ROWS[""]), _motion_rows(vehicle)
     if vehicle.steered("heading") is None:
-        mission = [_LEVEL if row.name == _LEVEL.name else row for row in mission]
-    water = list(_WATER)
-    moving = motion_rows(vehicle)
+        rows |= ROWS["unturned"]
     if propelled(vehicle):
-        mission = [as_survey(row, vehicle) for row in mission]
-        moving += survey_rows(vehicle)
-        water = [as_survey(row, vehicle) for row in water if row.name != BOTTOM] + [*FLOOR]
-    mission[_MOTION:_MOTION] = moving
-    rows = {row.name: row for row in (*mission, *vehicle_rows(vehicle), *water)}
+        rows |= ROWS["propelled"]
+        del rows[BOTTOM]
+        moving.append(rows.pop("mission.min_altitude_m"))
+        moving += ROWS["level"].values() if keeps_level(vehicle) else ()
+        rows["mission.kind"] = _survey_kinds(rows["mission.kind"], vehicle)
+    *mission, stay = (row for row in rows.values() if row.name.startswith("mission."))
+    others = (row for row in rows.values() if not row.name.startswith("mission."))
+    table = [*mission, *moving, stay, *_vehicle_rows(vehicle), *others]
+    rows = {row.name: row for row in table}
     for name, text in vehicle.spreads.items():
         where = f"vehicle file {vehicle.path}: <text name={SPREAD + name!r}>"
         if name not in rows:
@@ -208,9 +113,90 @@ def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
     return rows
 
 
-SPREADS = ("paper", "field")
-BOTTOM = "water.bottom_below_m"
-"""Of missions in open water; surveys have a sea floor"""
+def _survey_kinds(row: Parameter, vehicle: Vehicle) -> Parameter:
+    """Weights of the kinds of segments that a propelled vehicle flies; as it was for one kind."""
+    weights = [f"{kind}: {WEIGHTS[kind]}" for kind in kinds_for(vehicle) if kind in WEIGHTS]
+    if len(weights) == 1:
+        return row
+    text, why = f"choice({', '.join(weights)})", "the paper's first study is of dives and climbs on"
+    return dataclasses.replace(row, paper=text, field=text, why=f"{why} a heading")
+
+
+def _motion_rows(vehicle: Vehicle) -> list[Parameter]:
+    """Weight, speed and turns of segments, as far as the vehicle has parts for them."""
+    rows: list[Parameter] = []
+    pump, turning = vehicle.steered("buoyancy"), vehicle.steered("heading")
+
+    def add(name: str, unit: str, spreads: tuple[str, str], long_name: str, why: str) -> None:
+        rows.append(Parameter(f"mission.{name}", unit, *spreads, long_name, why, per_segment=True))
+
+    if pump is not None and not propelled(vehicle):  # which is neutral while its propeller turns
+        for name, end, motion, why in (
+            ("net_mass_kg", pump.low, "dive", "positive heavy"),
+            ("climb_net_mass_kg", pump.high, "climb", "magnitude, light"),
+        ):
+            reach = abs(vehicle.net_mass_for_pump(end))
+            paper, field = (_uniform(low * reach, high * reach) for low, high in NET_MASS)
+            why += "; it sets the pumped volume"
+            add(name, "kg", (paper, field), f"net mass of the {motion}", why)
+    if propelled(vehicle):
+        speed = _uniform(*(share * vehicle.cruise_speed for share in SPEED))
+        why = "the propeller turns as fast as that takes"
+        add("speed_m_s", "m s-1", (speed, speed), "speed through the water", why)
+    if turning is not None:
+        travel = turning.quantity.scale * min(-turning.low, turning.high)
+        paper, field = (
+            f"{_uniform(-share * travel, share * travel)} "
+            f"except ({-STRAIGHT * share * travel:.4g}, {STRAIGHT * share * travel:.4g})"
+            for share in ROTATION
+        )
+        changes, why = ("uniform(-180, 180)", "uniform(-120, 120)"), "about 0 it is no spiral"
+        add("heading_change_deg", "degree", changes, "change of heading",
+            "of a saw-tooth, from the heading before")  # fmt: skip
+        add("rotation_deg", "degree", (paper, field), f"{turning.name} of a spiral", why)
+    return rows
+
+
+def _uniform(low: float, high: float) -> str:
+    return f"uniform({low:.4g}, {high:.4g})"
+
+
+def _vehicle_rows(vehicle: Vehicle) -> list[Parameter]:
+    """What guidance does not know: law, added mass, encoders, hull, then the parts' fields."""
+    named = [(f"{part.name}_", u) for part in vehicle.parts for u in part.uncertainties()]
+    fields = list(dict.fromkeys(u.field for _, u in named if u.field is not None))
+    return [
+        *(_row("", u) for u in vehicle.law.uncertainties()),
+        *(_row("", coefficient(f"added_mass_{n}", what)) for n, (what, _) in ADDED_MASS.items()),
+        *(_row(prefix, u) for prefix, u in named if u.field is None),
+        *_hull_rows(vehicle),
+        *(_row(prefix, u) for field in fields for prefix, u in named if u.field == field),
+    ]
+
+
+def _row(prefix: str, u: Uncertainty) -> Parameter:
+    name = f"vehicle.{prefix}{u.name}"
+    return Parameter(name, u.unit, f"{u.certain:g}", u.spread, u.long_name, u.why)
+
+
+def _hull_rows(vehicle: Vehicle) -> list[Parameter]:
+    spread, why = "uniform(3e-10, 7e-10)", "5e-10 is typical"
+    if vehicle.hull_compressibility:
+        why = f"beyond the file's {vehicle.hull_compressibility:g}; +-5e-11 is what logs tell apart"
+        spread = "uniform(-5e-11, 5e-11)"
+    rows = [
+        ("cg_y_mm", "mm", "0", "uniform(-0.05, 0.05)",
+         "offset of the centre of gravity to starboard",
+         "of the fixed block; 0.05 mm lists the Sea-Wing by 0.5 deg"),
+        ("cg_z_mm", "mm", "0", "uniform(-0.3, 0.3)", "offset of the centre of gravity downward",
+         f"of the fixed block, beyond the {1e3 * vehicle.static_cg[2]:.2g} mm of the file"),
+        ("compressibility", "Pa-1", "0", spread, "compressibility of the hull",
+         f"part of the volume lost per pressure: {why}; sea water has 4.4e-10"),
+    ]  # fmt: skip
+    if vehicle.steered("buoyancy") is not None:
+        why = "too heavy is positive, at the density that it was ballasted for"
+        rows.insert(0, ("ballast_g", "g", "0", "uniform(-20, 20)", "ballasting error", why))
+    return [Parameter(f"vehicle.{row[0]}", *row[1:]) for row in rows]
 
 
 def declared(spread: str, table: Table) -> dict[str, Distribution]:

@@ -12,18 +12,19 @@ import json
 import math
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from factory.sampling.distribution import Distribution, Value
-from factory.sampling.draw import Parameters, draw_values
-from factory.sampling.drawn_plan import TEST, Plan
+from factory.sampling.draw import TEST, Parameters, Plan, draw_values
+from factory.sampling.mission_kinds import MISSION_KINDS
 from factory.sampling.parameters import Table, declared, override
-from factory.sampling.profiles import MISSION_KINDS
+from twin import mission as missions
 from twin.bounded import read_toml
 from twin.errors import InputError, MissionError, unknown_name
-from twin.mission import Mission, Spiral, load_mission
-from twin.mission.segments import Profile
 from twin.vehicle.presets import asset_path, assets_folder
-from twin.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from twin.vehicle.vehicle import Vehicle
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,9 +96,8 @@ def read_changes(path: Path | None, words: Sequence[str] = ()) -> dict[str, str 
 
 
 def _read_file(path: Path) -> dict[str, str | float]:
-    data = read_toml(path, "parameter file")
     changes: dict[str, str | float] = {}
-    for group, table in data.items():
+    for group, table in read_toml(path, "parameter file").items():
         if not isinstance(table, Mapping):
             raise InputError(f"{path}: {group} must be a table, such as [mission]")
         for name, value in table.items():
@@ -130,15 +130,11 @@ class ReferenceSet:
 
     def differences(self, found: Mapping[str, str]) -> dict[str, str]:
         """What is wrong with each array that is not as listed, by name; empty when all are."""
-        wrong = {}
-        for name in sorted(found.keys() | self.arrays.keys()):
-            if name not in found:
-                wrong[name] = "is missing"
-            elif name not in self.arrays:
-                wrong[name] = "is not listed"
-            elif found[name] != self.arrays[name]:
-                wrong[name] = "has other values"
-        return wrong
+        wrong = dict.fromkeys(self.arrays.keys() - found.keys(), "is missing")
+        wrong |= dict.fromkeys(found.keys() - self.arrays.keys(), "is not listed")
+        both = found.keys() & self.arrays.keys()
+        wrong |= {name: "has other values" for name in both if found[name] != self.arrays[name]}
+        return dict(sorted(wrong.items()))
 
 
 def reference_names() -> tuple[str, ...]:
@@ -169,7 +165,7 @@ CURRENTS: Mapping[str, tuple[float, float]] = {
 
 def paper_test_plan() -> Plan:
     """Three missions, all in split test."""
-    duration = load_mission(MISSION_NAME).duration_s
+    duration = missions.load_mission(MISSION_NAME).duration_s
     assert duration is not None
     return Plan(durations_s=(duration,) * len(CURRENTS), splits=(TEST,) * len(CURRENTS))
 
@@ -177,7 +173,7 @@ def paper_test_plan() -> Plan:
 def check_paper_test(vehicle: Vehicle) -> None:
     """Raise InputError when the vehicle cannot fly the paper's mission."""
     try:
-        load_mission(MISSION_NAME).compile(vehicle)
+        missions.load_mission(MISSION_NAME).compile(vehicle)
     except MissionError as error:
         raise InputError(
             f"preset 'paper-test' flies the mission of a glider, {MISSION_NAME}, and {error}; "
@@ -198,7 +194,7 @@ def paper_test_parameters(
 
     `changed` names the parameters that a user replaced; they win over the test's own.
     """
-    mission = load_mission(MISSION_NAME)
+    mission = missions.load_mission(MISSION_NAME)
     assert mission.duration_s is not None
     north, east = list(CURRENTS.values())[index]
     own: dict[str, Value] = {
@@ -208,31 +204,27 @@ def paper_test_parameters(
     }
     values = draw_values(table, distributions, seed=seed, mission=index, attempt=attempt)
     values |= {name: value for name, value in own.items() if name not in changed}
-    return Parameters(
-        duration_s=mission.duration_s, values=values, segments=tuple(_segments(mission, table))
-    )
+    segments = tuple(_segments(mission, table))
+    return Parameters(duration_s=mission.duration_s, values=values, segments=segments)
 
 
-def _segments(mission: Mission, table: Table) -> list[Mapping[str, Value]]:
+def _segments(mission: missions.Mission, table: Table) -> list[Mapping[str, Value]]:
+    """The segments of a mission by the names of the table."""
     rows: list[Mapping[str, Value]] = []
     heading = mission.start_heading_deg
     for segment in mission.segments:
-        assert isinstance(segment, Profile)
-        row: dict[str, Value] = {n: math.nan for n, p in table.items() if p.per_segment}
         assert segment.kind in MISSION_KINDS
+        row: dict[str, Value] = {n: math.nan for n, p in table.items() if p.per_segment}
         row["mission.kind"] = segment.kind
-        for field in dataclasses.fields(Profile):
-            name = {"duration_s": "segment_duration_s"}.get(field.name, field.name)
-            value = getattr(segment, field.name)
-            if value is None and field.name.startswith("climb_"):
-                value = getattr(segment, field.name.removeprefix("climb_"))
+        said = {field.name: getattr(segment, field.name) for field in dataclasses.fields(segment)}
+        said["segment_duration_s"] = said.pop("duration_s")
+        if not isinstance(segment, missions.Spiral):
+            said["heading_change_deg"] = said["heading_deg"] - heading
+            heading = said["heading_deg"]
+        for name, value in said.items():
+            if value is None and name.startswith("climb_"):
+                value = said[name.removeprefix("climb_")]
             if f"mission.{name}" in row and value is not None:
                 row[f"mission.{name}"] = float(value)
-        if isinstance(segment, Spiral):
-            row["mission.rotation_deg"] = float(segment.rotation_deg)
-        else:
-            target = segment.heading_deg  # type: ignore[attr-defined]
-            row["mission.heading_change_deg"] = float(target - heading)
-            heading = target
         rows.append(row)
     return rows

@@ -9,14 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from factory.sampling.conditions import (
+    ballast_of,
+    build_current,
+    build_density,
+    encoder_zeros,
+    spread_vehicle,
+)
 from factory.sampling.distribution import Distribution, Fixed
 from factory.sampling.draw import Parameters
-from factory.sampling.mission_water import build_current, build_density
 from factory.sampling.parameters import BOTTOM, declared, override, parameter_table
-from factory.sampling.vehicle_errors import ballast_of, encoder_zeros, spread_vehicle
 from twin.control.conditions import Conditions
 from twin.errors import InputError
 from twin.vehicle.vehicle import Vehicle
@@ -24,17 +30,15 @@ from twin.water.current.axes import Origin
 
 GROUPS = ("vehicle", "current", "water")
 """Groups of the table that conditions are made of"""
-CALM: Mapping[str, Distribution] = {
-    "current.speed": Fixed(0.0),
-    "water.stratified": Fixed(0.0),
-}
+CALM = {"current.speed": Fixed(0.0), "water.stratified": Fixed(0.0)}
 """What `table` has in place of preset paper's: still water of the reference density"""
 
 
+@dataclass(frozen=True, kw_only=True)
 class _Task(Parameters):
     """Parameters of an episode that has no segments."""
 
-    depth = 0.0
+    depth: float
     """[m] down to which the task goes"""
 
     @property
@@ -43,37 +47,32 @@ class _Task(Parameters):
         return self.depth
 
 
+@dataclass(frozen=True, kw_only=True)
 class TableRandomiser:
     """Draws from distributions by parameter."""
 
-    def __init__(
-        self,
-        distributions: Mapping[str, Distribution],
-        *,
-        vehicle: Vehicle,
-        depth: float,
-        duration: float,
-    ):
-        """For a vehicle in episodes of `duration` [s] down to `depth` [m]."""
-        self.distributions = dict(distributions)
-        self._vehicle, self._depth, self._duration = vehicle, depth, duration
+    distributions: Mapping[str, Distribution]
+    vehicle: Vehicle
+    depth: float
+    """[m] down to which the task goes"""
+    duration: float
+    """[s] of an episode"""
 
     def draw(self, random: np.random.RandomState) -> Conditions:
         """See `twin.control.conditions.Randomiser`."""
         rng = np.random.default_rng(random.randint(2**31))
         values = {name: drawn.draw(rng) for name, drawn in self.distributions.items()}
-        parameters = _Task(duration_s=self._duration, values=values, segments=())
-        object.__setattr__(parameters, "depth", self._depth)
+        task = _Task(duration_s=self.duration, values=values, segments=(), depth=self.depth)
         return Conditions(
-            vehicle=spread_vehicle(self._vehicle, parameters),
-            ballast=ballast_of(self._vehicle, parameters),
-            encoder_zeros=encoder_zeros(self._vehicle, parameters),
-            current=build_current(parameters),
+            vehicle=spread_vehicle(self.vehicle, task),
+            ballast=ballast_of(self.vehicle, task),
+            encoder_zeros=encoder_zeros(self.vehicle, task),
+            current=build_current(task),
             origin=Origin(
-                latitude_deg=parameters.number("water.latitude"),
-                longitude_deg=parameters.number("water.longitude"),
+                latitude_deg=task.number("water.latitude"),
+                longitude_deg=task.number("water.longitude"),
             ),
-            density=build_density(parameters),
+            density=build_density(task),
         )
 
 
@@ -82,32 +81,31 @@ def table(
 ) -> TableRandomiser:
     """What is named is drawn, everything else is as the vehicle file says, in still water.
 
+    Args:
+      depth: [m] down to which the task goes.
+      duration: [s] of an episode.
+
     Raises:
       InputError: no such parameter, one that tasks do not use, or a bad distribution.
     """
-    return _made("paper", CALM, changes, vehicle=vehicle, depth=depth, duration=duration)
+    used = _distributions("paper", CALM, changes, vehicle)
+    return TableRandomiser(distributions=used, vehicle=vehicle, depth=depth, duration=duration)
 
 
 def field(
     changes: Mapping[str, str | float], *, vehicle: Vehicle, depth: float, duration: float
 ) -> TableRandomiser:
-    """What preset field draws of vehicle and water, with changes.
-
-    Raises:
-      InputError: as `table`.
-    """
-    return _made("field", {}, changes, vehicle=vehicle, depth=depth, duration=duration)
+    """What preset field draws of vehicle and water, with changes; otherwise as `table`."""
+    used = _distributions("field", {}, changes, vehicle)
+    return TableRandomiser(distributions=used, vehicle=vehicle, depth=depth, duration=duration)
 
 
-def _made(
+def _distributions(
     spread: str,
     base: Mapping[str, Distribution],
     changes: Mapping[str, str | float],
-    *,
     vehicle: Vehicle,
-    depth: float,
-    duration: float,
-) -> TableRandomiser:
+) -> dict[str, Distribution]:
     rows = parameter_table(vehicle)
     for name in changes:
         if name in rows and name.partition(".")[0] not in GROUPS:
@@ -117,4 +115,4 @@ def _made(
     found = override({**declared(spread, rows), **base}, changes)
     used = {name: d for name, d in found.items() if name.partition(".")[0] in GROUPS}
     used.setdefault(BOTTOM, Fixed(math.nan))  # surveys have a sea floor instead, tasks neither
-    return TableRandomiser(used, vehicle=vehicle, depth=depth, duration=duration)
+    return used

@@ -10,42 +10,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numba
 import numpy as np
 
+from factory.sampling import presets
 from factory.sampling.distribution import Distribution, Fixed
-from factory.sampling.draw import Parameters, draw_parameters
-from factory.sampling.drawn_plan import (
-    GivenCurrent,
-    Plan,
-    given_current,
-    plan_missions,
-    samples_in,
-    stored_current,
-)
-from factory.sampling.mission_kind import propelled
-from factory.sampling.parameters import Table, override, parameter_table
-from factory.sampling.presets import (
-    PRESETS,
-    check_paper_test,
-    paper_test_parameters,
-    paper_test_plan,
-)
-from factory.sampling.vehicle_parameters import FLOOR
+from factory.sampling.draw import Parameters, Plan, draw_parameters, plan_missions, samples_in
+from factory.sampling.mission_kinds import propelled
+from factory.sampling.parameters import FLOOR_DEPTH, Table, override, parameter_table
+from factory.sampling.presets import PRESETS
 from twin.errors import InputError, StoreError, TwinError, unknown_name
-from twin.fossen.lane_block import LANES
-from twin.physics.lanes import INTEGRATOR, Lane, flown_abreast
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
-from twin.physics.scenario import ENGINES, SAMPLE_PERIOD, Scenario
-from twin.physics.true_signals import declare_parts, simulated_signals
+from twin.physics.true_signals import ENGINES, SAMPLE_PERIOD, declare_parts, simulated_signals
 from twin.records import attributes
 from twin.records.schema import HYDROGRAPHY, SCHEMA_VERSION, WITH_FLOOR
 from twin.sensors import SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.version import __version__
+
+if TYPE_CHECKING:
+    from factory.sampling.fly import GivenCurrent
+    from twin.physics import Lane
 
 VERSIONS = "versions"
 """Entry of a recipe's description: versions of what can change a bit of a result"""
@@ -87,7 +75,7 @@ class Recipe:
                 raise InputError(
                     f"preset {self.preset!r} has missions of its own: leave --hours out"
                 )
-            check_paper_test(self.vehicle)
+            presets.check_paper_test(self.vehicle)
         declare_parts(self.vehicle)
         # everything that can be wrong shows here, before a store is touched
         _ = self.suite, self.distributions, self.plan, self.physics, self.given_current
@@ -113,6 +101,8 @@ class Recipe:
     def physics(self) -> dict[str, Any]:
         """Time step [s] and integrator; compiling them shows vehicle errors at once."""
         if self.engine == "lanes":
+            from twin.physics.lanes import INTEGRATOR
+
             return {"timestep_s": self._lane.timestep, "integrator": INTEGRATOR}
         option = compile_model(self.vehicle, lean=True).opt
         names = {int(number): name for name, number in INTEGRATORS.items()}
@@ -121,16 +111,25 @@ class Recipe:
     @property
     def _lane(self) -> Lane:
         """The vehicle as it flies in lanes; raises what is in the way of that."""
+        from twin.physics.lanes import Lane
+        from twin.physics.scenario import Scenario
+
         return Lane(Scenario(vehicle=self.vehicle, engine=self.engine, duration=SAMPLE_PERIOD))
 
     @property
     def abreast(self) -> int:
         """Missions that fly together."""
-        return LANES[-1] if self.engine == "lanes" else 1
+        if self.engine == ENGINES[0]:
+            return 1
+        from twin.fossen.lane_block import LANES
+
+        return LANES[-1]
 
     def warm(self) -> None:
         """Compile what flies the missions, before processes are forked that would all do so."""
         if self.engine == "lanes":
+            from twin.physics.lanes import flown_abreast
+
             for _ in flown_abreast([self._lane] * (self.abreast + 1)):  # a wide and a narrow block
                 pass
 
@@ -158,16 +157,15 @@ class Recipe:
         """The current of all missions; None when it is drawn."""
         if self.current is None:
             return None
-        longest = max(self.plan.durations_s)
-        if isinstance(self.current, Mapping):
-            return stored_current(self.current, longest)
-        return given_current(self.current, longest)
+        from factory.sampling.fly import given_current
+
+        return given_current(self.current, max(self.plan.durations_s))
 
     @cached_property
     def plan(self) -> Plan:
         """Durations and splits of all missions."""
         if PRESETS[self.preset].fixed_missions:
-            return paper_test_plan()
+            return presets.paper_test_plan()
         hours = DEFAULT_HOURS if self.hours is None else self.hours
         return plan_missions(self.distributions["mission.duration_h"], hours=hours, seed=self.seed)
 
@@ -177,7 +175,7 @@ class Recipe:
         simulated = set(simulated_signals(self.vehicle))
         if self.distributions["water.stratified"] != Fixed(0.0):
             simulated |= {name for name in HYDROGRAPHY if name.startswith("true_")}
-        if FLOOR[0].name in self.table:
+        if FLOOR_DEPTH in self.table:
             simulated |= {name for name in WITH_FLOOR if name.startswith("true_")}
         measured = {entry.name for entry in self.suite.writes(simulated)}
         samples = sum(samples_in(duration) for duration in self.plan.durations_s)
@@ -187,17 +185,13 @@ class Recipe:
         """What one attempt at one mission is made of; raises MissionError."""
         if PRESETS[self.preset].fixed_missions:
             settled = [*self.changes, *(self._currents() if self.current is not None else ())]
-            return paper_test_parameters(
+            return presets.paper_test_parameters(
                 mission, self.table, self.distributions, settled, seed=self.seed, attempt=attempt
             )
+        key = {"seed": self.seed, "mission": mission, "attempt": attempt}
+        duration, vehicle = self.plan.durations_s[mission], self.vehicle
         return draw_parameters(
-            self.table,
-            self.distributions,
-            seed=self.seed,
-            mission=mission,
-            attempt=attempt,
-            duration_s=self.plan.durations_s[mission],
-            vehicle=self.vehicle,
+            self.table, self.distributions, duration_s=duration, vehicle=vehicle, **key
         )
 
     def describe(self) -> dict[str, Any]:
@@ -234,17 +228,6 @@ class Recipe:
             attributes.CHANGES: dict(self.changes),
             attributes.VEHICLE_MJCF: self.vehicle.xml,
         }
-
-
-def recipe_document(stored: Mapping[str, Any]) -> dict[str, Any]:
-    """The `document` that attributes of a store hold, some of it as text.
-
-    Raises:
-      KeyError, ValueError, TypeError: they hold none, or it is damaged.
-    """
-    parts = {name: stored[name] for name in (attributes.SETTINGS, attributes.CHANGES)}
-    unpacked = {n: json.loads(part) if isinstance(part, str) else part for n, part in parts.items()}
-    return {**unpacked, attributes.VEHICLE_MJCF: stored[attributes.VEHICLE_MJCF]}
 
 
 def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> Recipe:
@@ -288,31 +271,19 @@ def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> R
 
 
 def make_recipe(
-    *,
-    preset: str = "paper",
-    hours: float | None = None,
-    seed: int = 0,
-    changes: Mapping[str, str | float] | None = None,
-    vehicle: str = "glider",
-    sensors: str | SensorSuite | None = None,
-    current: str | None = None,
-    engine: str = ENGINES[0],
+    *, vehicle: str = "glider", changes: Mapping[str, str | float] | None = None, **settings: Any
 ) -> Recipe:
     """A recipe from names.
+
+    Args:
+      vehicle: shipped name, or the path of an MJCF file.
+      changes: replaced distributions, by parameter name.
+      settings: other fields of `Recipe`, such as preset and hours.
 
     Raises:
       InputError: unknown preset, parameter, vehicle, sensor suite or engine; impossible value.
     """
-    return Recipe(
-        preset=preset,
-        hours=hours,
-        seed=seed,
-        changes=dict(changes or {}),
-        vehicle=load_vehicle(vehicle),
-        sensors=sensors,
-        current=current,
-        engine=engine,
-    )
+    return Recipe(vehicle=load_vehicle(vehicle), changes=dict(changes or {}), **settings)
 
 
 def sha256(text: str) -> str:

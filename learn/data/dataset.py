@@ -24,8 +24,8 @@ from twin.records.logged import LogRow, LogStore
 from twin.records.reader import LEAST_SAMPLES, MissionStore
 from twin.records.schema import TIME
 from twin.records.storage.sharded import fast_reading
-from twin.records.storage.store_arrays import check_filled
 from twin.records.storage.store_path import StorePath, store_path
+from twin.records.store import check_filled
 
 Floats = NDArray[np.float32]
 

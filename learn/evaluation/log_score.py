@@ -43,7 +43,7 @@ from twin.navigation.dead_reckoning import (
     integrate,
 )
 from twin.navigation.estimators.base import Estimate, VelocityEstimator, check_estimate
-from twin.navigation.estimators.reckoning import PitchPlusAlpha
+from twin.navigation.estimators.flight import PitchPlusAlpha
 from twin.records.logged import LogRow
 from twin.vehicle.vehicle import Vehicle
 

@@ -37,7 +37,7 @@ from learn.training.resources import Resources, choose_residence
 from learn.training.trainer import TrainingReport, pick_device
 from learn.training.workers import Task, train_tasks
 from twin.cli.console import to_json
-from twin.cli.endings import interruption
+from twin.cli.program import interruption
 from twin.errors import InputError, WriteError
 from twin.navigation.features import channels_of
 from twin.navigation.settings import sources

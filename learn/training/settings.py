@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import tyro
 
 from learn.seams import NETWORKS, OPTIMISERS
-from twin.cli.durations import Seconds
+from twin.cli.options import Seconds
 
 CHOICES: Mapping[str, Mapping[str, object] | tuple[str, ...]] = {
     "network": NETWORKS,

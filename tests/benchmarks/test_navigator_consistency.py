@@ -11,8 +11,8 @@ import pytest
 import factory
 import learn
 from benchmarks import navigator_consistency
+from factory.sampling.conditions import build_current, origin
 from factory.sampling.draw import Parameters, draw_values
-from factory.sampling.mission_water import build_current, origin
 from factory.sampling.parameters import declared, parameter_table
 from learn.report.result_tables import verdicts
 from twin.navigation.current import Leg, consistency_of

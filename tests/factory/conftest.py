@@ -1,5 +1,5 @@
 """Stores that many tests of the factory read."""
 
-from stores import field_store, paper_store, recipe
+from stores import copied, field_store, paper_store, recipe
 
-__all__ = ["field_store", "paper_store", "recipe"]
+__all__ = ["copied", "field_store", "paper_store", "recipe"]

@@ -1,14 +1,11 @@
 """The command line: what each command says, and what it says about bad input."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +17,10 @@ import factory
 from factory.__main__ import PROGRAM
 from factory.commands.generate import BLAS_THREADS
 from factory.generation.generated_store import GeneratedStore
-from factory.sampling.drawn_plan import check_room
+from factory.sampling.draw import check_room
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe
 from twin.__main__ import PROGRAM as TWIN
-from twin.cli.program import Program
 from twin.cli.text_table import WIDEST
 from twin.errors import InputError
 from twin.records.schema import SIMULATED
@@ -33,22 +29,20 @@ from twin.records.store import write_zarr
 QUICK = ["--hours", "0.1", "--workers", "1"]
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+def run(capsys, *words):
     code = PROGRAM.main([str(word) for word in words])
     said = capsys.readouterr()
     return code, said.out, said.err
 
 
-def answer(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
+def answer(capsys, *words):
     code, out, err = run(capsys, *words, "--json")
     assert code == 0, err
     result: dict[str, Any] = json.loads(out)
     return result
 
 
-def test_generate_info_verify_replay_plot_export_in_a_row(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_generate_info_verify_replay_plot_export_in_a_row(tmp_path, capsys):
     store = tmp_path / "missions.zarr"
     made = answer(capsys, "generate", *QUICK, "--out", store, "--seed", 4)
     assert made["missions"] == made["flown"] == 3
@@ -77,7 +71,7 @@ def test_generate_info_verify_replay_plot_export_in_a_row(
 
 
 @pytest.fixture(scope="module")
-def no_missions(paper_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def no_missions(paper_store, tmp_path_factory):
     """A store whose missions were all taken out."""
     path = tmp_path_factory.mktemp("none") / "none.zarr"
     with xr.open_zarr(paper_store, chunks=None) as whole:
@@ -87,38 +81,24 @@ def no_missions(paper_store: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 @pytest.mark.parametrize(
-    ("program", "command"),
+    "words",
     [
-        (PROGRAM, "info"),
-        (PROGRAM, "verify"),
-        (PROGRAM, "plot"),
-        (PROGRAM, "verify --replay 0"),
-        (PROGRAM, "export --to parquet"),
-        (TWIN, "plot"),
-        (TWIN, "render --html none.html"),
-        (TWIN, "view --web"),
+        *("factory info", "factory verify", "factory plot", "factory verify --replay 0"),
+        *("factory export --to parquet", "twin plot", "twin render --html none.html"),
+        "twin view --web",
     ],
 )
-def test_a_store_without_missions_is_told(
-    program: Program,
-    command: str,
-    no_missions: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_store_without_missions_is_told(words, no_missions, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    name, *options = command.split()
-    code = program.main([name, str(no_missions), *options])
+    program, name, *options = words.split()
+    code = {"factory": PROGRAM, "twin": TWIN}[program].main([name, str(no_missions), *options])
     said = capsys.readouterr()
     assert code == 2
     assert f"{no_missions} holds no missions; make some with `factory generate`" in said.err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_overrides_come_from_a_file_and_from_words_which_win(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_overrides_come_from_a_file_and_from_words_which_win(tmp_path, capsys):
     config = tmp_path / "spread.toml"
     config.write_text('[mission]\npitch_deg = "uniform(20, 22)"\n[current]\nspeed = 0.1\n')
     store = tmp_path / "missions.zarr"
@@ -137,55 +117,44 @@ def test_overrides_come_from_a_file_and_from_words_which_win(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["generate", "--hours", "0"], "--hours 0 must be above 0"),
-        (["generate", "--hours", "-2"], "--hours -2 must be above 0"),
-        (["generate", "--hours", "nan"], "--hours nan is not a number"),
-        (["generate", "--hours", "1e12"], "--hours 1e+12 would need about 4e+08 GB"),
-        (["generate", "--hours", "inf"], "would need about inf GB"),
-        (["generate", "--hours", "0.001"], "give at least 0.05"),
-        (["generate", "--preset", "feild"], "unknown preset 'feild': did you mean 'field'?"),
-        (["generate", "--seed", "-1"], "--seed -1 must be at least 0"),
-        (["generate", "--set", "mission.pitch=30"], "did you mean 'mission.pitch_deg'?"),
-        (["generate", "--set", "mission.pitch_deg"], "write NAME=DISTRIBUTION"),
-        (["generate", "--set", "mission.pitch_deg=unifrom(1,2)"], "did you mean 'uniform'?"),
-        (["generate", "--sensors", "feild"], "did you mean 'field'?"),
-        (["generate", "--vehicle", "glidr"], "did you mean 'glider'?"),
-        (["generate", "--current", "unifrm:1,2"], "did you mean 'uniform'?"),
-        (
-            ["generate", "--current", "uniform:0.1,0", "--set", "current.speed=0.2"],
-            "do not set current.speed",
-        ),
-        (["generate", "--preset", "paper-test", "--hours", "3"], "leave --hours out"),
-        (["generate", "--config", "none.toml"], "cannot read parameter file none.toml"),
-        (["generate", "--hour", "3"], "did you mean --hours (simulated time"),
-        (["verify", "none.zarr", "--replay", "0"], "no store at none.zarr"),
-        (["verify", "none.zarr", "--attempt", "0"], "--attempt is of a mission: give --replay"),
-        (["repair", "none.zarr"], "repair"),
-        (["verify", "none.zarr"], "no store at none.zarr"),
-        (["info", "none.zarr"], "no store at none.zarr"),
-        (["plot", "none.zarr"], "no store at none.zarr"),
-        (["export", "none.zarr", "--to", "og1"], "no store at none.zarr"),
-        (["export", "none.zarr", "--to", "csv"], "mcap, og1, parquet"),
+        ("generate --hours 0", "--hours 0 must be above 0"),
+        ("generate --hours -2", "--hours -2 must be above 0"),
+        ("generate --hours nan", "--hours nan is not a number"),
+        ("generate --hours 1e12", "--hours 1e+12 would need about 4e+08 GB"),
+        ("generate --hours inf", "would need about inf GB"),
+        ("generate --hours 0.001", "give at least 0.05"),
+        ("generate --preset feild", "unknown preset 'feild': did you mean 'field'?"),
+        ("generate --seed -1", "--seed -1 must be at least 0"),
+        ("generate --set mission.pitch=30", "did you mean 'mission.pitch_deg'?"),
+        ("generate --set mission.pitch_deg", "write NAME=DISTRIBUTION"),
+        ("generate --set mission.pitch_deg=unifrom(1,2)", "did you mean 'uniform'?"),
+        ("generate --sensors feild", "did you mean 'field'?"),
+        ("generate --vehicle glidr", "did you mean 'glider'?"),
+        ("generate --current unifrm:1,2", "did you mean 'uniform'?"),
+        ("generate --current uniform:0.1,0 --set current.speed=0.2", "do not set current.speed"),
+        ("generate --preset paper-test --hours 3", "leave --hours out"),
+        ("generate --config none.toml", "cannot read parameter file none.toml"),
+        ("generate --hour 3", "did you mean --hours (simulated time"),
+        ("verify none.zarr --replay 0", "no store at none.zarr"),
+        ("verify none.zarr --attempt 0", "--attempt is of a mission: give --replay"),
+        ("repair none.zarr", "repair"),
+        ("verify none.zarr", "no store at none.zarr"),
+        ("info none.zarr", "no store at none.zarr"),
+        ("plot none.zarr", "no store at none.zarr"),
+        ("export none.zarr --to og1", "no store at none.zarr"),
+        ("export none.zarr --to csv", "mcap, og1, parquet"),
     ],
 )
-def test_bad_input_is_one_line_and_touches_nothing(
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_input_is_one_line_and_touches_nothing(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    code, _, err = run(capsys, *words)
+    code, _, err = run(capsys, *words.split())
     assert code == 2
     assert message in err
     assert len(err.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_damaged_store_exits_with_1_and_names_the_chunk(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_store_exits_with_1_and_names_the_chunk(tmp_path, capsys):
     store = tmp_path / "missions.zarr"
     run(capsys, "generate", *QUICK, "--out", store)
     shard = store / "true_heave" / "c" / "0" / "0"
@@ -202,17 +171,17 @@ def test_a_damaged_store_exits_with_1_and_names_the_chunk(
     assert "true_heave of mission 0 cannot be read" in err
 
 
-def a_pipe(path: Path) -> str:
+def a_pipe(path):
     os.mkfifo(path)
     return "it is a named pipe, not a file"
 
 
-def a_device(path: Path) -> str:
+def a_device(path):
     path.symlink_to("/dev/zero")
     return "it is a link to a device, not a file"
 
 
-def giant(path: Path) -> str:
+def giant(path):
     with path.open("wb") as file:
         file.truncate(2**40)
     return f"has {2**40} bytes"
@@ -223,42 +192,33 @@ def giant(path: Path) -> str:
 @pytest.mark.parametrize("listed", [True, False])
 @little_work(20.0)
 def test_a_file_of_a_store_without_an_end_is_named_and_not_read(
-    make: Callable[[Path], str],
-    key: str,
-    listed: bool,
-    paper_store: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    store = shutil.copytree(paper_store, tmp_path / "missions.zarr")
+    make, key, listed, tmp_path, capsys, copied
+):
     if not listed:
-        shutil.rmtree(store / "checksums")
-    (store / key).unlink()
-    why = make(store / key)
+        shutil.rmtree(copied / "checksums")
+    (copied / key).unlink()
+    why = make(copied / key)
     for program, words in (
-        (TWIN, ("plot", store, "--out", tmp_path / "a.png")),
-        (PROGRAM, ("info", store)),
+        (TWIN, ("plot", copied, "--out", tmp_path / "a.png")),
+        (PROGRAM, ("info", copied)),
     ):
         assert program.main([str(word) for word in words]) == 2
         told = capsys.readouterr().err
         assert key in told
         assert why in told
-    code, out, err = run(capsys, "verify", store)
+    code, out, err = run(capsys, "verify", copied)
     assert code == (1 if listed else 2)
     assert key in (out if listed else err)
 
 
-def test_files_of_a_store_may_be_links(
-    paper_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    store = shutil.copytree(paper_store, tmp_path / "missions.zarr")
+def test_files_of_a_store_may_be_links(paper_store, capsys, copied):
     for key in ("true_heave/c/0/0", "n_samples/c/0"):
-        (store / key).unlink()
-        (store / key).symlink_to(paper_store / key)
-    assert run(capsys, "verify", store)[0] == 0
+        (copied / key).unlink()
+        (copied / key).symlink_to(paper_store / key)
+    assert run(capsys, "verify", copied)[0] == 0
 
 
-def test_distributions_lists_the_whole_table(capsys: pytest.CaptureFixture[str]) -> None:
+def test_distributions_lists_the_whole_table(capsys):
     code, out, _ = run(capsys, "distributions", "--preset", "field")
     assert code == 0
     for parameter in factory.parameters().values():
@@ -275,29 +235,27 @@ def test_distributions_lists_the_whole_table(capsys: pytest.CaptureFixture[str])
         ("[mission", "is not TOML"),
     ],
 )
-def test_bad_config_files_are_told(tmp_path: Path, text: str, message: str) -> None:
+def test_bad_config_files_are_told(tmp_path, text, message):
     path = tmp_path / "spread.toml"
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         read_changes(path)
 
 
-def test_float32_size_counts_every_sample_of_every_signal() -> None:
+def test_float32_size_counts_every_sample_of_every_signal():
     recipe = make_recipe(hours=0.2)
     samples = sum(round(duration / 0.5) + 1 for duration in recipe.plan.durations_s)
     assert recipe.float32_bytes == 4 * len(SIMULATED) * samples
 
 
-def test_generating_leaves_the_environment_as_it_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_generating_leaves_the_environment_as_it_was(tmp_path, monkeypatch):
     monkeypatch.delenv(BLAS_THREADS, raising=False)
     code = PROGRAM.main(["generate", "--hours", "0.06", "--out", str(tmp_path / "s.zarr")])
     assert code == 0
     assert BLAS_THREADS not in os.environ
 
 
-def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> None:
+def test_generating_imports_no_library_that_it_does_not_need(tmp_path):
     """They cost half a second, as much as flying three hours."""
     code = (
         "import sys; from factory.__main__ import PROGRAM;"
@@ -310,9 +268,7 @@ def test_generating_imports_no_library_that_it_does_not_need(tmp_path: Path) -> 
     assert done.returncode == 0, done.stderr
 
 
-def test_hours_that_the_disk_cannot_hold_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hours_that_the_disk_cannot_hold_are_refused(tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     check_room(2000.0, tmp_path / "not" / "yet" / "there.zarr")
@@ -320,9 +276,7 @@ def test_hours_that_the_disk_cannot_hold_are_refused(
         check_room(3000.0, tmp_path / "not" / "yet" / "there.zarr")
 
 
-def test_a_store_that_is_named_by_a_dot(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_store_that_is_named_by_a_dot(tmp_path, capsys, monkeypatch):
     """What is written goes beside the folder; where there is none, that is said."""
     pytest.importorskip("pyarrow")
     empty = tmp_path / "empty"

@@ -1,11 +1,6 @@
 """Verify and replay: sound stores pass, every kind of damage is found and named."""
 
-from __future__ import annotations
-
 import json
-import shutil
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,27 +9,24 @@ import zarr
 from factory.__main__ import PROGRAM
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
-from factory.sampling.recipe import Recipe
 from factory.soundness import replay_mission, verify_store
-from factory.store_check import StoreCheck, StoreReport, check_files, kinematic_problems
+from factory.store_check import StoreCheck, check_files, kinematic_problems
 from twin.errors import StoreError
 from twin.records.schema import HYDROGRAPHY, SIMULATED
 from twin.records.store import read_trajectory
 
 
-def stored_signals(preset: str) -> set[str]:
+def stored_signals(preset):
     """The water of preset field has temperature and salinity, and its vehicles a CTD."""
     return {*SIMULATED, *(HYDROGRAPHY if preset == "field_store" else ())}
 
 
-def problems(report: StoreReport) -> str:
+def problems(report):
     return " | ".join(problem for check in report.checks for problem in check.problems)
 
 
 @pytest.mark.parametrize("name", ["paper_store", "field_store"])
-def test_a_sound_store_passes_with_everything_read(
-    name: str, request: pytest.FixtureRequest
-) -> None:
+def test_a_sound_store_passes_with_everything_read(name, request):
     run = GeneratedStore(request.getfixturevalue(name))
     report = verify_store(run)
     assert report.ok, problems(report)
@@ -43,7 +35,7 @@ def test_a_sound_store_passes_with_everything_read(
 
 
 @pytest.mark.parametrize("name", ["paper_store", "field_store"])
-def test_every_mission_replays_bit_for_bit(name: str, request: pytest.FixtureRequest) -> None:
+def test_every_mission_replays_bit_for_bit(name, request):
     run = GeneratedStore(request.getfixturevalue(name))
     for mission in range(len(run)):
         comparison = replay_mission(run, mission)
@@ -52,18 +44,18 @@ def test_every_mission_replays_bit_for_bit(name: str, request: pytest.FixtureReq
         assert comparison.other_versions == ()
 
 
-def flip_byte(path: Path, position: int) -> None:
+def flip_byte(path, position):
     data = bytearray(path.read_bytes())
     data[position] ^= 0xFF
     path.write_bytes(bytes(data))
 
 
-def cut_in_half(store: Path) -> None:
+def cut_in_half(store):
     path = store / "true_depth" / "c" / "0" / "0"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def edit(store: Path, name: str, change: Callable[[np.ndarray], None]) -> None:
+def edit(store, name, change):
     array = zarr.open_group(store, mode="r+")[name]
     assert isinstance(array, zarr.Array)
     values = np.asarray(array[:])
@@ -71,25 +63,25 @@ def edit(store: Path, name: str, change: Callable[[np.ndarray], None]) -> None:
     array[:] = values
 
 
-def edit_json(store: Path, change: Callable[[dict], None]) -> None:
+def edit_json(store, change):
     path = store / "zarr.json"
     group = json.loads(path.read_text())
     change(group)
     path.write_text(json.dumps(group))
 
 
-def set_value(row: int, column: int, value: float) -> Callable[[np.ndarray], None]:
-    def change(values: np.ndarray) -> None:
+def set_value(row, column, value):
+    def change(values):
         values[row, column] = value
 
     return change
 
 
-def reverse(values: np.ndarray) -> None:
+def reverse(values):
     np.negative(values, out=values)
 
 
-def set_units(group: dict) -> None:
+def set_units(group):
     arrays = group["consolidated_metadata"]["metadata"]
     arrays["true_pitch"]["attributes"]["units"] = "radian"
 
@@ -119,30 +111,21 @@ def set_units(group: dict) -> None:
         (lambda s: edit(s, "n_samples", lambda v: v.fill(3)), "3 samples, not"),
     ],
 )
-def test_damage_is_found_and_named(
-    tmp_path: Path, paper_store: Path, damage: Callable[[Path], None], message: str
-) -> None:
-    store = tmp_path / "copy.zarr"
-    shutil.copytree(paper_store, store)
-    damage(store)
-    report = verify_store(GeneratedStore(store))
+def test_damage_is_found_and_named(damage, message, copied):
+    damage(copied)
+    report = verify_store(GeneratedStore(copied))
     assert not report.ok
     assert message in problems(report)
 
 
-def test_problems_that_differ_in_more_than_numbers_are_named_each() -> None:
+def test_problems_that_differ_in_more_than_numbers_are_named_each():
     missing = ["surge-0.json is missing", "surge-1.json is missing", "true_roll/c/0/0 is missing"]
     assert StoreCheck("files", problems=missing).alike() == missing
     ranges = [f"mission {k}: roll runs from {-k} to 9{k}.5" for k in range(3)]
     assert StoreCheck("range", problems=ranges).alike() == [f"{ranges[0]} (and 2 more like it)"]
 
 
-def test_the_missions_of_one_damaged_file_are_one_line(
-    tmp_path: Path,
-    recipe: Callable[..., Recipe],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_missions_of_one_damaged_file_are_one_line(tmp_path, recipe, monkeypatch, capsys):
     monkeypatch.setattr("factory.generation.job.SHARDS_PER_STORE", 1)
     store = tmp_path / "one_shard.zarr"
     generate(recipe(), store, workers=1)
@@ -160,27 +143,23 @@ def test_the_missions_of_one_damaged_file_are_one_line(
     assert len(found["chunks"]) == 2 * missions
 
 
-def test_a_lost_array_is_told(tmp_path: Path, paper_store: Path) -> None:
-    store = tmp_path / "copy.zarr"
-    shutil.copytree(paper_store, store)
-    (store / "n_samples" / "c" / "0").write_bytes(b"short")
+def test_a_lost_array_is_told(copied):
+    (copied / "n_samples" / "c" / "0").write_bytes(b"short")
     with pytest.raises(StoreError, match="its array n_samples cannot be read"):
-        verify_store(GeneratedStore(store))
+        verify_store(GeneratedStore(copied))
 
 
-def test_replay_finds_a_changed_bit(tmp_path: Path, paper_store: Path) -> None:
-    store = tmp_path / "copy.zarr"
-    shutil.copytree(paper_store, store)
-    surge = read_trajectory(store, 1)["true_surge"]
-    edit(store, "true_surge", set_value(1, 20, surge[20] + 2.0**-20))
-    comparison = replay_mission(GeneratedStore(store), 1)
+def test_replay_finds_a_changed_bit(copied):
+    surge = read_trajectory(copied, 1)["true_surge"]
+    edit(copied, "true_surge", set_value(1, 20, surge[20] + 2.0**-20))
+    comparison = replay_mission(GeneratedStore(copied), 1)
     assert comparison.different == {"true_surge": 2.0**-20}
-    assert replay_mission(GeneratedStore(store), 0).identical
+    assert replay_mission(GeneratedStore(copied), 0).identical
     with pytest.raises(StoreError, match=r"missions 0 to \d+, not 99"):
-        replay_mission(GeneratedStore(store), 99)
+        replay_mission(GeneratedStore(copied), 99)
 
 
-def test_the_kinematic_check_is_silent_on_a_coarse_but_right_record(paper_store: Path) -> None:
+def test_the_kinematic_check_is_silent_on_a_coarse_but_right_record(paper_store):
     """Its tolerances leave room: rounding everything ten times coarser changes no verdict."""
     truth = {
         name: np.round(values, 3)
@@ -194,9 +173,7 @@ def test_the_kinematic_check_is_silent_on_a_coarse_but_right_record(paper_store:
     assert kinematic_problems(truth, 0.5) == []
 
 
-def test_what_is_found_does_not_depend_on_the_workers(
-    tmp_path: Path, recipe: Callable[..., Recipe], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_found_does_not_depend_on_the_workers(tmp_path, recipe, monkeypatch):
     monkeypatch.setattr("factory.store_check.MISSIONS_AT_ONCE", 1)
     monkeypatch.setattr("factory.store_check.SAMPLES_AT_ONCE", 1)
     monkeypatch.setattr("twin.records.storage.checksums.FILES_AT_ONCE", 2)
@@ -214,27 +191,21 @@ def test_what_is_found_does_not_depend_on_the_workers(
 
 
 @pytest.mark.parametrize("whole", [4, 0])
-def test_every_flipped_bit_of_a_shard_is_found(
-    tmp_path: Path, paper_store: Path, monkeypatch: pytest.MonkeyPatch, whole: int
-) -> None:
+def test_every_flipped_bit_of_a_shard_is_found(monkeypatch, whole, copied):
     """Whether shards are decoded whole by the fast pipeline or in parts by zarr's own."""
     monkeypatch.setattr("factory.store_check.WHOLE_SHARD", whole)
     monkeypatch.setattr("factory.store_check.MISSIONS_AT_ONCE", 2)
     monkeypatch.setattr("factory.store_check.SAMPLES_AT_ONCE", 1)
-    store = tmp_path / "copy.zarr"
-    shutil.copytree(paper_store, store)
-    shard = store / "true_surge/c/0/0"
+    shard = copied / "true_surge/c/0/0"
     sound = shard.read_bytes()
     for place in np.linspace(0, len(sound) - 1, 9).astype(int).tolist():
         flip_byte(shard, place)
-        (chunks,) = (c for c in verify_store(GeneratedStore(store)).checks if c.name == "chunks")
+        (chunks,) = (c for c in verify_store(GeneratedStore(copied)).checks if c.name == "chunks")
         assert any("true_surge of mission" in problem for problem in chunks.problems), place
         shard.write_bytes(sound)
-    assert verify_store(GeneratedStore(store)).ok
+    assert verify_store(GeneratedStore(copied)).ok
 
 
-def test_workers_of_verify_are_a_number_above_zero(
-    paper_store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_workers_of_verify_are_a_number_above_zero(paper_store, capsys):
     assert PROGRAM.main(["verify", str(paper_store), "--workers", "0"]) == 2
     assert "--workers 0 must be at least 1" in capsys.readouterr().err

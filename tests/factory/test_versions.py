@@ -1,7 +1,5 @@
 """Stores that other versions wrote are read, or refused in one line."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -22,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*imported by version 1 of the r
 
 @pytest.mark.parametrize("name", ["simulated.zarr", "logged.zarr"])
 @pytest.mark.parametrize("command", ["info", "verify"])
-def test_a_store_of_version_0_1_is_read(command: str, name: str) -> None:
+def test_a_store_of_version_0_1_is_read(command, name):
     assert FACTORY.main([command, str(OLD / name)]) == 0
 
 
@@ -34,13 +32,7 @@ def test_a_store_of_version_0_1_is_read(command: str, name: str) -> None:
         (["generate", "--resume", "--out"], "logged.zarr", "logs"),
     ],
 )
-def test_its_missions_are_not_mixed_with_new_ones(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    words: list[str],
-    name: str,
-    message: str,
-) -> None:
+def test_its_missions_are_not_mixed_with_new_ones(tmp_path, capsys, words, name, message):
     store = tmp_path / name
     shutil.copytree(OLD / name, store)
     command, *options = words
@@ -51,7 +43,7 @@ def test_its_missions_are_not_mixed_with_new_ones(
 
 
 @pytest.fixture
-def newer(tmp_path: Path, paper_store: Path) -> Path:
+def newer(tmp_path, paper_store):
     """A store of a schema that is not known."""
     store = tmp_path / "newer.zarr"
     shutil.copytree(paper_store, store)
@@ -69,9 +61,7 @@ def newer(tmp_path: Path, paper_store: Path) -> Path:
     ["info {}", "generate --resume --out {}", "verify {} --replay 0", "plot {}",
      "export {} --to og1", "fit {} --name newer"],
 )  # fmt: skip
-def test_a_newer_store_is_refused_with_both_versions(
-    newer: Path, capsys: pytest.CaptureFixture[str], words: str
-) -> None:
+def test_a_newer_store_is_refused_with_both_versions(newer, capsys, words):
     program = LEARN if words.startswith("fit") else FACTORY
     assert program.main(words.format(newer).split()) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()

@@ -1,10 +1,7 @@
 """Windows of a store: the store's values, in an order by seed, in bounded memory, fast."""
 
-from __future__ import annotations
-
 import pickle
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,12 +17,12 @@ LENGTH, STRIDE = 60, 25
 
 
 @pytest.fixture(scope="module")
-def windows(field_store: Path) -> Windows:
+def windows(field_store):
     return factory.Windows(field_store, CHANNELS, length=LENGTH, stride=STRIDE)
 
 
 @pytest.fixture
-def small(field_store: Path) -> Windows:
+def small(field_store):
     """With memory for about two missions."""
     samples = int(MissionStore(field_store).samples.max())
     return Windows(
@@ -34,7 +31,7 @@ def small(field_store: Path) -> Windows:
     )  # fmt: skip
 
 
-def expected(store: Path, windows: Windows, number: int) -> np.ndarray:
+def expected(store, windows, number):
     row, start = int(windows.missions[number]), int(windows.starts[number])
     with MissionStore(store) as reader:
         return np.stack(
@@ -42,7 +39,7 @@ def expected(store: Path, windows: Windows, number: int) -> np.ndarray:
         )
 
 
-def test_windows_are_pieces_of_the_missions(windows: Windows, field_store: Path) -> None:
+def test_windows_are_pieces_of_the_missions(windows, field_store):
     with MissionStore(field_store) as reader:
         counts = [int((n - LENGTH) // STRIDE + 1) for n in reader.samples]
         assert windows.period == reader.period
@@ -62,7 +59,7 @@ def test_windows_are_pieces_of_the_missions(windows: Windows, field_store: Path)
         windows[len(windows)]
 
 
-def test_a_part_of_the_store_has_its_missions_only(field_store: Path) -> None:
+def test_a_part_of_the_store_has_its_missions_only(field_store):
     with MissionStore(field_store) as reader:
         rows = [k for k, split in enumerate(reader.splits) if split == "train"]
     found = Windows(field_store, CHANNELS, length=LENGTH, split="train")
@@ -70,7 +67,7 @@ def test_a_part_of_the_store_has_its_missions_only(field_store: Path) -> None:
     assert found.starts[1] == LENGTH
 
 
-def test_the_order_follows_from_the_seed(windows: Windows, field_store: Path) -> None:
+def test_the_order_follows_from_the_seed(windows, field_store):
     every = np.arange(len(windows))
     assert (windows.order() == every).all()
     first = windows.order(seed=3)
@@ -83,15 +80,13 @@ def test_the_order_follows_from_the_seed(windows: Windows, field_store: Path) ->
     np.testing.assert_array_equal(np.concatenate(batches), windows.read(first))
 
 
-def test_what_does_not_fit_is_read_once_an_epoch(
-    small: Windows, windows: Windows, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_does_not_fit_is_read_once_an_epoch(small, windows, monkeypatch):
     assert windows.fits
     assert not small.fits
     decoded: list[int] = []
     whole = Windows._decoded
 
-    def counted(self: Windows, missions: list[int]) -> dict:
+    def counted(self, missions):
         decoded.extend(missions)
         return whole(self, missions)
 
@@ -112,9 +107,7 @@ def test_what_does_not_fit_is_read_once_an_epoch(
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 @pytest.mark.parametrize("memory", ["enough", "too little"])
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork.*:DeprecationWarning")
-def test_workers_of_a_data_loader_read_the_same(
-    context: str, memory: str, small: Windows, windows: Windows
-) -> None:
+def test_workers_of_a_data_loader_read_the_same(context, memory, small, windows):
     torch = pytest.importorskip("torch")
     chosen = windows.load() if memory == "enough" else small
     loader = torch.utils.data.DataLoader(
@@ -125,7 +118,7 @@ def test_workers_of_a_data_loader_read_the_same(
     np.testing.assert_array_equal(found, windows.read(chosen.order(seed=2)))
 
 
-def test_a_copy_for_another_process_is_small(windows: Windows) -> None:
+def test_a_copy_for_another_process_is_small(windows):
     windows.load()
     sent = pickle.dumps(windows)
     assert len(sent) < 16 * len(windows) + 10_000
@@ -146,14 +139,12 @@ def test_a_copy_for_another_process_is_small(windows: Windows) -> None:
         ({"length": 10**6}, StoreError, r"no mission of 1000000 samples.* the longest has \d+"),
     ],
 )
-def test_what_cannot_be_read_is_told(
-    settings: dict, error: type[Exception], message: str, field_store: Path
-) -> None:
+def test_what_cannot_be_read_is_told(settings, error, message, field_store):
     with pytest.raises(error, match=message):
         Windows(field_store, **{"channels": CHANNELS, "length": LENGTH, **settings})
 
 
-def test_it_is_a_hundred_times_as_fast_as_slices(windows: Windows, field_store: Path) -> None:
+def test_it_is_a_hundred_times_as_fast_as_slices(windows, field_store):
     numbers = windows.order(seed=0)
     windows.load()
     best = {"slices": np.inf, "windows": np.inf}
@@ -172,7 +163,7 @@ def test_it_is_a_hundred_times_as_fast_as_slices(windows: Windows, field_store: 
     assert best["slices"] > 100.0 * best["windows"]
 
 
-def test_the_page_is_true(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_true(tmp_path, monkeypatch):
     """The examples of the section on windows, as they stand there."""
     pytest.importorskip("torch")
     page = (ROOT / "docs/reference/factory.md").read_text()

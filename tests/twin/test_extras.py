@@ -16,7 +16,8 @@ import pytest
 from twin.control.dm_suite import ALONE, require_dm_control
 from twin.errors import InputError
 from twin.extras import require, require_factory
-from twin.show.render.film import Encoder
+from twin.show.render import Shot
+from twin.show.render.film import encoder
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,7 +45,7 @@ def test_only_a_package_that_is_not_there_is_an_error(monkeypatch: pytest.Monkey
 def test_a_video_needs_the_extra_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(InputError, match=r'pip install "glider-twin\[video\]"$'):
-        Encoder(tmp_path / "dive.mp4", 64, 64, 10.0)
+        encoder(tmp_path / "dive.mp4", Shot(width=64, height=64)).__enter__()
     assert list(tmp_path.iterdir()) == []
 
 

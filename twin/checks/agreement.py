@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.checks.published import (
     MODELS,
+    Array,
     PublishedMotion,
     held_flight,
     published_flights,
@@ -35,8 +35,6 @@ from twin.water.current.base import Current
 from twin.water.current.profile import Profile, Uniform
 from twin.water.current.series import GaussMarkov
 from twin.water.current.tide import TidalEllipse, Tide
-
-Array = NDArray[np.float64]
 
 MANOEUVRES = 20
 DURATION = 600.0

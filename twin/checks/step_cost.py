@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 
 from twin.compiled import jit
-from twin.compiled.unchecked import call_rate
+from twin.compiled.portable import call_rate
 from twin.fossen.lane_block import LANES
 from twin.mission.shipped_missions import load_mission_for
+from twin.physics.condition import set_start
 from twin.physics.fleet import Fleet
-from twin.physics.initial_state import set_start
 from twin.physics.lanes import Lane, LaneBlock, fly_in_lanes
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native.install import install, stop_timers, uninstall

@@ -1,4 +1,4 @@
-"""What a command says: text for people, or exactly one JSON object for programs.
+"""Console: what a command says, as text for people or exactly one JSON object; its progress.
 
 Standard output carries the answer, standard error everything else (progress, notes, warnings,
 errors). With `--json` the answer is one JSON object and the human text is left out.
@@ -9,15 +9,19 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import PurePath
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Protocol, Self
 
-from twin.cli.text_table import NEGLIGIBLE, format_pairs, format_paragraph, format_table, printable
+from twin.cli import text_table
+from twin.cli.text_table import format_number, format_paragraph, printable
 
 if TYPE_CHECKING:
-    from twin.cli.progress import Progress
+    from tqdm import tqdm
+
+LINE_INTERVAL_S = 30.0  # seconds between two lines when standard error is a file or a pipe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +55,7 @@ class Console:
     ) -> None:
         """The rows as a table with one column per key; left out with `--json`."""
         heading = "\n".join(map(format_paragraph, title.split("\n"))) + "\n" if title else ""
-        self.say(heading + format_table(rows, digits=digits))
+        self.say(heading + text_table.format_table(rows, digits=digits))
 
     def item(self, text: str) -> None:
         """One item of a list of sentences, wrapped; left out with `--json`."""
@@ -59,7 +63,7 @@ class Console:
 
     def pairs(self, pairs: Mapping[str, object], *, title: str = "", digits: int = 4) -> None:
         """Name and value on each line, aligned; left out with `--json`."""
-        self.say((f"{title}\n" if title else "") + format_pairs(pairs, digits=digits))
+        self.say((f"{title}\n" if title else "") + text_table.format_pairs(pairs, digits=digits))
 
     def answer(self, **figures: object) -> None:
         """Add members to the JSON object; without `--json` they are not printed.
@@ -71,20 +75,23 @@ class Console:
 
     def note(self, text: str) -> None:
         """A line on standard error that is not part of the answer."""
-        self._error(text)
+        self._flush()  # a terminal shows both streams: keep the order in which things were said
+        try:
+            sys.stderr.write(printable(text) + "\n")
+            sys.stderr.flush()
+        except OSError:  # nowhere is left to say it; the exit code still does
+            discard(sys.stderr)
 
     def warn(self, text: str) -> None:
         """A warning on standard error, one line."""
-        self._error(f"{self.prog}: warning: {one_line(text)}")
+        self.note(f"{self.prog}: warning: {one_line(text)}")
 
     def error(self, text: str) -> None:
         """An error on standard error, one line."""
-        self._error(f"{self.prog}: error: {one_line(text)}")
+        self.note(f"{self.prog}: error: {one_line(text)}")
 
     def progress(self, *, total: float, label: str, unit: str) -> Progress:
-        """Progress on standard error, a context manager: see `twin.cli.progress.Progress`."""
-        from twin.cli.progress import Progress
-
+        """Progress on standard error, a context manager: see `Progress`."""
         return Progress(total=total, label=label, unit=unit)
 
     def finish(self, error: Mapping[str, object] | None = None) -> None:
@@ -118,13 +125,13 @@ class Console:
         if not isinstance(error, BrokenPipeError):
             raise error
 
-    def _error(self, text: str) -> None:
-        self._flush()  # a terminal shows both streams: keep the order in which things were said
-        try:
-            sys.stderr.write(printable(text) + "\n")
-            sys.stderr.flush()
-        except OSError:  # nowhere is left to say it; the exit code still does
-            discard(sys.stderr)
+
+class Runnable(Protocol):
+    """An instance of a subcommand's dataclass."""
+
+    def run(self, console: Console) -> int:
+        """Do the work and return the exit code."""
+        ...
 
 
 def discard(stream: IO[str]) -> None:
@@ -152,7 +159,7 @@ def to_json(value: object) -> Any:
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
-        if abs(value) < NEGLIGIBLE:
+        if abs(value) < text_table.NEGLIGIBLE:
             return 0.0
         return value if abs(value) <= sys.float_info.max else None
     if isinstance(value, Mapping):
@@ -168,3 +175,103 @@ def to_json(value: object) -> Any:
     if callable(tolist):
         return to_json(tolist())
     raise TypeError(f"no JSON form for {type(value).__name__} {value!r}")
+
+
+class Progress:
+    """Progress on standard error; a context manager.
+
+    On a terminal it is a bar that is redrawn. Otherwise (a log file, a pipe) it is one line every
+    `interval_s` seconds, and a task that is over before the first one prints nothing.
+
+        with console.progress(total=10.0, label="generate", unit="h") as progress:
+            progress.update(0.75, missions=1)
+    """
+
+    def __init__(
+        self,
+        *,
+        total: float,
+        label: str,
+        unit: str,
+        stream: IO[str] | None = None,
+        interval_s: float = LINE_INTERVAL_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`total` is in `unit`, or an empty one where only the share that is done means anything;
+        `clock` gives seconds and is replaced in tests.
+        """
+        self.total, self.label, self.unit, self.done = total, label, unit, 0.0
+        self._stream = sys.stderr if stream is None else stream
+        self._interval_s = interval_s
+        self._clock = clock
+        self._figures: dict[str, str] = {}
+        self._start = self._last_line = clock()
+        self._printed = False
+        self._bar: tqdm | None = None
+
+    def __enter__(self) -> Self:
+        self._start = self._last_line = self._clock()
+        if self._stream.isatty():
+            from tqdm import tqdm
+
+            form, left = "{desc}: {percentage:3.0f}% |{bar}| ", "{remaining} left{postfix}"
+            done = "{n:.4g}/{total:.4g} {unit} [{rate_fmt}, "
+            self._bar = tqdm(
+                total=self.total, desc=self.label, unit=self.unit, file=self._stream,
+                dynamic_ncols=True, bar_format=form + (f"{done}{left}]" if self.unit else left),
+            )  # fmt: skip
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+        elif self._printed and not isinstance(error, KeyboardInterrupt):
+            self._print_line()
+
+    def update(self, amount: float = 1.0, **figures: object) -> None:
+        """Add `amount` to what is done; `figures` (a loss, a count) are shown beside it."""
+        self.done += amount
+        self._figures.update({name: format_number(value, 3) for name, value in figures.items()})
+        if self._bar is not None:
+            if figures:
+                self._bar.set_postfix(self._figures, refresh=False)
+            self._bar.update(amount)
+        elif self._clock() - self._last_line >= self._interval_s:
+            self._print_line()
+
+    def note(self, text: str) -> None:
+        """A line of its own, without breaking the bar."""
+        if self._bar is not None:
+            self._bar.write(text, file=self._stream)
+        else:
+            self._write(text)
+
+    def line(self) -> str:
+        """The present state in words."""
+        elapsed = self._clock() - self._start
+        share = f"{100.0 * self.done / self.total:.0f} %" if self.total > 0.0 else ""
+        done = f"{format_number(self.done, 3)} of {format_number(self.total, 3)} {self.unit}"
+        parts = [(done + (f" ({share})" if share else "")) if self.unit else share]
+        if elapsed > 0.0 and self.done > 0.0:
+            rate = self.done / elapsed
+            if self.unit:
+                parts.append(f"{format_number(rate, 3)} {self.unit}/s")
+            parts.append(f"{format_duration(max(self.total - self.done, 0.0) / rate)} left")
+        parts += [f"{name} {text}" for name, text in self._figures.items()]
+        return f"{self.label}: {', '.join(parts)}"
+
+    def _print_line(self) -> None:
+        self._last_line = self._clock()
+        self._printed = True
+        self._write(self.line())
+
+    def _write(self, text: str) -> None:
+        self._stream.write(text + "\n")
+        self._stream.flush()
+
+
+def format_duration(seconds: float) -> str:
+    """Hours, minutes and seconds, e.g. `1:02:05` or `0:07`."""
+    minutes, second = divmod(round(seconds), 60)
+    hours, minute = divmod(minutes, 60)
+    return f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute}:{second:02d}"

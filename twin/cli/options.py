@@ -1,209 +1,22 @@
-"""Options of a subcommand: command-line words into its dataclass, with errors of one line.
+"""Options: types of options that several commands have, and what their words mean.
 
-Store argument: a store as the user names it, by a path or by an address.
-Parts of options that several commands have: missions, a plot, numbers by name.
+A store as the user names it, by a path or by an address; an engine; missions; a plot; numbers by
+name; durations, times that a person types, as 90min, 6h or 2d, or as a number in the option's unit.
 """
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import inspect
-import io
 import math
 import re
-import shutil
-import sys
-import textwrap
-import types
-import typing
 from collections.abc import Sequence
-from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
+from pathlib import Path
+from typing import Annotated, Literal
 
-import tyro
-from tyro import _errors as parse_errors
 from tyro.constructors import PrimitiveConstructorSpec
 
-from twin.cli.mistakes import explain, option_owner, option_text, split_duration
-from twin.errors import InputError, TwinError
-from twin.records.storage.store_path import MARK, StorePath, Url, check_addresses, store_path
-
-if TYPE_CHECKING:
-    from twin.cli.endings import Runnable
-
-
-# The structured parse errors and the texts of fields (twin.cli.mistakes) are not in tyro's
-# public face, and pyproject.toml bounds its version for that reason;
-# tests/twin/cli/test_console.py pins what is made from them.
-
-
-MARKERS = (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
-"""One flag per switch (no `--no-json`), and no literal None: an option is left out instead."""
-
-Options = TypeVar("Options", bound="Runnable")
-
-
-def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) -> Options | None:
-    """An instance of `command` from the words after its name; None when help was printed.
-
-    Raises:
-        TwinError: from the dataclass's own checks.
-        InputError: an option is unknown, missing or has an unusable value.
-    """
-
-    def reject(event: parse_errors.ParseErrorEvent) -> NoReturn:
-        cause = _own_error(sys.exc_info()[1])
-        if cause is not None:
-            raise cause
-        check_addresses([PurePath(word) for word in words if MARK in word])
-        raise InputError(f"{explain(event, command, words)} (see {prog} --help)")
-
-    if told := split_duration(command, words):
-        raise InputError(f"{told} (see {prog} --help)")
-    asked = not {"-h", "--help"}.isdisjoint(words)
-    prepare(command, texts=asked)
-    said = _HelpText(sys.stdout)
-    kept = contextlib.redirect_stdout(said) if asked else contextlib.nullcontext()
-    try:
-        with parse_errors.on_parse_error(reject), kept:
-            about = description(command)
-            given = tyro.cli(
-                command, prog=prog, description=about, args=list(words), config=MARKERS
-            )
-        for value in vars(given).values():
-            check_addresses(value)
-        return given
-    except SystemExit as leaving:
-        if leaving.code not in (0, None):
-            raise InputError(f"these options cannot be used (see {prog} --help)") from None
-        sys.stdout.write(_wrapped(said.getvalue()))
-        return None
-
-
-def prepare(command: type[Runnable], *, texts: bool) -> None:
-    """Make a dataclass readable for tyro; `texts` joins the lines of its options too."""
-    _spell_unions_out(command)
-    _hide_plain_defaults(command)
-    if texts:
-        _join_lines(command)
-
-
-WIDEST = 100
-"""Columns of a paragraph in a help text at most"""
-
-
-class _HelpText(io.StringIO):
-    """A help text on its way to a stream, whose colours and lines tyro draws as it can show."""
-
-    def __init__(self, stream: typing.TextIO) -> None:
-        super().__init__()
-        self._stream = stream
-
-    @property
-    def encoding(self) -> str:  # type: ignore[override]
-        """Of the stream."""
-        return self._stream.encoding
-
-    def isatty(self) -> bool:
-        """Whether the stream is a terminal."""
-        return self._stream.isatty()
-
-
-def _wrapped(text: str) -> str:
-    """The text with its paragraphs wrapped to the terminal; tyro wraps those in boxes only.
-
-    Examples are indented and stay on one line. tyro writes the brackets of a list of arguments that
-    may be absent twice; here they stand once.
-    """
-    text = re.sub(r"\[(\[\w+ \[\w+ \.\.\.\]\])\]", r"\1", text)
-    width = min(shutil.get_terminal_size().columns, WIDEST)
-    lines = [
-        textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
-        if line[:1].isalnum() and len(line) > width
-        else line
-        for line in text.split("\n")
-    ]
-    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
-
-
-def description(command: type) -> str:
-    """What a command does, from its docstring: a line for each paragraph, examples as they stand.
-
-    tyro's own reading loses the indentation of an example that follows the first paragraph.
-    """
-    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
-    return "\n\n".join(
-        text if text.startswith("    ") else " ".join(text.split()) for text in paragraphs
-    )
-
-
-def _spell_unions_out(command: type) -> None:
-    """Write `X | None` in the dataclass's annotations as `typing.Union[X, None]`.
-
-    tyro checks the defaults of the second form by itself, but loads typeguard (and with it asyncio)
-    for the first, which costs 80 ms: a third of what a help text may take.
-    """
-    hints = typing.get_type_hints(command, include_extras=True)
-    for owner in command.__mro__:
-        own = vars(owner).get("__annotations__", {})
-        for name in own.keys() & hints.keys():
-            own[name] = _spelled_out(hints.pop(name))  # popped: a base's own version stays
-
-
-NO_DEFAULT = tyro.conf.arg(help_behavior_hint="")
-
-
-def _hide_plain_defaults(command: type) -> None:
-    """Leave "(default: None)" and a switch's "(default: False)" out of the help.
-
-    An option's text says what happens without it, and a switch that is not given is off.
-    """
-    for field in dataclasses.fields(command):
-        if field.default is None or field.default is False or field.default == ():
-            _annotate(command, field.name, NO_DEFAULT)
-
-
-def _join_lines(command: type) -> None:
-    """Make one line of each option's text, which tyro then wraps to the terminal.
-
-    tyro 1.0 joins the lines of a docstring before it takes their indentation away, and so keeps
-    every line break of the source.
-    """
-    for field in dataclasses.fields(command):
-        owner = option_owner(command, field.name)
-        notes = getattr(vars(owner)["__annotations__"][field.name], "__metadata__", ())
-        if any(getattr(note, "help", None) is not None for note in notes):
-            continue
-        text = option_text(command, field.name)
-        if text is not None:
-            _annotate(command, field.name, tyro.conf.arg(help=text))
-
-
-def _annotate(command: type, name: str, note: typing.Any) -> None:
-    """Add a note for tyro to a field, once."""
-    own = vars(option_owner(command, name))["__annotations__"]
-    if note not in getattr(own[name], "__metadata__", ()):
-        own[name] = typing.Annotated[own[name], note]
-
-
-def _spelled_out(kind: typing.Any) -> typing.Any:
-    if isinstance(kind, types.UnionType):
-        return typing.Union[kind.__args__]  # noqa: UP007
-    if typing.get_origin(kind) is typing.Annotated:
-        inner, *notes = typing.get_args(kind)
-        return typing.Annotated[(_spelled_out(inner), *notes)]
-    return kind
-
-
-def _own_error(error: BaseException | None) -> TwinError | None:
-    """The project's error behind tyro's, if there is one: it knows best what to say."""
-    while error is not None:
-        if isinstance(error, TwinError):
-            return error
-        error = error.__cause__ or error.__context__
-    return None
-
+from twin.errors import InputError
+from twin.records.storage.store_path import StorePath, Url, store_path
 
 StoreArgument = Annotated[
     StorePath,
@@ -216,13 +29,24 @@ StoreArgument = Annotated[
     ),
 ]
 """Type of an argument: the path of a folder, or s3://BUCKET/NAME, gs://... or az://..."""
+PLOT_FORMATS = (".png", ".pdf", ".svg")
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+"""[s] of each unit that can stand behind a number"""
+METAVAR = "DURATION"  # what a help text shows for one
+_WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
+NONE = "is no duration: give a number with s, min, h or d, such as 6h or 90min; a bare number is in"
+SPELLED = {
+    "s": "s", "sec": "s", "second": "s", "min": "min", "minute": "min", "h": "h", "hr": "h",
+    "hour": "h", "d": "d", "day": "d", "week": None, "month": None, "year": None,
+}  # fmt: skip
+"""Words for a time, without the s of many, and the unit that each is, if any"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EngineOption:
     """Base of the commands that fly missions: adds `--engine`."""
 
-    engine: typing.Literal["mujoco", "lanes"] = "mujoco"
+    engine: Literal["mujoco", "lanes"] = "mujoco"
     """what flies: mujoco, the twin; or lanes, the Fossen model for many vehicles side by side,
     which feels no contact and runs no Python between its steps. docs/howto/lanes.md compares them
     """
@@ -246,9 +70,6 @@ def parse_rows(text: str) -> list[int] | None:
     if not rows:
         raise InputError(f"--missions {text!r} must be all, or numbers such as 0-11,14")
     return list(dict.fromkeys(rows))
-
-
-PLOT_FORMATS = (".png", ".pdf", ".svg")
 
 
 def check_plot_path(path: Path | None) -> None:
@@ -282,3 +103,72 @@ def parse_numbers(option: str, texts: Sequence[str], what: str) -> dict[str, flo
             raise InputError(f"--{option} gives {name} twice; once is enough")
         numbers[name] = value
     return numbers
+
+
+def duration(text: str, unit: str) -> float:
+    """A duration in a unit.
+
+    Args:
+      text: such as 6h, 90min, 45s or 2d; a bare number is in `unit`.
+      unit: s, min, h or d.
+
+    Raises:
+      InputError: no number, or another unit.
+    """
+    found = _read(text, unit)
+    if found is None:
+        raise InputError(f"{text!r} {NONE} {unit}")
+    return found
+
+
+def _read(text: str, unit: str) -> float | None:
+    found = _WRITTEN.fullmatch(text.strip())
+    own = found and (found[2].lower() or unit)
+    if found is None or own not in SECONDS or not math.isfinite(float(found[1])):
+        return None
+    return float(found[1]) if own == unit else float(found[1]) * SECONDS[own] / SECONDS[unit]
+
+
+def apart(number: str, word: str) -> str | None:
+    """What is wrong with a duration that was typed as two words; None where they are none.
+
+    Args:
+      number: what was given as a duration.
+      word: what was typed behind it, such as weeks.
+    """
+    found = _WRITTEN.fullmatch(number)
+    spoken = word.lower()
+    spoken = spoken if spoken in SPELLED else spoken.removesuffix("s")
+    if found is None or found[2] or spoken not in SPELLED:
+        return None
+    unit = SPELLED[spoken]
+    right = f"{number}{unit}" if unit else "42d"
+    return (
+        f"'{number} {word}' is no duration: write number and unit as one word, with s, min, h or "
+        f"d, such as {right}"
+    )
+
+
+def _typed(word: str, unit: str) -> float:
+    if word.strip().lower() in ("nan", "inf", "-inf"):
+        return float(word)  # whoever takes the duration says what it may be
+    found = _read(word, unit)
+    if found is None:  # the parser's own message names the option
+        raise ValueError(f"{word!r} {NONE} {unit}")
+    return found
+
+
+def _option(unit: str) -> PrimitiveConstructorSpec[float]:
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"{METAVAR}[{unit}]",
+        instance_from_str=lambda words: _typed(words[0], unit),
+        is_instance=lambda value: isinstance(value, int | float),
+        str_from_instance=lambda value: [f"{value:g}{unit}"],
+    )
+
+
+Seconds = Annotated[float, _option("s")]
+"""Type of an option: [s]; a bare number is in seconds"""
+Hours = Annotated[float, _option("h")]
+"""Type of an option: [h]; a bare number is in hours"""

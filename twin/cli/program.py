@@ -25,14 +25,16 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 
-from twin.cli.console import Console, discard, one_line
-from twin.cli.endings import Endings, Runnable, interruption
+from twin.cli.console import Console, Runnable, discard, one_line
 from twin.errors import InputError, OddFile, TwinError, shortened, unknown_name
 from twin.plugins import (
     PLUGIN_FOLDER,
@@ -43,15 +45,25 @@ from twin.plugins import (
 )
 from twin.version import __version__
 
-EXIT_OK = 0
-EXIT_FAILED = 1
-EXIT_BAD_INPUT = 2
+EXIT_OK, EXIT_FAILED, EXIT_BAD_INPUT = 0, 1, 2
 
-COMMANDS = "glider_twin.commands"
-"""Group of the entry points that bring subcommands"""
+COMMANDS = "glider_twin.commands"  # group of the entry points that bring subcommands
 
 TRACEBACK_VARIABLE = "TWIN_TRACEBACK"
 """Environment variable that, when set to 1, adds the traceback to every error."""
+PROGRAMS = ("twin", "factory", "learn")
+"""The programs of the installation: packages, each with a `PROGRAM` in `__main__`"""
+NAMED_WRONGLY = (
+    *(FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError),
+    *(PermissionError, OddFile),
+)
+NO_PLACES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS)
+"""Errors of a path that the user named wrongly: bad input; a full disk, say, is a failure"""
+WORDS = {
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "ended by SIGTERM",
+    signal.SIGHUP: "ended by SIGHUP",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,18 +85,15 @@ class ProgramCommand:
         Raises:
           InputError: its plugin is not installed, of another version or cannot be imported.
         """
-        command: type[Runnable]
-        if not self.plugin:
-            command = imported(self.loader)
-            return command
-        typed = self.loader.replace(".", " ")
-        point = entry_point(COMMANDS, self.loader)
-        if point is None:
+        typed, point = self.loader.replace(".", " "), None
+        if self.plugin and (point := entry_point(COMMANDS, self.loader)) is None:
             raise InputError(
                 f"`{typed}` comes with a plugin that is not installed: "
                 f"{installation(PLUGIN_FOLDER + self.plugin)}"
             )
-        command = load_entry_point(point, f"command `{typed}`")
+        command: type[Runnable] = (
+            load_entry_point(point, f"command `{typed}`") if point else imported(self.loader)
+        )
         return command
 
     @property
@@ -148,29 +157,28 @@ class Program:
         # Read when numpy and torch are imported. Matrices here are small, networks train in one
         # thread each, and threads that wait for each other cost many times what they bring.
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        _open_missing_streams()
+        for name in ("stdout", "stderr"):  # a closed one (`twin ... >&-`) swallows what is written
+            if getattr(sys, name) is None:
+                stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - stays open
+                setattr(sys, name, stream)
         # Bad options are reported before they are parsed, so --json is looked for in the raw words.
         console = Console(self.name, json="--json" in words)
-        endings = Endings()
-        with endings:
-            return self._run(words, console, endings)
-
-    def _run(self, words: list[str], console: Console, endings: Endings) -> int:
-        """Exit code of the command, after an error or an ending from outside was told."""
-        try:
-            code = self._dispatch(words, console)
-            if code is None:
-                return EXIT_OK
-            console.finish()
-            return code
-        except (KeyboardInterrupt, Exception) as error:
-            if (interrupt := interruption(error)) is not None:
+        with Endings() as endings:
+            try:
+                code = self._dispatch(words, console)
+                if code is None:
+                    return EXIT_OK
+                console.finish()
+                return code
+            except (KeyboardInterrupt, Exception) as error:
+                if (interrupt := interruption(error)) is None:
+                    return _fail(console, error, *describe_error(error))
                 # the store library leaves a coroutine behind, and Python would say so
                 warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
-                text = f"{endings.word}: {str(interrupt) or _advice(error)}"
-                return _fail(console, interrupt, text, endings.code)
-            text, code = describe_error(error)
-            return _fail(console, error, text, code)
+                compiled = interrupt is not error  # and has no words of its own
+                state = "it came in compiled code" if compiled else "nothing half-written is left"
+                text = str(interrupt) or f"{state}; give the command again"
+                return _fail(console, interrupt, f"{endings.word}: {text}", endings.code)
 
     def _dispatch(self, words: list[str], console: Console) -> int | None:
         """Exit code of the subcommand, or None when a text was printed instead of running one."""
@@ -185,7 +193,7 @@ class Program:
             _print(f"{self.name} {__version__}")
             return None
         if first == "--completion":
-            from twin.cli.completion import SHELLS, completion
+            from twin.cli.parsing import SHELLS, completion
 
             if len(rest) != 1:
                 raise InputError(f"--completion takes a shell: {', '.join(SHELLS)}")
@@ -209,7 +217,7 @@ class Program:
                 ways = " or ".join(f"`{name} {first}`" for name in others)
                 raise InputError(f"{self.name} has no command {first!r}: it is {ways}")
             raise InputError(unknown_name("command", first, by_name))
-        from twin.cli.options import parse_options
+        from twin.cli.parsing import parse_options
 
         self.needs()
         chosen = by_name[first].load()
@@ -227,10 +235,6 @@ class Program:
         with aside, warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: console.warn(str(message))
             return options.run(console)
-
-
-PROGRAMS = ("twin", "factory", "learn")
-"""The programs of the installation: packages, each with a `PROGRAM` in `__main__`"""
 
 
 def _programs_with(command: str) -> list[str]:
@@ -257,18 +261,9 @@ def _fail(console: Console, error: BaseException, text: str, code: int) -> int:
         import traceback
 
         traceback.print_exception(error)
-    text = shortened(text)
-    console.error(text)
-    failure: Mapping[str, object] = {"error": one_line(text), "error_kind": type(error).__name__}
-    console.finish(failure)
+    console.error(text := shortened(text))
+    console.finish({"error": one_line(text), "error_kind": type(error).__name__})
     return code
-
-
-def _advice(error: BaseException) -> str:
-    """What follows from an interruption that has no words of its own."""
-    if isinstance(error, KeyboardInterrupt):
-        return "nothing half-written is left; give the command again"
-    return "it came in compiled code; give the command again"
 
 
 def describe_error(error: BaseException) -> tuple[str, int]:
@@ -276,34 +271,79 @@ def describe_error(error: BaseException) -> tuple[str, int]:
     if isinstance(error, TwinError):
         return str(error), error.exit_code
     if isinstance(error, OSError):
-        return _describe_os_error(error), _os_error_code(error)
+        reason = error.strerror or str(error)
+        text = f"{error.filename}: {reason}" if error.filename is not None else reason
+        wrong = isinstance(error, NAMED_WRONGLY) or error.errno in NO_PLACES
+        return text, EXIT_BAD_INPUT if wrong else EXIT_FAILED
     hint = f"this is a bug; set {TRACEBACK_VARIABLE}=1 for the traceback and report it"
     return f"{type(error).__name__}: {error} ({hint})", EXIT_FAILED
 
 
-def _describe_os_error(error: OSError) -> str:
-    reason = error.strerror or str(error)
-    return f"{error.filename}: {reason}" if error.filename is not None else reason
+def interruption(error: BaseException) -> KeyboardInterrupt | None:
+    """The interruption that an error hides, or None.
+
+    A signal that arrives while compiled code calls Python leaves its exception set behind a result.
+    Python then raises a SystemError with the interruption as its cause, and another one at each
+    caller that is compiled too.
+
+    Args:
+      error: what ended a command. Only behind a SystemError does an interruption count: an error of
+        what tidies up after one is told as itself.
+    """
+    one: BaseException | None = error
+    compiled = False
+    seen: set[int] = set()
+    while one is not None and id(one) not in seen:
+        if isinstance(one, KeyboardInterrupt):
+            return one if compiled or one is error else None
+        seen.add(id(one))
+        compiled = compiled or isinstance(one, SystemError)
+        one = one.__cause__ or one.__context__
+    return None
 
 
-def _os_error_code(error: OSError) -> int:
-    """A path that the user named wrongly is bad input; a full disk, say, is a failure."""
-    named_wrongly = (
-        FileNotFoundError,
-        FileExistsError,
-        NotADirectoryError,
-        IsADirectoryError,
-        PermissionError,
-        OddFile,
-    )
-    others = (errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS)
-    wrong = isinstance(error, named_wrongly) or error.errno in others
-    return EXIT_BAD_INPUT if wrong else EXIT_FAILED
+class Ended(KeyboardInterrupt):
+    """A signal ended the program that is not Ctrl-C's."""
 
 
-def _open_missing_streams() -> None:
-    """A closed standard stream (`twin ... >&-`) swallows what is written to it."""
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - lives as long as we
-            setattr(sys, name, stream)
+class Endings:
+    """A context in which SIGTERM and SIGHUP end the program as Ctrl-C does.
+
+    A signal that is ignored, as SIGHUP under nohup, or that somebody else handles, is left alone.
+    Processes that this one forks end at once by them, as they would without.
+    """
+
+    def __init__(self) -> None:
+        self._signal = signal.SIGINT
+        self._process = os.getpid()
+        self._taken: list[signal.Signals] = []
+
+    @property
+    def word(self) -> str:
+        """How it ended."""
+        return WORDS[self._signal]
+
+    @property
+    def code(self) -> int:
+        """Exit code as shells report the signal."""
+        return 128 + self._signal
+
+    def __enter__(self) -> Endings:
+        if threading.current_thread() is threading.main_thread():
+            for one in (signal.SIGTERM, signal.SIGHUP):
+                if signal.getsignal(one) is signal.SIG_DFL:
+                    signal.signal(one, self._end)
+                    self._taken.append(one)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for one in self._taken:
+            signal.signal(one, signal.SIG_DFL)
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        if os.getpid() != self._process:  # a forked process ends by it without a word
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+            return
+        self._signal = signal.Signals(number)
+        raise Ended

@@ -7,25 +7,15 @@ import textwrap
 import unicodedata
 from collections.abc import Mapping, Sequence
 
-WIDEST = 100
-"""Columns of a terminal that tables and paragraphs keep to."""
-
-NARROWEST_TEXT = 10
-"""Columns that a column of text keeps when a wide table is folded."""
-
-GAP = "  "
-
-MISSING = "-"
-"""Stands where there is no value: None or NaN."""
-
-LARGEST_PLAIN = 1e7
-"""Magnitude from which a number is written with an exponent."""
-
+WIDEST, NARROWEST_TEXT, GAP = 100, 10, "  "
+"""Columns that tables and paragraphs keep to, and that a column of text keeps when a wide table is
+folded; what is between columns."""
+MISSING = "-"  # stands where there is no value: None or NaN
+SMALLEST_PLAIN, LARGEST_PLAIN = 1e-4, 1e7
+"""Magnitudes below and from which a number is written with an exponent."""
 NEGLIGIBLE = 1e-15
 """Magnitude below which a figure in SI units or degrees is rounding noise, shown as 0."""
-
-SMALLEST_PLAIN = 1e-4
-"""Magnitude below which a number is written with an exponent."""
+UNPRINTED = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
 def printable(text: str) -> str:
@@ -40,16 +30,11 @@ def printable(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return "".join(
-        one if one in "\n\t" or unicodedata.category(one) not in _UNPRINTED else _escape(one)
+        one.encode("unicode_escape", "surrogatepass").decode("ascii")
+        if one not in "\n\t" and unicodedata.category(one) in UNPRINTED
+        else one
         for one in text
     )
-
-
-_UNPRINTED = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-
-
-def _escape(one: str) -> str:
-    return one.encode("unicode_escape", "surrogatepass").decode("ascii")
 
 
 def counted(count: int, noun: str) -> str:
@@ -127,10 +112,8 @@ def _column_widths(
     """Widths of the columns: the widest text of each, or less where the table has to be folded."""
     bodies = [max((len(texts[i]) for texts in cells), default=0) for i in range(len(columns))]
     widths = [max(len(title), body) for title, body in zip(columns, bodies, strict=True)]
-    words = [
-        max(map(len, " ".join((title, *(texts[i] for texts in cells))).split()), default=0)
-        for i, title in enumerate(columns)
-    ]
+    whole = [" ".join((title, *(texts[i] for texts in cells))) for i, title in enumerate(columns)]
+    words = [max(map(len, text.split()), default=0) for text in whole]
     room = WIDEST - len(GAP) * (len(columns) - 1)
     if sum(widths) > room:
         widths = [max(pair) for pair in zip(bodies, words, strict=True)]
@@ -174,16 +157,9 @@ def format_paragraph(text: str, *, indent: str = "") -> str:
 def format_pairs(pairs: Mapping[str, object], *, digits: int = 4) -> str:
     """Name and value on each line, the values aligned; a (value, unit) tuple shows its unit."""
     width = max((len(name) for name in pairs), default=0)
-    return "\n".join(
-        format_paragraph(
-            f"{name:<{width}}{GAP}{_quantity(value, digits)}", indent=" " * width + GAP
-        )
-        for name, value in pairs.items()
-    )
-
-
-def _quantity(value: object, digits: int) -> str:
-    if isinstance(value, tuple):
-        number, unit = value
-        return f"{format_number(number, digits)} {unit}"
-    return format_number(value, digits)
+    lines = []
+    for name, value in pairs.items():
+        number, *unit = value if isinstance(value, tuple) else (value,)
+        text = " ".join((format_number(number, digits), *unit))
+        lines.append(format_paragraph(f"{name:<{width}}{GAP}{text}", indent=" " * width + GAP))
+    return "\n".join(lines)

@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 from twin.cli.console import Console, JsonOption
 
-VEHICLE, MANOEUVRES, SEED = "glider", 20, 0
-"""What the manoeuvres take by default"""
+VEHICLE, MANOEUVRES, SEED = "glider", 20, 0  # what the manoeuvres take by default
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,23 +54,28 @@ class CheckModels(JsonOption):
         """Compare; exit code 1 when a limit is exceeded."""
         from twin.errors import InputError
 
-        by_logs = ("missions", "engine", "page")
-        by_models = ("manoeuvres", "seed", "timestep")
-        for name in by_logs if self.logs is None else by_models:
+        idle = ("manoeuvres", "seed", "timestep")
+        told = "is of the manoeuvres, which --logs does not fly: leave it out"
+        if self.logs is None:
+            idle = ("missions", "engine", "page")
+            told = "is of the comparison with logs: give --logs STORE as well"
+        for name in idle:
             if getattr(self, name) is not None:
-                raise InputError(
-                    f"--{name} is of the comparison with logs: give --logs STORE as well"
-                    if self.logs is None
-                    else f"--{name} is of the manoeuvres, which --logs does not fly: leave it out"
-                )
-        if self.many is None:
-            return self._models(console) if self.logs is None else self._logs(self.logs, console)
-        for name in ("logs", "manoeuvres", "timestep"):
-            if getattr(self, name) is not None:
-                raise InputError(f"--{name} does not go with --many: leave one of them out")
-        if self.many < 1:
-            raise InputError(f"--many must be at least 1, not {self.many}")
-        return self._engines(self.many, _seed(self.seed), console)
+                raise InputError(f"--{name} {told}")
+        if self.many is not None:
+            for name in ("logs", "manoeuvres", "timestep"):
+                if getattr(self, name) is not None:
+                    raise InputError(f"--{name} does not go with --many: leave one of them out")
+        for name, value, least in (("many", self.many, 1), ("seed", self.seed, 0)):
+            if value is not None and value < least:
+                bound = f"at least {least}" if least else f"{least} or more"
+                raise InputError(f"--{name} must be {bound}, not {value}")
+        seed = SEED if self.seed is None else self.seed
+        if self.many is not None:
+            return self._engines(self.many, seed, console)
+        if self.logs is not None:
+            return self._logs(self.logs, console)
+        return self._models(seed, console)
 
     def _engines(self, count: int, seed: int, console: Console) -> int:
         """MuJoCo beside the Fossen model in lanes."""
@@ -146,15 +150,10 @@ class CheckModels(JsonOption):
             )
         if self.page is not None:
             check_page_target(self.page)
-        found = check_logs(
-            store,
-            self.vehicle,
-            missions=parse_rows(self.missions or "all"),
-            engine=self.engine or "mujoco",
-        )
-        console.table(
-            log_check_rows(found), title=f"{found.vehicle.name} beside {len(found.dives)} dives"
-        )
+        rows, engine = parse_rows(self.missions or "all"), self.engine or "mujoco"
+        found = check_logs(store, self.vehicle, missions=rows, engine=engine)
+        title = f"{found.vehicle.name} beside {len(found.dives)} dives"
+        console.table(log_check_rows(found), title=title)
         for text in found.notes:
             console.note(text)
         if (beside := found.beside_mujoco) is not None:
@@ -162,30 +161,20 @@ class CheckModels(JsonOption):
             say(f"dives flown in lanes; of the first one, {beside.text}")
         console.answer(**found.describe())
         if self.page is not None:
-            rows = "" if self.missions is None else f" --missions {self.missions}"
-            engine = "" if self.engine is None else f" --engine {self.engine}"
-            command = f"twin check --logs {store} --vehicle {self.vehicle}{rows}{engine}"
+            given = {"missions": self.missions, "engine": self.engine}
+            more = [f" --{name} {value}" for name, value in given.items() if value is not None]
+            command = f"twin check --logs {store} --vehicle {self.vehicle}{''.join(more)}"
             path = write_log_check(self.page, found, command)
             console.say(f"page: {path}")
             console.answer(page=path)
         return _verdict(console, found.beyond)
 
-    def _models(self, console: Console) -> int:
+    def _models(self, seed: int, console: Console) -> int:
         """The two models, the published motions and still water."""
-        from twin import check_manoeuvres, check_published, load_vehicle
-        from twin.checks import (
-            ANGLES,
-            ATTITUDE_LIMIT,
-            DURATION,
-            LARGEST_GAIN,
-            POSITION_LIMIT,
-            SPEED_LIMIT,
-            check_still_water,
-        )
+        from twin import check_manoeuvres, check_published, checks, load_vehicle
         from twin.errors import InputError
 
         count = MANOEUVRES if self.manoeuvres is None else self.manoeuvres
-        seed = _seed(self.seed)
         if count < 1:
             raise InputError(f"--manoeuvres must be at least 1, not {count}")
         vehicle = load_vehicle(VEHICLE if self.vehicle is None else self.vehicle)
@@ -196,7 +185,7 @@ class CheckModels(JsonOption):
             violations = motion.violations(trim)
             broken += [f"{motion.vehicle}, {motion.source}, {model}: {v}" for v in violations]
             found = motion.differences(trim)
-            angle = max((found[n] for n in ANGLES if n in found), key=abs, default=None)
+            angle = max((found[n] for n in checks.ANGLES if n in found), key=abs, default=None)
             rows.append(
                 {
                     "vehicle": motion.vehicle,
@@ -213,21 +202,20 @@ class CheckModels(JsonOption):
                 }
             )
         if rows:
-            console.table(
-                rows, title="Published motions (largest angle difference of each)", digits=3
-            )
-            for source, number in sources.items():
-                console.item(f"source {number}: {source}")
+            title = "Published motions (largest angle difference of each)"
+            console.table(rows, title=title, digits=3)
         else:
             console.say(f"no published motion of {vehicle.name!r} is on record")
-        decays = check_still_water(None if self.vehicle is None else vehicle)
+        for source, number in sources.items():
+            console.item(f"source {number}: {source}")
+        decays = checks.check_still_water(None if self.vehicle is None else vehicle)
         broken += [decay.text(one) for one, decay in decays if not decay.ok]
         console.say()
         console.table(
             [
                 {
                     "vehicle": one.name, "model": decay.model, "gains %": 100.0 * decay.gain,
-                    "limit %": 100.0 * LARGEST_GAIN, "ok": "yes" if decay.ok else "no",
+                    "limit %": 100.0 * checks.LARGEST_GAIN, "ok": "yes" if decay.ok else "no",
                 }
                 for one, decay in decays
             ],
@@ -235,15 +223,12 @@ class CheckModels(JsonOption):
         )  # fmt: skip
         differences = check_manoeuvres(vehicle, count=count, seed=seed, timestep=self.timestep)
         broken += [f"manoeuvre {d.seed} exceeds a limit" for d in differences if not d.ok]
-        largest = {
-            name: max(getattr(d, name) for d in differences)
-            for name in ("speed_m_s", "attitude_deg", "position_percent")
-        }
         limits = {
-            "speed_m_s": SPEED_LIMIT,
-            "attitude_deg": ATTITUDE_LIMIT,
-            "position_percent": POSITION_LIMIT,
+            "speed_m_s": checks.SPEED_LIMIT,
+            "attitude_deg": checks.ATTITUDE_LIMIT,
+            "position_percent": checks.POSITION_LIMIT,
         }
+        largest = {name: max(getattr(d, name) for d in differences) for name in limits}
         console.say()
         console.table(
             [
@@ -251,7 +236,7 @@ class CheckModels(JsonOption):
                 for name in largest
             ],
             title=f"MuJoCo against Fossen, {len(differences)} manoeuvres of "
-            f"{DURATION:.0f} s in sheared current",
+            f"{checks.DURATION:.0f} s in sheared current",
         )
         console.answer(
             **largest,
@@ -275,15 +260,6 @@ def _figures(difference: Mapping[str, Any]) -> dict[str, Any]:
         "attitude deg": difference["attitude_deg"],
         "position %": difference["position_percent"],
     }
-
-
-def _seed(given: int | None) -> int:
-    """The first manoeuvre's seed; raises InputError."""
-    from twin.errors import InputError
-
-    if given is not None and given < 0:
-        raise InputError(f"--seed must be 0 or more, not {given}")
-    return SEED if given is None else given
 
 
 def _thousandths(value: float | None) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,12 +15,15 @@ from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from twin import Vehicle
-    from twin.cli.progress import Progress
+    from twin.cli.console import Progress
     from twin.identify import DrivenErrors, Handling, Identification, Refinement
 
 
-UNUSUAL = 2.0
-"""Usual spreads away from nominal at which an estimate is remarked on."""
+UNUSUAL = 2.0  # usual spreads away from nominal at which an estimate is remarked on
+ESTIMATE = ("value", "deviation", "nominal", "unit", "determined", "note")
+"""Keys of each parameter in the answer"""
+STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}
+"""What each stage takes of the whole, in comparison"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,10 +86,37 @@ class Identify(JsonOption):
     pitch_offset: float | None = None
     """known offset of the pitch sensor [deg]; it is then not estimated, unless --parameters asks"""
 
+    def _check(self) -> None:
+        """Refuse what could not be written or used before anything is read."""
+        from twin.cli.options import check_plot_path
+        from twin.errors import InputError
+
+        check_plot_path(self.plot)
+        if self.out is not None and self.out.suffix.lower() != ".xml":
+            raise InputError(f"--out {str(self.out)!r} must end in .xml")
+        if self.out is not None and self.out.exists() and not self.overwrite:
+            raise InputError(f"{self.out} exists already; use --overwrite or another --out")
+        if self.export is not None and self.export.suffix not in (".m", ".json"):
+            kinds = ".m (basestation) or .json (gliderflight)"
+            raise InputError(f"--export {str(self.export)!r} must end in {kinds}")
+        for option, target in (("out", self.out), ("plot", self.plot), ("export", self.export)):
+            folder = None if target is None else target.absolute().parent
+            if folder is not None and not (folder.is_dir() and os.access(folder, os.W_OK)):
+                raise InputError(
+                    f"--{option} {target}: {folder} is not a folder that can be written to"
+                )
+        for name, value in (("scale", self.pitch_scale), ("offset", self.pitch_offset)):
+            if value is not None and not math.isfinite(value):
+                raise InputError(f"--pitch-{name} must be a finite number, not {value}")
+        if self.pitch_scale is not None and not 0.5 <= self.pitch_scale <= 2.0:
+            raise InputError(f"--pitch-scale must be between 0.5 and 2, not {self.pitch_scale:g}")
+        if self.dimensions and self.vehicle is not None:
+            raise InputError("--dimensions are for a vehicle without a file: leave out --vehicle")
+
     def run(self, console: Console) -> int:
         """Fit, report, write."""
         from twin import load_vehicle
-        from twin.cli.options import check_plot_path, parse_numbers, parse_rows
+        from twin.cli.options import parse_numbers, parse_rows
         from twin.errors import InputError
         from twin.identify import (
             confused,
@@ -102,33 +132,9 @@ class Identify(JsonOption):
         )
         from twin.vehicle import Dimensions
 
-        check_plot_path(self.plot)
-        if self.out is not None and self.out.suffix.lower() != ".xml":
-            raise InputError(f"--out {str(self.out)!r} must end in .xml")
-        if self.out is not None and self.out.exists() and not self.overwrite:
-            raise InputError(f"{self.out} exists already; use --overwrite or another --out")
-        if self.export is not None and self.export.suffix not in (".m", ".json"):
-            raise InputError(
-                f"--export {str(self.export)!r} must end in .m (basestation) or .json "
-                "(gliderflight)"
-            )
-        for option, target in (("out", self.out), ("plot", self.plot), ("export", self.export)):
-            folder = None if target is None else target.absolute().parent
-            if folder is not None and not (folder.is_dir() and os.access(folder, os.W_OK)):
-                raise InputError(
-                    f"--{option} {target}: {folder} is not a folder that can be written to"
-                )
-        for name, value in (("scale", self.pitch_scale), ("offset", self.pitch_offset)):
-            if value is not None and not math.isfinite(value):
-                raise InputError(f"--pitch-{name} must be a finite number, not {value}")
-        if self.pitch_scale is not None and not 0.5 <= self.pitch_scale <= 2.0:
-            raise InputError(f"--pitch-scale must be between 0.5 and 2, not {self.pitch_scale:g}")
+        self._check()
         offset = None if self.pitch_offset is None else math.radians(self.pitch_offset)
         if self.dimensions:
-            if self.vehicle is not None:
-                raise InputError(
-                    "--dimensions are for a vehicle without a file: leave out --vehicle"
-                )
             example = "a dimension and its value, such as length=1.33"
             numbers = parse_numbers("dimensions", self.dimensions, example)
             return self._driven(console, Dimensions.of(numbers).vehicle())
@@ -138,9 +144,8 @@ class Identify(JsonOption):
             return self._driven(console, vehicle)
         if self.unseen:
             raise InputError(
-                f"--unseen {self.unseen} is of propelled vehicles, and "
-                f"{vehicle.name!r} is a glider: give --missions, and fly the others by `twin check "
-                "--logs`"
+                f"--unseen {self.unseen} is of propelled vehicles, and {vehicle.name!r} is a "
+                "glider: give --missions, and fly the others by `twin check --logs`"
             )
         nominal = load_calibration(started, pitch_scale=self.pitch_scale, pitch_offset=offset)
         if odd := "" if self.vehicle is None else other_kind(self.store, nominal.vehicle):
@@ -149,10 +154,8 @@ class Identify(JsonOption):
             nominal = read_figures(self.start, nominal)
         known = parse_numbers("known", self.known, "a parameter and its value, such as mass=70")
         nominal = with_known(nominal, known)
-        given = set(known)
-        for name in ("pitch_scale", "pitch_offset"):
-            if getattr(self, name) is not None and name not in self.parameters:
-                given.add(name)
+        pitch = [n for n in ("pitch_scale", "pitch_offset") if getattr(self, n) is not None]
+        given = {*known, *pitch} - ({*self.parameters} - {*known})
         logs = load_logs(self.store, parse_rows(self.missions))
         refined, handling = None, None
         with console.progress(total=1.0, label="identify", unit="") as progress:
@@ -174,12 +177,10 @@ class Identify(JsonOption):
             if not self.no_handling:
                 from twin.identify import handle
 
-                handling = handle(
-                    logs, found, proof=self.out is not None, progress=report.of("handle")
-                )
+                proof = self.out is not None
+                handling = handle(logs, found, proof=proof, progress=report.of("handle"))
                 found = handling.identification
         self._say(console, found, len(logs) - len(found.powered), refined)
-        _remark(console, found)
         if found.powered:
             rows = ", ".join(map(str, found.powered))
             console.warn(
@@ -191,26 +192,14 @@ class Identify(JsonOption):
         if handling is not None:
             _say_handling(console, handling)
         if self.out is not None:
-            if handling is not None and handling.failures:
-                raise InputError(
-                    f"{self.out} is not written, the vehicle does not fly as its log: "
-                    + "; ".join(handling.failures)
-                )
-            from twin.identify import provenance_of, write_vehicle
-            from twin.logs import counted_energy
+            from twin.checks import check_still_water
 
-            used = counted_energy(self.store, found.calibration.vehicle)
-            if used is not None:
-                console.note("energy by the log's counter of charge")
-            write_vehicle(
-                found.calibration,
-                self.out,
-                provenance_of(found, self.store),
-                consumption=None if used is None else used.consumption,
-                overwrite=self.overwrite,
-            )
-            console.say(f"vehicle: {self.out}")
-            _warn_of_gains(console, self.out)
+            failures = () if handling is None else handling.failures
+            self._write(console, found, failures, "as its log", counted=True)
+            for one, decay in check_still_water(load_vehicle(self.out)):
+                if not decay.ok:  # it would take energy from still water
+                    told = "a log of glides tells nothing of such a motion"
+                    console.warn(f"{decay.text(one)}; {told}")
         if self.export is not None:
             kind = write_figures(found.calibration, self.export)
             console.say(f"figures of {kind}: {self.export}")
@@ -237,8 +226,6 @@ class Identify(JsonOption):
             identify_driven,
             judge,
             load_runs,
-            provenance_of,
-            write_vehicle,
         )
 
         for option, given in (
@@ -275,7 +262,6 @@ class Identify(JsonOption):
                 progress=report,
             )
         self._say(console, found, len(runs), None)
-        _remark(console, found)
         for text in confused(found):
             console.warn(text)
         for part in runs[0].silent:
@@ -292,27 +278,47 @@ class Identify(JsonOption):
             if not self.no_handling:
                 failures = driven_failures(found.calibration, cruise_of(runs, vehicle))
             console.answer(failures=list(failures))
-            if failures:
-                raise InputError(
-                    f"{self.out} is not written, the vehicle does not fly under guidance: "
-                    + "; ".join(failures)
-                )
-            write_vehicle(
-                found.calibration,
-                self.out,
-                provenance_of(found, self.store),
-                overwrite=self.overwrite,
-            )
-            console.say(f"vehicle: {self.out}")
+            self._write(console, found, failures, "under guidance", counted=False)
         return 0
 
-    def _say(
+    def _write(
         self,
         console: Console,
         found: Identification,
-        missions: int,
-        refined: Refinement | None,
+        failures: Sequence[str],
+        how: str,
+        *,
+        counted: bool,
     ) -> None:
+        """Write the vehicle file, with the energy that the log has `counted`.
+
+        Raises:
+          InputError: the vehicle does not fly as it should.
+        """
+        from twin.errors import InputError
+        from twin.identify import provenance_of, write_vehicle
+        from twin.logs import counted_energy
+
+        assert self.out is not None
+        if failures:
+            told = f"{self.out} is not written, the vehicle does not fly {how}"
+            raise InputError(f"{told}: {'; '.join(failures)}")
+        used = counted_energy(self.store, found.calibration.vehicle) if counted else None
+        if used is not None:
+            console.note("energy by the log's counter of charge")
+        write_vehicle(
+            found.calibration,
+            self.out,
+            provenance_of(found, self.store),
+            consumption=None if used is None else used.consumption,
+            overwrite=self.overwrite,
+        )
+        console.say(f"vehicle: {self.out}")
+
+    def _say(
+        self, console: Console, found: Identification, missions: int, refined: Refinement | None
+    ) -> None:
+        """The estimates, their correlation and what the model leaves; and which are unusual."""
         rows = [
             {
                 "parameter": e.name,
@@ -380,21 +386,25 @@ class Identify(JsonOption):
             correlation_time_s=found.correlation_time,
             current_change_m_s=found.current_change,
             correlation={
-                name: dict(zip(found.determined, map(float, row), strict=True))
-                for name, row in zip(found.determined, found.correlation, strict=True)
+                name: dict(zip(names, map(float, row), strict=True))
+                for name, row in zip(names, found.correlation, strict=True)
             },
             parameters={
-                e.name: {
-                    "value": e.value,
-                    "deviation": e.deviation,
-                    "nominal": e.nominal,
-                    "unit": e.unit,
-                    "determined": e.determined,
-                    "note": e.note,
-                }
-                for e in found.estimates
+                e.name: {name: getattr(e, name) for name in ESTIMATE} for e in found.estimates
             },
         )
+        from twin.identify import ALWAYS, NAMES
+
+        for one in found.estimates:  # trim and drag are every vehicle's own
+            away = abs(one.value - one.nominal) / one.spread
+            if one.determined and one.name not in ALWAYS and away > UNUSUAL:
+                unit = "" if one.unit == "1" else f" {one.unit}"
+                known = f"; if you know it, give --known {one.name}=VALUE" * (one.name in NAMES)
+                console.warn(
+                    f"{one.name} {one.value:.4g}{unit} is {away:.1f} usual spreads away from "
+                    f"{one.nominal:.4g}: the vehicle differs, or the model lacks something that "
+                    f"this takes up{known}"
+                )
 
 
 def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> None:
@@ -413,10 +423,6 @@ def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> N
         + ("truth of the simulation" if mine.against == "truth" else "Doppler log less a current"),
     )
     console.answer(unseen={"identified": mine.describe(), "started_from": before.describe()})
-
-
-STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}
-"""What each stage takes of the whole, in comparison"""
 
 
 class _Stages:
@@ -440,35 +446,29 @@ class _Stages:
         return report
 
 
-def _warn_of_gains(console: Console, path: Path) -> None:
-    """Say where the written vehicle would take energy from still water."""
-    from twin import load_vehicle
-    from twin.checks import check_still_water
-
-    for vehicle, decay in check_still_water(load_vehicle(path)):
-        if not decay.ok:
-            console.warn(f"{decay.text(vehicle)}; a log of glides tells nothing of such a motion")
-
-
 def _say_handling(console: Console, handling: Handling) -> None:
     """Pitch, turns, asymmetry and loops; and the answers of the same."""
     vehicle = handling.identification.calibration.vehicle
     rows: dict[str, str] = {}
-    if handling.pitch_deviation is not None:
-        rows["steady pitch, RMSE"] = f"{math.degrees(handling.pitch_deviation):.2f} deg"
-    if handling.turn_deviation is not None:
-        rows["yaw rate of a minute, deviation"] = (
-            f"{math.degrees(handling.turn_deviation):.3f} deg/s"
+    degrees = {
+        name: None if value is None else math.degrees(value)
+        for name, value in (
+            ("pitch_rmse_deg", handling.pitch_deviation),
+            ("turn_deviation_deg_s", handling.turn_deviation),
+            ("yaw_bias_deg", handling.yaw_bias),
+            ("roll_offset_deg", handling.roll_offset),
+            ("neutral_deg", handling.neutral),
         )
-    if handling.yaw_bias is not None and handling.roll_offset is not None:
-        rows["asymmetry"] = (
-            f"turns as at {math.degrees(handling.yaw_bias):.1f} deg of sideslip, roll sensor "
-            f"{math.degrees(handling.roll_offset):.1f} deg"
-        )
-    if handling.neutral is not None:
-        rows[f"{vehicle.steering['heading']} that goes straight"] = (
-            f"{math.degrees(handling.neutral):.1f} deg"
-        )
+    }
+    steady, turn, bias, roll, neutral = degrees.values()
+    if steady is not None:
+        rows["steady pitch, RMSE"] = f"{steady:.2f} deg"
+    if turn is not None:
+        rows["yaw rate of a minute, deviation"] = f"{turn:.3f} deg/s"
+    if bias is not None and roll is not None:
+        rows["asymmetry"] = f"turns as at {bias:.1f} deg of sideslip, roll sensor {roll:.1f} deg"
+    if neutral is not None:
+        rows[f"{vehicle.steering['heading']} that goes straight"] = f"{neutral:.1f} deg"
     pitch, net_mass = vehicle.usual_glide
     rows["usual glide"] = f"{math.degrees(pitch):.1f} deg, net mass {net_mass:.2f} kg"
     for name in ("pitch_pid", "heading_pid"):
@@ -477,34 +477,10 @@ def _say_handling(console: Console, handling: Handling) -> None:
     for note in handling.notes:
         console.warn(note)
     console.answer(
-        pitch_rmse_deg=_degrees(handling.pitch_deviation),
-        turn_deviation_deg_s=_degrees(handling.turn_deviation),
-        yaw_bias_deg=_degrees(handling.yaw_bias),
-        roll_offset_deg=_degrees(handling.roll_offset),
-        neutral_deg=_degrees(handling.neutral),
+        **degrees,
         usual_glide_pitch_deg=math.degrees(pitch),
         usual_glide_net_mass_kg=net_mass,
         pitch_pid=list(vehicle.pitch_pid),
         heading_pid=list(vehicle.heading_pid),
         failures=list(handling.failures),
     )
-
-
-def _degrees(value: float | None) -> float | None:
-    return None if value is None else math.degrees(value)
-
-
-def _remark(console: Console, found: Identification) -> None:
-    """Say which estimates are unlike the vehicle file's; trim and drag are every vehicle's own."""
-    from twin.identify import ALWAYS, NAMES
-
-    for one in found.estimates:
-        away = abs(one.value - one.nominal) / one.spread
-        if one.determined and one.name not in ALWAYS and away > UNUSUAL:
-            unit = "" if one.unit == "1" else f" {one.unit}"
-            known = f"; if you know it, give --known {one.name}=VALUE" * (one.name in NAMES)
-            console.warn(
-                f"{one.name} {one.value:.4g}{unit} is {away:.1f} usual spreads away from "
-                f"{one.nominal:.4g}: the vehicle differs, or the model lacks something that this "
-                f"takes up{known}"
-            )

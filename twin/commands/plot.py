@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from twin.cli.console import Console
+from twin.cli.options import PLOT_FORMATS, parse_rows
 from twin.errors import InputError, UnknownName
 from twin.show.figures import FIGURES, LOG, OVERVIEW
 
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
     from twin import Trajectory
     from twin.records import NamedTrack
 
-FORMATS = (".png", ".pdf", ".svg")
-"""Endings that matplotlib writes here."""
 ALL = "all"
 FLIGHT_FIGURES = ("w_section", "w_histogram", "map")
 """Of a file of `twin flight`; the first by default"""
@@ -29,8 +29,7 @@ CHOICES = (
     f"{', '.join((*FLIGHT_FIGURES, f'or {ALL}'))} [default: {FLIGHT_FIGURES[0]}]"
 )
 """What --figure takes"""
-PRINT_DPI = 300
-"""[pixel/in] of a .png, as journals ask for"""
+PRINT_DPI = 300  # [pixel/in] of a .png, as journals ask for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,11 +83,10 @@ class PlotMission:
 
             tracks = choose_tracks(read_tracks(self.tracks, self.mission), self.only)
         drawers = {
-            each: lambda each=each: self._draw(each, trajectory, tracks)
-            for each in self._names(name)
+            each: functools.partial(self._draw, each, trajectory, tracks)
+            for each in (FIGURES if name == ALL else (name,))
         }
-        self._save_all(drawers, out, caption, console)
-        return 0
+        return self._save_all(drawers, out, caption, console)
 
     def _run_flight(self, console: Console) -> int:
         """Figures of what `twin flight` wrote."""
@@ -105,12 +103,8 @@ class PlotMission:
         out = self._out(name)
         flight = read_flight(self.store)
         chosen = OF_FLIGHTS if name == ALL else {name: OF_FLIGHTS[name]}
-        drawers = {each: lambda draw=draw: draw(flight) for each, draw in chosen.items()}
-        self._save_all(drawers, out, flight_caption(flight, self.store), console)
-        return 0
-
-    def _names(self, name: str) -> Iterable[str]:
-        return FIGURES if name == ALL else (name,)
+        drawers = {each: functools.partial(draw, flight) for each, draw in chosen.items()}
+        return self._save_all(drawers, out, flight_caption(flight, self.store), console)
 
     def _save_all(
         self,
@@ -118,39 +112,45 @@ class PlotMission:
         out: Path,
         caption: str,
         console: Console,
-    ) -> None:
+    ) -> int:
         """The only figure to the file `out`; of several those that can be drawn into that folder.
 
         Raises:
           InputError: none can be drawn.
         """
-        if out.suffix.lower() in FORMATS:
-            (draw,) = drawers.values()
-            self._save(draw(), out, caption, console)
-            return
-        missing = []
+        from twin.records import whole_file
+        from twin.show.figures import add_caption
+
+        alone, missing = out.suffix.lower() in PLOT_FORMATS, []
         for name, draw in drawers.items():
             try:
                 figure = draw()
             except InputError as error:
+                if alone:
+                    raise
                 missing.append(f"no {name} figure: {error}")
                 continue
-            self._save(figure, out / f"{name}.png", caption, console)
+            path = out if alone else out / f"{name}.png"
+            add_caption(figure, caption)
+            with whole_file(path) as place:
+                figure.savefig(place, dpi=PRINT_DPI)
+            console.say(str(path))
         if len(missing) == len(drawers):
             raise InputError(missing[0])
         for reason in missing:
             console.note(reason)
+        return 0
 
     def _out(self, name: str) -> Path:
         """The file, or the folder of all figures; refused before anything is read."""
         if name == ALL:
             out = self.out or Path("plots")
-            if out.suffix.lower() in FORMATS:
+            if out.suffix.lower() in PLOT_FORMATS:
                 raise InputError(f"--out {out}: --figure all needs a folder, not a file")
             return out
         out = self.out or Path(f"{name}.png")
-        if out.suffix.lower() not in FORMATS:
-            raise InputError(f"--out {out}: the ending must be one of {', '.join(FORMATS)}")
+        if out.suffix.lower() not in PLOT_FORMATS:
+            raise InputError(f"--out {out}: the ending must be one of {', '.join(PLOT_FORMATS)}")
         return out
 
     def _read(self, console: Console) -> tuple[Trajectory, str]:
@@ -169,11 +169,8 @@ class PlotMission:
                         )
                 trajectory = read_trajectory(self.store, self.mission)
                 return trajectory, mission_caption(store, self.mission)
-            if self.missions is None:
-                chosen = [self.mission]
-            else:
-                from twin.cli.options import parse_rows
-
+            chosen = [self.mission]
+            if self.missions is not None:
                 rows = parse_rows(self.missions)
                 chosen = list(range(len(store))) if rows is None else rows
             if self.figure == LOG and len(chosen) == 1:  # needs no flight model
@@ -201,12 +198,3 @@ class PlotMission:
         except InputError as error:
             which = f"mission {self.mission}" if self.missions is None else "missions"
             raise InputError(f"{which} of {self.store}: {error}") from error
-
-    def _save(self, figure: Figure, path: Path, caption: str, console: Console) -> None:
-        from twin.records import whole_file
-        from twin.show.figures import add_caption
-
-        add_caption(figure, caption)
-        with whole_file(path) as place:
-            figure.savefig(place, dpi=PRINT_DPI)
-        console.say(str(path))

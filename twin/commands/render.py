@@ -16,8 +16,21 @@ if TYPE_CHECKING:
     from twin.show.render import Shot, Subject
 
 
-OUT, SIZE = Path("mission.mp4"), "1280x720"
-"""File and size when none are asked for"""
+OUT, SIZE = Path("mission.mp4"), "1280x720"  # file and size when none are asked for
+VIDEO_FPS, GIF_FPS = 30.0, 12.5
+"""Frames per second when none are asked for; a gif's clock counts hundredths of a second."""
+OF_A_SHOT = [
+    "camera",
+    "speed_up",
+    "start",
+    "end",
+    "colour",
+    "exaggeration",
+    "floor",
+    "hud",
+    "inset",
+]
+"""Options that are fields of `Shot` by the same names"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,20 +106,8 @@ class Render(JsonOption):
             raise InputError(f"--out {out}: the ending must be one of {allowed}")
         width, height = parse_size(self.size or SIZE)
         fps = self.fps if self.fps is not None else (GIF_FPS if suffix == ".gif" else VIDEO_FPS)
-        shot = Shot(
-            camera=self.camera,
-            width=width,
-            height=height,
-            fps=fps,
-            speed_up=self.speed_up,
-            start=self.start,
-            end=self.end,
-            colour=self.colour,
-            exaggeration=self.exaggeration,
-            floor=self.floor,
-            hud=self.hud,
-            inset=self.inset,
-        )
+        given = {name: getattr(self, name) for name in OF_A_SHOT}
+        shot = Shot(width=width, height=height, fps=fps, **given)
         if suffix in ENDINGS:
             self._check_page()
         elif self.time is not None and suffix not in STILL_FORMATS:
@@ -221,10 +222,6 @@ class Render(JsonOption):
             return rows
         with MissionStore(self.store) as store:
             return list(range(len(store)))
-
-
-VIDEO_FPS, GIF_FPS = 30.0, 12.5
-"""Frames per second when none are asked for; a gif's clock counts hundredths of a second."""
 
 
 def parse_size(text: str) -> tuple[int, int]:

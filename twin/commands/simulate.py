@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import string
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,11 +12,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from twin.cli.console import Console, JsonOption
-from twin.cli.durations import Seconds
-from twin.cli.options import EngineOption
+from twin.cli.options import EngineOption, Seconds
 
 if TYPE_CHECKING:
     from twin import Scenario, Trajectory
+
+
+OF_A_SCENARIO = (
+    *("mission", "vehicle", "current", "density", "ballast_at", "mass", "compressibility"),
+    *("floor", "start", "duration", "engine", "hydrodynamics", "timestep", "integrator"),
+    *("sample_period", "sensors", "seed", "navigate"),
+)
+"""Options that are arguments of `twin.scenario_of` by the same names"""
+LEAST_ENERGY = 1e-6  # [kJ] below which a part's energy is rounding noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,39 +110,17 @@ class Simulate(EngineOption, JsonOption):
 
         if self.sensors is None and self.seed != 0 and self.navigate == "truth":
             raise InputError("--seed is for the sensors: give --sensors too, such as field")
-        scenario = twin.scenario_of(
-            vehicle=self.vehicle,
-            mission=self.mission,
-            current=self.current,
-            density=self.density,
-            ballast_at=self.ballast_at,
-            mass=self.mass,
-            compressibility=self.compressibility,
-            floor=self.floor,
-            faults=self.fault,
-            duration=self.duration,
-            start=self.start,
-            engine=self.engine,
-            hydrodynamics=self.hydrodynamics,
-            timestep=self.timestep,
-            integrator=self.integrator,
-            sample_period=self.sample_period,
-            sensors=self.sensors,
-            seed=self.seed,
-            navigate=self.navigate,
-        )
+        given = {name: getattr(self, name) for name in OF_A_SCENARIO}
+        scenario = twin.scenario_of(**given, faults=self.fault)
         check_plot_path(self.plot)
         if self.out is not None:
             check_target(self.out, overwrite=self.overwrite)
         if told := twin.out_of_trim(scenario.vehicle, scenario.ballast, scenario.density):
             console.warn(told)
         alone = scenario.navigate is None  # a navigated scenario has its own sensors
+        sensors, seed = (self.sensors, self.seed) if alone else (None, 0)
         try:
-            trajectory = twin.simulate(
-                scenario,
-                sensors=self.sensors if alone else None,
-                seed=self.seed if alone else 0,
-            )
+            trajectory = twin.simulate(scenario, sensors=sensors, seed=seed)
         except SimulationUnstable as error:
             if self.out is not None and error.partial is not None and len(error.partial.time):
                 self._write(error.partial)
@@ -147,7 +135,12 @@ class Simulate(EngineOption, JsonOption):
         if self.out is not None:
             self._write(trajectory)
         if self.plot is not None:
-            self._draw(trajectory)
+            from twin.records import whole_file
+            from twin.show.figures import overview_figure
+
+            figure = overview_figure(trajectory)
+            with whole_file(self.plot) as place:
+                figure.savefig(place)
         for text in twin.remarks(scenario, trajectory):
             console.warn(text)
         self._report(console, scenario, trajectory)
@@ -160,105 +153,79 @@ class Simulate(EngineOption, JsonOption):
         dataset = dataset_of([trajectory], attributes=trajectory.provenance)
         write_store(dataset, self.out, overwrite=self.overwrite)
 
-    def _draw(self, trajectory: Trajectory) -> None:
-        from twin.records import whole_file
-        from twin.show.figures import overview_figure
-
-        assert self.plot is not None
-        figure = overview_figure(trajectory)
-        with whole_file(self.plot) as place:
-            figure.savefig(place)
-
     def _report(self, console: Console, scenario: Scenario, trajectory: Trajectory) -> None:
         from twin.records import summarise
 
-        figures = summarise(trajectory)
+        figures, place = summarise(trajectory), _place(scenario)
+        engine = {} if scenario.engine == "mujoco" else {"engine": scenario.engine}
+        name = getattr(scenario.mission, "name", None)
         console.answer(
-            mission=getattr(scenario.mission, "name", None),
+            mission=name,
             vehicle=scenario.vehicle.name,
             out=self.out,
             plot=self.plot,
-            start=_place(scenario),
-            **({} if scenario.engine == "mujoco" else {"engine": scenario.engine}),
+            start=place,
+            **engine,
             **figures,
         )
-        title = f"{scenario.vehicle.name} flew {getattr(scenario.mission, 'name', 'a schedule')!r}"
+        parts: dict[str, str] = {}
+        for part in scenario.vehicle.parts:
+            parts |= part.told(trajectory.time, trajectory[f"true_{part.name}"])
         console.pairs(
             {
-                **({"start": begun} if (begun := _place(scenario)) else {}),
-                **({} if scenario.engine == "mujoco" else {"engine": scenario.engine}),
-                "duration": f"{figures['duration_s']:.0f} s",
-                "ended": figures["ended"],
-                "distance through the water": f"{figures['distance_through_water_m']:.0f} m",
-                "horizontal distance over ground": f"{figures['horizontal_distance_m']:.0f} m",
-                "end position (north, east)": (
-                    f"{figures['end_north_m']:z.1f} m, {figures['end_east_m']:z.1f} m"
-                ),
-                "deepest": f"{figures['max_depth_m']:z.1f} m",
-                **_bottom(figures),
-                "speed through the water (mean, max)": (
-                    f"{figures['mean_speed_m_s']:.3f}, {figures['max_speed_m_s']:.3f} m/s"
-                ),
-                "pitch (min, max)": (
-                    f"{figures['min_pitch_deg']:z.1f}, {figures['max_pitch_deg']:z.1f} deg"
-                ),
-                "largest roll": f"{figures['max_roll_deg']:.1f} deg",
-                "largest angle of attack, 98 % of the time under water": _angle(figures),
-                "mean current (north, east)": (
-                    f"{figures['mean_current_north_m_s']:z.3f}, "
-                    f"{figures['mean_current_east_m_s']:z.3f} m/s"
-                ),
-                **_parts(scenario, trajectory),
-                **_believed(figures),
+                **({"start": place} if place else {}),
+                **engine,
+                **_texts(MOTION, figures),
+                **parts,
+                **_texts(BELIEF, figures),
                 "energy": _energy(figures),
                 "samples": figures["samples"],
             },
-            title=title,
+            title=f"{scenario.vehicle.name} flew {name or 'a schedule'!r}",
         )
         for label, path in (("store", self.out), ("plot", self.plot)):
             if path is not None:
                 console.say(f"{label}: {path}")
 
 
-def _angle(figures: dict[str, Any]) -> str:
-    """Angle of attack under water."""
-    angle = float(figures["angle_of_attack_p98_deg"])
-    return "-" if math.isnan(angle) else f"{angle:.2f} deg"
+MOTION = {
+    "duration": "{duration_s:.0f} s",
+    "ended": "{ended}",
+    "distance through the water": "{distance_through_water_m:.0f} m",
+    "horizontal distance over ground": "{horizontal_distance_m:.0f} m",
+    "end position (north, east)": "{end_north_m:z.1f} m, {end_east_m:z.1f} m",
+    "deepest": "{max_depth_m:z.1f} m",
+    "nearest to the sea floor": "{min_altitude_m:z.1f} m",
+    "grounded": "{grounded}",
+    "speed through the water (mean, max)": "{mean_speed_m_s:.3f}, {max_speed_m_s:.3f} m/s",
+    "pitch (min, max)": "{min_pitch_deg:z.1f}, {max_pitch_deg:z.1f} deg",
+    "largest roll": "{max_roll_deg:.1f} deg",
+    "largest angle of attack, 98 % of the time under water": "{angle}",
+    "mean current (north, east)": "{mean_current_north_m_s:z.3f}, {mean_current_east_m_s:z.3f} m/s",
+}
+BELIEF = {
+    "error of the on-board position (end, largest)": (
+        "{onboard_error_end_m:.1f}, {onboard_error_max_m:.1f} m"
+    ),
+    "squared misses of fixes over what was expected (2 is right)": (
+        "{nis:.2f} in {fixes_after_dives} fixes"
+    ),
+}
+"""Rows of the table of a flight, and of the position believed on board"""
 
 
-def _parts(scenario: Scenario, trajectory: Trajectory) -> dict[str, str]:
-    """How each part moved."""
-    rows: dict[str, str] = {}
-    for part in scenario.vehicle.parts:
-        rows |= part.told(trajectory.time, trajectory[f"true_{part.name}"])
-    return rows
-
-
-def _believed(figures: dict[str, Any]) -> dict[str, str]:
-    """How far the position believed on board was off."""
-    if "onboard_error_end_m" not in figures:
-        return {}
-    rows = {
-        "error of the on-board position (end, largest)": (
-            f"{figures['onboard_error_end_m']:.1f}, {figures['onboard_error_max_m']:.1f} m"
-        )
-    }
-    if "nis" in figures:
-        rows["squared misses of fixes over what was expected (2 is right)"] = (
-            f"{figures['nis']:.2f} in {figures['fixes_after_dives']} fixes"
-        )
-    return rows
-
-
-def _bottom(figures: dict[str, Any]) -> dict[str, str]:
-    """How near it came to the sea floor, and whether it touched anything."""
-    rows: dict[str, str] = {}
-    if "min_altitude_m" in figures:
-        rows["nearest to the sea floor"] = f"{figures['min_altitude_m']:z.1f} m"
+def _texts(rows: Mapping[str, str], figures: Mapping[str, Any]) -> dict[str, str]:
+    """Rows whose figures are there, such as those of a sea floor."""
+    angle, first = figures["angle_of_attack_p98_deg"], figures.get("first_contact_s")
+    known = {**figures, "angle": "-" if math.isnan(angle) else f"{angle:.2f} deg"}
     if "grounded" in figures:
-        first = figures["first_contact_s"]
-        rows["grounded"] = "no" if first is None else f"first at {first:.0f} s"
-    return rows
+        known["grounded"] = "no" if first is None else f"first at {first:.0f} s"
+    found = {}
+    for label, form in rows.items():
+        names = {name for _, name, _, _ in string.Formatter().parse(form) if name}
+        if known.keys() >= names:
+            found[label] = form.format(**known)
+    return found
 
 
 def _place(scenario: Scenario) -> str | None:
@@ -279,7 +246,3 @@ def _energy(figures: dict[str, Any]) -> str:
     total, per_km = figures["total_energy_kJ"], figures["energy_per_km_kJ"]
     way = f", {per_km:.3g} kJ per km over ground" if math.isfinite(per_km) else ""
     return f"{total:.3g} kJ{way} ({shares})"
-
-
-LEAST_ENERGY = 1e-6
-"""[kJ] below which a part's energy is rounding noise"""

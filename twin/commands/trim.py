@@ -1,4 +1,4 @@
-"""`twin trim`: the steady motion of fixed positions of the parts."""
+"""`twin vehicles` and `twin trim`: what is shipped, and the steady motion of fixed positions."""
 
 from __future__ import annotations
 
@@ -11,6 +11,35 @@ from twin.cli.console import Console, JsonOption
 
 if TYPE_CHECKING:
     from twin import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicles(JsonOption):
+    """The shipped vehicles and their presets: mass, propeller, pump, usual speed, and the source of
+    the numbers.
+
+    Example:
+
+        twin vehicles
+    """
+
+    def run(self, console: Console) -> int:
+        """Print one line for each, then what each is and where its numbers are from."""
+        from dataclasses import asdict
+
+        from twin.mission import shipped_vehicles
+
+        lines = shipped_vehicles()
+        console.table(
+            [line.cells() for line in lines],
+            title="Shipped vehicles in their usual glide, or at their cruise",
+        )
+        console.say()
+        console.pairs({line.name: line.summary for line in lines})
+        console.say()
+        console.pairs({line.name: line.source for line in lines}, title="Sources")
+        console.answer(vehicles=[asdict(line) for line in lines])
+        return 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,11 +92,9 @@ class TrimVehicle(JsonOption):
         if self.hydrodynamics != "coefficients":
             vehicle = vehicle.with_law(self.hydrodynamics)
         request = (shift, math.radians(self.rotation), net_mass)
-        what = (
-            "a part and its position, such as propeller=60 (its unit is the part's own: rad, m, "
-            "cm3, rad/s)"
-        )
-        given = parse_numbers("set", self.positions, what)
+        units = "its unit is the part's own: rad, m, cm3, rad/s"
+        example = f"a part and its position, such as propeller=60 ({units})"
+        given = parse_numbers("set", self.positions, example)
         if self.model == "fossen":
             from twin.fossen import FossenModel
 
@@ -76,7 +103,6 @@ class TrimVehicle(JsonOption):
             from twin import trim
 
             result = trim(vehicle, *request, positions=given)
-        figures = asdict(result)
         if not result.in_identified_range:
             console.warn(
                 f"angle of attack {result.angle_of_attack_deg:.1f} deg or sideslip "
@@ -85,7 +111,7 @@ class TrimVehicle(JsonOption):
             )
         positions = trim_positions(vehicle, *request, positions=given)
         console.answer(
-            **figures,
+            **asdict(result),
             vehicle=vehicle.name,
             positions=dict(zip(vehicle.part_names, positions.tolist(), strict=True)),
         )

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from twin.cli.console import Console
-from twin.cli.durations import Seconds
-from twin.cli.endings import Ended
+from twin.cli.options import Seconds
+from twin.cli.program import Ended
 from twin.errors import InputError
 
 if TYPE_CHECKING:
     from twin import Scenario
     from twin.show.render import Shot, Subject
+
+SPEED_UP, CHASE_SPEED_UP = 60.0, 5.0  # mission seconds per second when none are asked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +188,3 @@ class ViewMission:
             faults=scenario.faults,
         )
         return subject, scenario
-
-
-SPEED_UP, CHASE_SPEED_UP = 60.0, 5.0
-"""Mission seconds per second when none are asked for"""

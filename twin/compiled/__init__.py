@@ -11,10 +11,11 @@ os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 from twin.compiled.content import changed as changed
 from twin.compiled.content import generation as generation
-from twin.compiled.dispatch import dispatch as dispatch
-from twin.compiled.dispatch import generate as generate
 from twin.compiled.function import Compiled as Compiled
+from twin.compiled.function import Written as Written
 from twin.compiled.function import borrowing as borrowing
 from twin.compiled.function import cfunc as cfunc
+from twin.compiled.function import dispatch as dispatch
+from twin.compiled.function import generate as generate
 from twin.compiled.function import inline as inline
 from twin.compiled.function import jit as jit

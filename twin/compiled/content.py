@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 
 OURS = frozenset({"twin", "factory", "learn"})
 """Packages that are followed wherever they are installed."""
-
 _STARTED = time.time()
 _TYPING = re.compile(rb"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)*", re.MULTILINE)
 _IMPORT = re.compile(
@@ -34,15 +33,13 @@ _IMPORT = re.compile(
 )
 _NOTE = re.compile(rb"#[^\n]*")
 _ALIAS = re.compile(rb"[ \t]as[ \t]+\w+")
-
 TableText = Callable[[], tuple[str, tuple[str, ...]]]
 """Generated text of a dispatch table, and the modules of its kernels."""
 Table = tuple[str, str]
 """The module that built a table, and the table's name there"""
-
 _tables: dict[str, dict[str, TableText]] = defaultdict(dict)
 _called: dict[Any, tuple[Any, ...]] = {}
-"""What each compiled function calls, of this generation"""
+"""Functions that each compiled function calls, of this generation"""
 _generation = 0
 
 
@@ -112,7 +109,7 @@ def _is_function(value: Any) -> bool:
 
 
 def _values(function: FunctionType) -> Iterator[Any]:
-    """What a function's code may name; of modules, tuples and lists what is in them."""
+    """Values that a function's code may name, those in modules, tuples and lists too."""
     names = names_of(function.__code__)
     waiting = [value for name, value in function.__globals__.items() if name in names]
     waiting += [cell.cell_contents for cell in function.__closure__ or ()]
@@ -131,7 +128,7 @@ def _values(function: FunctionType) -> Iterator[Any]:
 
 
 def names_of(code: CodeType) -> frozenset[str]:
-    """What code and the functions in it call by name, and the attributes that they take."""
+    """Names and attributes that code, and the functions in it, use."""
     inner = (names_of(part) for part in code.co_consts if isinstance(part, CodeType))
     return frozenset(code.co_names).union(*inner)
 

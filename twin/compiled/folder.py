@@ -8,7 +8,6 @@ Locator: tells numba where a function's code is kept and what it was made from.
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import functools
 import gc
@@ -33,10 +32,8 @@ from twin.compiled import signatures
 
 KEPT_DAYS = 30.0
 """[day] Versions that no process has used for longer are removed."""
-
 TOUCH_DAYS = 1.0
 """[day] A version in use is marked as used again after this time."""
-
 _DAY = 86_400.0
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -45,9 +42,8 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 def cache_root() -> Path | None:
     """The first trusted folder of `candidates`, created.
 
-    A folder that cannot be written is passed over like one that cannot be trusted. When none is
-    left, a warning says why and a fresh folder serves this process and those it forks; None when
-    not even that can be trusted.
+    A folder that cannot be written is passed over like one that cannot be trusted. None, and a
+    warning that says why, when none is left.
     """
     reasons = []
     for candidate in candidates():
@@ -64,7 +60,7 @@ def cache_root() -> Path | None:
         RuntimeWarning,
         stacklevel=2,
     )
-    return _fresh()
+    return None
 
 
 def candidates() -> Iterator[Path]:
@@ -73,25 +69,6 @@ def candidates() -> Iterator[Path]:
         yield _PACKAGE / "__pycache__" / "compiled"
     with contextlib.suppress(RuntimeError):  # no home folder is known
         yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "glider-twin"
-
-
-def _fresh() -> Path | None:
-    """A folder that did not exist before, only this user's, removed when this process ends.
-
-    Never one of a name that others can guess: they could have made it, or a link in its place.
-    """
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="glider-twin-")).resolve()
-    except OSError:
-        return None
-    owner = os.getpid()
-
-    def remove() -> None:
-        if os.getpid() == owner:  # what was forked from it still reads it
-            shutil.rmtree(folder, ignore_errors=True)
-
-    atexit.register(remove)
-    return folder if refusal(folder) is None else None
 
 
 def refusal(folder: Path) -> str | None:
@@ -122,43 +99,25 @@ def version_folder(root: Path, name: str) -> Path:
     marks what it loads, so nothing that may still be read goes.
     """
     folder = root / name
-    try:
+    with contextlib.suppress(FileNotFoundError):
         state = folder.lstat()
-        if not _own_folder(state):
-            _discard(folder)
-            raise FileNotFoundError
-    except FileNotFoundError:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        _remove_unused(root)
-        return folder
-    if time.time() - state.st_mtime > TOUCH_DAYS * _DAY:
-        with contextlib.suppress(OSError):
-            os.utime(folder)
-    return folder
-
-
-def _own_folder(state: os.stat_result) -> bool:
-    """Whether it is a folder of this user that nobody else can write."""
-    if not stat.S_ISDIR(state.st_mode):
-        return False
-    if not hasattr(os, "getuid"):
-        return True
-    shared = state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return state.st_uid == os.getuid() and not shared
-
-
-def _discard(folder: Path) -> None:
-    if folder.is_symlink() or not folder.is_dir():
-        folder.unlink()
-    else:
-        shutil.rmtree(folder)
-
-
-def _remove_unused(root: Path) -> None:
+        theirs = hasattr(os, "getuid") and state.st_uid != os.getuid()
+        shared = hasattr(os, "getuid") and state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if not stat.S_ISDIR(state.st_mode):
+            folder.unlink()
+        elif theirs or shared:
+            shutil.rmtree(folder)
+        else:
+            if time.time() - state.st_mtime > TOUCH_DAYS * _DAY:
+                with contextlib.suppress(OSError):
+                    os.utime(folder)
+            return folder
+    folder.mkdir(mode=0o700, exist_ok=True)
     for other in root.iterdir():
         with contextlib.suppress(OSError):
             if time.time() - other.lstat().st_mtime > KEPT_DAYS * _DAY:
                 shutil.rmtree(other, ignore_errors=True)
+    return folder
 
 
 def _prepare(folder: Path) -> str | None:
@@ -176,7 +135,6 @@ def _prepare(folder: Path) -> str | None:
 
 
 T = TypeVar("T")
-
 _now: ContextVar[tuple[str, str, str]] = ContextVar("module, stamp, variant of what is decorated")
 
 
@@ -253,7 +211,6 @@ FIRST = (
 )
 """Told when nothing is kept yet"""
 _log = logging.getLogger(__name__)
-
 OURS = "_made_by_twin_compiled"
 """Attribute of numba's objects that are made of our functions"""
 SELDOM = 50_000
@@ -304,31 +261,22 @@ event.register("numba:compile", _seldom)
 def decorated(
     decorate: Callable[[bool], T], module: str, stamp: str | None, variant: str = ""
 ) -> T:
-    """What `decorate(cache)` returns when numba asks `ContentLocator`; not kept without a stamp.
+    """Result of `decorate(cache)`, kept where `ContentLocator` says; not kept without a stamp.
 
     Two that are made of one function with other options have two variants.
     """
     # where code is kept is numba's setting for all threads
-    with global_compiler_lock, contextlib.ExitStack() as stack:
+    with global_compiler_lock:
         kept = stamp is not None and cache_root() is not None
-        if stamp is not None and kept:
-            stack.enter_context(_located(module, stamp, variant))
+        before, token = numba.config.CACHE_LOCATOR_CLASSES, _now.set((module, stamp or "", variant))
+        if kept:
+            numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ContentLocator.__name__}"
         _seldom.on_start()  # a callback is compiled at once, and numba tells nobody
         try:
             made = decorate(kept)
         finally:
             _seldom.on_end()
+            numba.config.CACHE_LOCATOR_CLASSES = before
+            _now.reset(token)
     setattr(made, OURS, True)
     return made
-
-
-@contextlib.contextmanager
-def _located(module: str, stamp: str, variant: str) -> Iterator[None]:
-    before = numba.config.CACHE_LOCATOR_CLASSES
-    token = _now.set((module, stamp, variant))
-    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ContentLocator.__name__}"
-    try:
-        yield
-    finally:
-        numba.config.CACHE_LOCATOR_CLASSES = before
-        _now.reset(token)

@@ -1,9 +1,12 @@
-"""Compiled functions: numba's, made at the first call and kept by content."""
+"""Compiled functions: numba's, made at the first call and kept by content.
+
+Generated ones have a body that is written as text, such as a branch for each kind of a table.
+"""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType
 from typing import Any, TypeVar, overload
 
@@ -55,7 +58,7 @@ class Compiled:
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba asks of an object that it meets in compiled code."""
+        """Type that numba asks of an object in compiled code."""
         if self._generation != content._generation or self._inner is None:
             self._refresh(inner=True)
         return self._inner._numba_type_
@@ -100,14 +103,10 @@ class Compiled:
 
         from twin.compiled.folder import decorated
 
-        function = self._make()
+        # ours are called, never passed as pointers
+        settings = {"no_cfunc_wrapper": True, **options, **self._options}
         return decorated(
-            lambda cache: numba.njit(
-                cache=cache,
-                no_cfunc_wrapper=True,  # ours are called, never passed as pointers
-                **options,
-                **self._options,
-            )(function),
+            lambda cache: numba.njit(cache=cache, **settings)(self._make()),
             self.__module__,
             self._stamp,
             "inner" if options else "",
@@ -157,7 +156,7 @@ def inline(function: Callable[..., R], /) -> Callable[..., R]:
     return jit(forceinline=True)(function)
 
 
-def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+def cfunc(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a C callback of numba's `signature` at once, kept between processes as with `jit`.
 
     Returns numba's CFunc, whose `address` is good while it lives. Make it again when `generation()`
@@ -170,12 +169,99 @@ def cfunc(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
 
     def compile_now(function: Callable[..., Any]) -> Any:
         with global_compiler_lock:
-            settings = {"error_model": "numpy", **options}
             module = function.__module__ or "<unknown>"
             return decorated(
-                lambda cache: numba.cfunc(signature, cache=cache, **settings)(function),
+                lambda cache: numba.cfunc(signature, cache=cache, error_model="numpy")(function),
                 module,
                 content.stamp(module, function),
             )
 
     return compile_now
+
+
+Written = tuple[str, Mapping[str, Any]]
+"""Source text of a function's body, and what its names mean (compiled functions, numbers)."""
+
+
+def dispatch(
+    name: str,
+    arguments: Sequence[str],
+    kernels: Callable[[], Mapping[int, Any]],
+    fallback: tuple[float, ...] | float,
+    *,
+    module: str,
+    **options: Any,
+) -> Compiled:
+    """A compiled function `name(code, *arguments)` that calls the kernel of that code.
+
+    A C callback cannot call Python and holds copies of what it calls: compiled code must choose.
+
+    Args:
+      name: of the function, unique in its module.
+      arguments: names that every kernel takes, in order.
+      kernels: returns functions made by `jit`, by code, that all return a float, or tuples of one
+        length. Call `changed()` when it has others.
+      fallback: what an unknown code returns: a float, or a tuple of the kernels' length.
+      module: `__name__` of the caller; the function is part of the content of what calls it.
+      options: of `jit`.
+
+    Raises:
+      TypeError: when it is compiled, and a kernel was not made by `jit`.
+      ValueError: the module has a generated function of that name already.
+    """
+
+    def write() -> Written:
+        table = sorted(kernels().items())
+        call = f"({', '.join(arguments)})"
+        lines = [f"if code == {code}: return _kernel_{code}{call}" for code, _ in table]
+        names = {f"_kernel_{code}": kernel for code, kernel in table}
+        return "\n".join([*lines, "return _fallback"]), {**names, "_fallback": fallback}
+
+    return generate(name, ("code", *arguments), write, module=module, **options)
+
+
+def generate(
+    name: str,
+    arguments: Sequence[str],
+    write: Callable[[], Written],
+    *,
+    module: str,
+    **options: Any,
+) -> Compiled:
+    """A compiled function whose body is written by `write()`, again after each `changed()`.
+
+    The body's lines are not indented. Its content is the text and that of every compiled function
+    among its names. `module` is `__name__` of the caller; options are those of `jit`. Raises as
+    `dispatch`.
+    """
+    if name in content._tables[module]:
+        raise ValueError(f"{module} has a generated function {name!r} already: choose another name")
+
+    def written() -> tuple[str, Mapping[str, Any]]:
+        body, names = write()
+        for key, value in names.items():
+            if callable(value) and not isinstance(value, Compiled):
+                raise TypeError(f"{name}: {key} is {value!r}; decorate it with twin.compiled.jit")
+        lines = "".join(f"    {line}\n" for line in body.splitlines())
+        return f"def {name}({', '.join(arguments)}):\n{lines}", names
+
+    def text() -> tuple[str, tuple[str, ...]]:
+        source, names = written()
+        kernels = tuple(v.__module__ for v in names.values() if isinstance(v, Compiled))
+        # the names of compiled functions tell two of one module apart
+        return f"{source}\n{dict(names)!r}", kernels
+
+    @functools.lru_cache(maxsize=1)
+    def made(_: int) -> FunctionType:
+        source, names = written()
+        space = {"__name__": module, **names}
+        exec(compile(source, f"<generated {name}>", "exec"), space)
+        return space[name]
+
+    return Compiled(
+        lambda: made(content.generation()),
+        name,
+        module,
+        content.add_table(module, name, text),
+        **{"error_model": "numpy", **options},
+    )

@@ -5,6 +5,8 @@ that it finds. MuJoCo's twin calls them and keeps its bytes; the lanes give one 
 Both run the same source: `portable(function)` is the function compiled a second time, in which
 `math` means `twin.compiled.elementary` wherever that has a function of the name, and so in every
 compiled function that it calls. A function of the C library that is not there stays.
+
+Loops over lanes also call a function at an address, and use the widest vectors.
 """
 
 from __future__ import annotations
@@ -14,6 +16,10 @@ import hashlib
 import math
 from types import CellType, FunctionType, ModuleType
 from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from twin.compiled import content, elementary
 from twin.compiled.function import Compiled
@@ -75,7 +81,7 @@ def _again(function: Compiled) -> FunctionType:
 
 
 def _other(value: Any, names: frozenset[str]) -> Any:
-    """What a name stands for in portable code."""
+    """Value of a name in portable code."""
     if value is math:
         return _MATH if any(map(_elementary, names)) else math
     if isinstance(value, Compiled):
@@ -99,3 +105,38 @@ def calls_math(function: Compiled, above: frozenset[Compiled] = frozenset()) -> 
         else _other(value, names) is not value
         for value in used
     )
+
+
+@intrinsic
+def call_rate(typingctx, function, block, g):  # type: ignore[no-untyped-def]
+    """Call the structure's function at an address with the block at another one.
+
+    The caller keeps both alive while the compiled code runs.
+    """
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        double = ir.DoubleType()
+        pointer = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double.as_pointer(), double])
+        target = builder.inttoptr(args[0], kind.as_pointer())
+        address = builder.bitcast(builder.inttoptr(args[1], pointer), double.as_pointer())
+        builder.call(target, [address, args[2]])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.float64), codegen
+
+
+@intrinsic
+def widest_vectors(typingctx):  # type: ignore[no-untyped-def]
+    """Let the function that calls this use the widest vectors that the processor has.
+
+    LLVM takes halves of AVX-512's registers by itself, since code with few vectors gains nothing
+    from the rest. A loop over lanes is vectors throughout.
+    """
+
+    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        # llvmlite knows no such attribute, but writes what the set has
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.void(), codegen

@@ -28,7 +28,6 @@ OPTIONS = ("nrt", "error_model", "fastmath", "forceinline", "boundscheck", "debu
 PARAMETERS = ("self", "context", "args", "kws")
 """Parameters of the function that is replaced"""
 NAME = "get_call_type"
-
 _find = _own = getattr(types.Function, NAME, None)
 _inherited = NAME not in vars(types.Function)
 _found: dict[Any, tuple[Any, Any, Any]] = {}

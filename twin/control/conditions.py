@@ -17,13 +17,11 @@ import numpy as np
 
 from twin import seams
 from twin.errors import InputError
-from twin.physics.ballast import Ballast
-from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
-from twin.physics.lookup_tables import Tables
-from twin.physics.model_block import header, room, table, write_tables
+from twin.physics.condition import apply_real_vehicle, set_start, stagger
+from twin.physics.model_block import Tables, header, room, table, write_tables
 from twin.physics.mujoco_model import refit
 from twin.physics.native.install import install
-from twin.physics.start import Start
+from twin.physics.start import Ballast, Start
 from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
@@ -202,7 +200,7 @@ def water_of(conditions: Conditions, vehicle: Vehicle, duration: float) -> Table
         tables = Tables(density=density.compile(), temperature=warm)
     if current is None:
         return tables
-    return dataclasses.replace(tables, current=current.compile(duration, conditions.origin))
+    return tables._replace(current=current.compile(duration, conditions.origin))
 
 
 def place_vehicle(

@@ -102,28 +102,21 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """
         if render_mode not in (None, *RENDER_MODES):
             raise InputError(unknown_name("render_mode", str(render_mode), RENDER_MODES))
-        self._environment = load_task(task, settings, OWN)
+        self.environment = load_task(task, settings, OWN)
+        """Task and physics, step by step; `twin.control.policies.Autopilot` takes it."""
+        self.task: Any = self.environment.task
+        """The task, with its goal and measurements."""
         self.render_mode, self._render_kwargs = render_mode, dict(render_kwargs or {})
         self._render_kwargs.setdefault("camera_id", "chase")
         self.metadata = {
             **self.metadata,
-            "render_fps": 1.0 / self._environment.control_timestep(),
+            "render_fps": 1.0 / self.environment.control_timestep(),
         }
-        self._observe(self.task, self._environment.reset(), observation, noise)
+        self._observe(self.task, self.environment.reset(), observation, noise)
         self.observation_space = self._observations.space
-        self.action_space = action_space(self._environment)
+        self.action_space = action_space(self.environment)
         self._seed: int | None = None
         self._episode, self._step = 0, 0
-
-    @property
-    def task(self) -> Any:
-        """The task, with its goal and measurements."""
-        return self._environment.task
-
-    @property
-    def environment(self) -> Environment:
-        """Task and physics, step by step; `twin.control.policies.Autopilot` takes it."""
-        return self._environment
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -141,7 +134,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
             self._episode = 0
         self.task.set_generator(episode_random(self._seed, self._episode))
         self._episode, self._step = self._episode + 1, 0
-        return self._observations.show(self._environment.reset()), {}
+        return self._observations.show(self.environment.reset()), {}
 
     def step(
         self, action: NDArray[np.float32]
@@ -153,8 +146,8 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """
         if self._seed is None:
             raise InputError("no episode has begun: call reset first")
-        self._step = self._environment.count + 1
-        done = self._environment.step(action)
+        self._step = self.environment.count + 1
+        done = self.environment.step(action)
         terminated = done.over and done.discount == 0.0
         shown = self._observations.show(done.observation)
         return shown, float(done.reward), terminated, done.over and not terminated, {}
@@ -169,8 +162,8 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """The picture, shape (height, width, 3), in the render mode "rgb_array"."""
         if self.render_mode is None:
             return None
-        return np.asarray(self._environment.physics.render(**self._render_kwargs))
+        return np.asarray(self.environment.physics.render(**self._render_kwargs))
 
     def close(self) -> None:
         """Free what draws."""
-        self._environment.physics.free()
+        self.environment.physics.free()

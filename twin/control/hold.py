@@ -25,10 +25,8 @@ from twin.numbers import Array
 from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
-HOLD_TIME = 600.0
-"""[s]"""
-HOLD_DEPTH = 500.0
-"""[m]"""
+HOLD_TIME, HOLD_DEPTH = 600.0, 500.0
+"""[s] of an episode; [m] limit of the depth"""
 START_DEPTHS = (200.0, 300.0)
 """[m]: far from both ends of the water for the whole episode"""
 PITCHES = (math.radians(30.0), math.radians(45.0))
@@ -131,10 +129,8 @@ class Hold(GliderTask):
         return Reference(pitch=self.target_pitch, heading=self.target_heading, net_mass=net_mass)
 
 
-DEPTH_TIME = 900.0
-"""[s]"""
-DEPTH_LIMIT = 200.0
-"""[m]"""
+DEPTH_TIME, DEPTH_LIMIT = 900.0, 200.0
+"""[s] of an episode; [m] limit of the depth"""
 DEPTHS = (20.0, 150.0)
 """[m] of start and target"""
 BAND, MARGIN = 1.0, 50.0

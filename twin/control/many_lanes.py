@@ -21,7 +21,7 @@ from twin.fossen.lane_block import AT, LANES, PART, PARTS_AT, empty_block
 from twin.fossen.structure import structure_of
 from twin.numbers import Array
 from twin.physics.lanes import column, joined, refuse_obstacles
-from twin.physics.lookup_tables import Tables
+from twin.physics.model_block import Tables
 from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 

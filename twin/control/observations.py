@@ -27,8 +27,6 @@ from twin.numbers import Array
 if TYPE_CHECKING:
     import gymnasium
 
-    from twin.control.task import GliderTask
-
 Words = NDArray[np.uint64]
 Counts = NDArray[np.int64]
 
@@ -190,13 +188,13 @@ class Observations:
 
     def __init__(
         self,
-        task: GliderTask,
+        task: Any,
         widths: Mapping[str, int],
         kind: str,
         *,
         deviations: Mapping[str, float],
     ):
-        """For a task.
+        """For a task, a `GliderTask`.
 
         Args:
           widths: numbers of each observation of one vehicle, by name.
@@ -231,8 +229,9 @@ class Observations:
 
         if self.kind == FLAT:
             return spaces.Box(-LIMIT, LIMIT, (len(self.scale),), np.float32)
-        widths = self.widths.items()
-        boxes = {k: spaces.Box(*self.limits[k], (width,), np.float64) for k, width in widths}
+        boxes: dict[str, Any] = {}
+        for name, width in self.widths.items():
+            boxes[name] = spaces.Box(*self.limits[name], (width,), np.float64)
         return spaces.Dict(boxes)
 
     def show(self, found: Mapping[str, Array]) -> Any:
@@ -253,7 +252,7 @@ class Observed:
 
     def _observe(
         self,
-        task: GliderTask,
+        task: Any,
         first: Mapping[str, Array],
         observation: str,
         noise: Mapping[str, float] | None,

@@ -21,8 +21,8 @@ from twin.control.pictures import Pictures
 from twin.errors import InputError, SimulationUnstable, unknown_name
 from twin.frames import flip_vector
 from twin.numbers import Array
-from twin.physics.lookup_tables import Tables
 from twin.physics.model_block import (
+    Tables,
     header,
     part_names,
     part_table,

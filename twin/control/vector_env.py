@@ -8,7 +8,7 @@ rewards to rounding, however many others there are and whatever they do.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ OWN = ("num_envs", "engine", "observation", "noise", "autoreset_mode", "threads"
 """Arguments of `GliderVectorEnv` itself"""
 AUTORESET = {mode.name.lower(): mode for mode in AutoresetMode}
 Mask = NDArray[np.bool_]
+Many = ManyPhysics | ManyLanes
 
 
 def _in_mujoco(one: Environment, law: str, count: int, threads: int) -> ManyPhysics:
@@ -121,30 +122,19 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         self.single_action_space = action_space(one)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._task: Any = one.task
+        self.task: Any = one.task
+        """The task; its goals have the vehicle as their first axis."""
         self.substeps, self._limit = one.substeps, one.limit
         law = settings.get("hydrodynamics", "coefficients")
-        self._physics = (
-            _in_lanes(one, law, num_envs, threads)
-            if engine == "lanes"
-            else _in_mujoco(one, law, num_envs, threads)
-        )
-        self._task.serve([np.random.RandomState(0)] * num_envs)
+        fly: Callable[..., Many] = _in_lanes if engine == "lanes" else _in_mujoco
+        self.physics = fly(one, law, num_envs, threads)
+        """Measurements of all vehicles by name."""
+        self.task.serve([np.random.RandomState(0)] * num_envs)
         self._seeds: NDArray[np.int64] | None = None
         self._episodes = np.zeros(num_envs, np.int64)
         self._steps = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, np.bool_)
         self._last: dict[str, Any] = {}
-
-    @property
-    def task(self) -> Any:
-        """The task; its goals have the vehicle as their first axis."""
-        return self._task
-
-    @property
-    def physics(self) -> ManyPhysics | ManyLanes:
-        """Measurements of all vehicles by name."""
-        return self._physics
 
     def reset(
         self,
@@ -165,7 +155,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         which = self._mask(options)
         self._take_seeds(seed, which)
         self._begin(which)
-        return self._show(self._task.get_observation(self._physics)), {}
+        return self._show(self.task.get_observation(self.physics)), {}
 
     def _mask(self, options: Mapping[str, Any] | None) -> Mask:
         for name in options or {}:
@@ -197,7 +187,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
     def _begin(self, which: Mask) -> None:
         """Draw and begin the next episode of some vehicles."""
         assert self._seeds is not None
-        task, physics = self._task, self._physics
+        task, physics = self.task, self.physics
         begun = []
         for index in np.flatnonzero(which).tolist():
             at = (index,)
@@ -227,7 +217,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
                 f"the episodes of {np.flatnonzero(self._over).tolist()[:5]} are over: call "
                 'reset(options={"reset_mask": ...}) with a mask of them'
             )
-        task, physics = self._task, self._physics
+        task, physics = self.task, self.physics
         ended, flying = self._over.copy(), ~self._over
         physics.set_control(task.to_command(actions))
         physics.step(self.substeps, flying)

@@ -30,10 +30,8 @@ from twin.water.current.profile import Profile
 
 Pair = tuple[float, float]
 
-TIME_LIMIT = 3600.0
-"""[s]"""
-MAX_DEPTH = 200.0
-"""[m]"""
+TIME_LIMIT, MAX_DEPTH = 3600.0, 200.0
+"""[s] of an episode; [m] limit of the depth"""
 START_DEPTH = 50.0
 """[m]"""
 LEGS = (150.0, 400.0)

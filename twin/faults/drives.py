@@ -27,7 +27,7 @@ class _DriveFault(Fault):
     axis: ClassVar[str]
     """The axis, as `Vehicle.steered` takes it"""
     missing: ClassVar[str]
-    """What a vehicle lacks that cannot have the fault"""
+    """A vehicle's lack that makes the fault impossible"""
     must: ClassVar[tuple[str, str] | None] = None
     """Attribute of the part and the value that it must have"""
 

@@ -101,11 +101,7 @@ def actuators_after(start: Array, command: Array, law: Array, elapsed: float) ->
 def mass_distribution(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
     """(mass [kg], first moment (3,) [kg m], I_b (3, 3) [kg m2]) about the CB, the masses held."""
     mass, (x, y, z), (xx, xy, yy, xz, yz, zz) = carried(p, positions)
-    return (
-        mass,
-        np.array([x, y, z]),
-        np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
-    )
+    return mass, np.array([x, y, z]), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def skew(a: Array) -> Array:

@@ -6,13 +6,11 @@ Body axes FRD about the CB, SI units. What a hull law and a kind of part do is i
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin.compiled import generate, jit
-from twin.compiled.dispatch import Written
+from twin.compiled import dispatch, jit
 from twin.fossen.terms import hung_mass, strain, with_mass
 from twin.numbers import Array
 from twin.vehicle.laws import LAWS
@@ -29,7 +27,7 @@ PART_COLUMNS = 5
 
 
 class ForceParameters(NamedTuple):
-    """What the compiled equations need of a `Vehicle`; same names, units and frames."""
+    """Numbers of a `Vehicle` for the compiled equations; same names, units and frames."""
 
     gravity: float
     reference_density: float
@@ -95,23 +93,14 @@ def parameters_of(
         values = part.values()
         row[:PART_COLUMNS] = PARTS.code(part.kind), *part.position, len(values)
         row[PART_COLUMNS : PART_COLUMNS + len(values)] = values
+    first = ForceParameters._fields[: ForceParameters._fields.index("static_cg")]
+    of_hull: dict[str, Any] = {name: float(getattr(vehicle, name)) for name in first}
+    for name in ("static_cg", "static_inertia", "added_mass"):
+        of_hull[name] = array(getattr(vehicle, name))
     return ForceParameters(
-        gravity=float(vehicle.gravity),
-        reference_density=float(vehicle.reference_density),
-        mass=float(vehicle.mass),
-        neutral_volume=float(vehicle.neutral_volume),
-        hull_length=float(vehicle.hull_length),
-        hull_diameter=float(vehicle.hull_diameter),
-        hull_compressibility=float(vehicle.hull_compressibility),
-        hull_thermal_expansion=float(vehicle.hull_thermal_expansion),
-        hull_thermal_lag=float(vehicle.hull_thermal_lag),
-        hull_reference_temperature=float(vehicle.hull_reference_temperature),
-        static_mass=float(vehicle.static_mass),
-        static_cg=array(vehicle.static_cg),
-        static_inertia=array(vehicle.static_inertia),
+        **of_hull,
         masses=masses,
         parts=parts,
-        added_mass=array(vehicle.added_mass),
         coupling=float(vehicle.added_mass_coupling),
         law=float(LAWS.code(vehicle.law.kind)),
         law_scaled=float(vehicle.law.density_in_coefficients),
@@ -123,65 +112,24 @@ def parameters_of(
     )
 
 
-def _branches(kernels: Callable[[], dict[int, object]], call: str, nothing: str) -> Written:
-    """Source of a function that calls the kernel of `code`; see `twin.compiled.generate`."""
-    names: dict[str, object] = {"np": np}
-    lines = []
-    for code, kernel in sorted(kernels().items()):
-        names[f"kernel_{code}"] = kernel
-        lines.append(f"if code == {code}: return kernel_{code}({call})")
-    return "\n".join([*lines, f"return {nothing}"]), names
-
-
-def _law_kernels() -> dict[int, object]:
-    return {LAWS.code(kind): LAWS[kind].fossen_wrench for kind in LAWS}
-
-
-def _part_kernels(effect: str) -> Callable[[], dict[int, object]]:
-    return lambda: {
-        PARTS.code(kind): getattr(PARTS[kind], f"fossen_{effect}")
-        for kind in PARTS
-        if getattr(PARTS[kind], f"fossen_{effect}") is not None
-    }
-
-
 _MOTION = ("u", "v", "w", "p", "q", "r")
-_NOTHING = "(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)"
+_NOTHING = (0.0,) * 6
 
-law_wrench = generate(
-    "law_wrench",
-    ("code", "values", "density", *_MOTION),
-    lambda: _branches(_law_kernels, f"values, density, {', '.join(_MOTION)}", _NOTHING),
-    module=__name__,
-)
+
+def _dispatch(name: str, arguments: tuple[str, ...], kinds: Any, nothing: Any) -> Any:
+    kernel = f"fossen_{name.partition('_')[2]}"
+    return dispatch(name, arguments, lambda: kinds.kernels(kernel), nothing, module=__name__)
+
+
+law_wrench = _dispatch("law_wrench", ("values", "density", *_MOTION), LAWS, _NOTHING)
 """(code, values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N of the hull."""
-
-part_wrench = generate(
-    "part_wrench",
-    ("code", "values", "place", "position", *_MOTION, "density", "depth"),
-    lambda: _branches(
-        _part_kernels("wrench"),
-        f"values, place, position, {', '.join(_MOTION)}, density, depth",
-        _NOTHING,
-    ),
-    module=__name__,
+part_wrench = _dispatch(
+    "part_wrench", ("values", "place", "position", *_MOTION, "density", "depth"), PARTS, _NOTHING
 )
 """(code, values, place, position, motion, density, depth) -> X, Y, Z, K, M, N of a part."""
-
-part_volume = generate(
-    "part_volume",
-    ("code", "values", "position"),
-    lambda: _branches(_part_kernels("volume"), "values, position", "0.0"),
-    module=__name__,
-)
+part_volume = _dispatch("part_volume", ("values", "position"), PARTS, 0.0)
 """(code, values, position) -> volume that a part displaces [cm3]."""
-
-part_mass = generate(
-    "part_mass",
-    ("code", "values", "position"),
-    lambda: _branches(_part_kernels("mass"), "values, position", "0.0"),
-    module=__name__,
-)
+part_mass = _dispatch("part_mass", ("values", "position"), PARTS, 0.0)
 """(code, values, position) -> point mass [kg] that a part adds at its place."""
 
 

@@ -11,7 +11,6 @@ import numpy as np
 LANES = (8, 64)
 """Vehicles in a block, of few and of many: a multiple of every vector's width, and the rows stay in
 the nearest cache. What a lane does is the same in both, to the last bit"""
-
 STATE_WORDS = 14
 """north, east, depth [m]; quaternion body to NED, scalar first (4); v_r [m/s] (3); rates [rad/s]
 (3), body FRD; the hull's temperature [degC]"""
@@ -44,8 +43,8 @@ HEAD = {
     "time": 1,  # [s] since the lane's start
 }
 PART = ("now", "command", "low", "high", "lag", "rate", "one_way")
-"""Of each part: its position as its encoder says, the command, its travel, lag [s], largest rate,
-and whether it never rises again"""
+"""Rows of each part: position by its encoder, command, travel, lag [s], largest rate, and whether
+it never rises again"""
 
 
 def _places() -> dict[str, int]:

@@ -21,8 +21,7 @@ from __future__ import annotations
 import math
 
 from twin.compiled import borrowing, elementary
-from twin.compiled.portable import portable
-from twin.compiled.unchecked import call_rate, widest_vectors
+from twin.compiled.portable import call_rate, portable, widest_vectors
 from twin.fossen.equations import FASTEST, part_after
 from twin.fossen.lane_block import AT, PART, PARTS_AT, POSE_WORDS, STATE_WORDS
 from twin.fossen.terms import immersed, rotation
@@ -34,24 +33,21 @@ from twin.water.density import density_at, density_slope_at
 from twin.water.floor.lookup import floor_depth
 
 _guided, _flow = portable(guidance_step), portable(sample_gradient)
-
 NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
-"""What commands a lane: nothing (its parts stay), a plan by guidance, a table of commands"""
+"""Commands of a lane: none (its parts stay), a plan by guidance, a table of commands"""
 COUNTS = (
     "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
     "logged", "leg", "leg_time",
 )  # fmt: skip
-"""Of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has failed,
-and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when its plan
-is done; samples of the whole run, and those that are logged; what `followed` remembers"""
+"""Counts of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has
+failed, and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when
+its plan is done; samples of the whole run, and those that are logged; memory of `followed`"""
 TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED, LEG = range(
     len(COUNTS) - MEMORY + 1
 )
-
 LOOKS = 3
 """Steps from one look at the water to the next: it is taken where the lane will be at the middle
 one, and is linear about it"""
-
 STATE, RATE, BEFORE, GOING = AT["state"], AT["rate"], AT["before"], AT["going"]
 LOOKED, FLOW, DENSITY, DENSITY_SLOPE = AT["looked"], AT["flow"], AT["density"], AT["density_slope"]
 TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
@@ -173,22 +169,9 @@ def _turn(b, lanes):  # type: ignore[no-untyped-def]
 
 @borrowing(nogil=True)
 def _command(  # type: ignore[no-untyped-def]
-    b,
-    lanes,
-    t,
-    parts,
-    counts,
-    plans,
-    plan_rows,
-    periods,
-    gains,
-    guided,
-    wanted,
-    floors,
-    floor_at,
-    follows,
-    follow_at,
-):
+    b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at,
+    follows, follow_at,
+):  # fmt: skip
     """Guidance of every lane whose control period has passed; returns when the next one is due."""
     _turn(b, lanes)
     for l in range(lanes):
@@ -214,22 +197,11 @@ def _command(  # type: ignore[no-untyped-def]
             if floor_at[l + 1] > floor_at[l]:
                 altitude = floor_depth(floors[floor_at[l] : floor_at[l + 1]], north, east) - depth
             _guided(
-                plans[l, : plan_rows[l]],
-                gains[l],
-                guided[l],
-                t,
-                depth,
-                b[EULER * lanes + l],
-                b[(EULER + 1) * lanes + l],
-                b[(EULER + 2) * lanes + l],
-                b[at + 10 * lanes],
-                b[at + 11 * lanes],
-                b[at + 12 * lanes],
-                command,
-                altitude,
-                north,
-                east,
-            )
+                plans[l, : plan_rows[l]], gains[l], guided[l], t, depth,
+                b[EULER * lanes + l], b[(EULER + 1) * lanes + l], b[(EULER + 2) * lanes + l],
+                b[at + 10 * lanes], b[at + 11 * lanes], b[at + 12 * lanes],
+                command, altitude, north, east,
+            )  # fmt: skip
             if follow_at[l + 1] > follow_at[l] and guided[l, DONE] == 0.0:
                 table = follows[follow_at[l] : follow_at[l + 1]]
                 command[int(table[0])] = followed(table, mine[LEG:], t, guided[l, SEGMENT])
@@ -321,17 +293,13 @@ def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
         i = (STATE + 3) * lanes + l
         w, x, y, z = b[i], b[i + lanes], b[i + 2 * lanes], b[i + 3 * lanes]
         scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
-        b[i], b[i + lanes], b[i + 2 * lanes], b[i + 3 * lanes] = (
-            w * scale,
-            x * scale,
-            y * scale,
-            z * scale,
-        )
+        b[i], b[i + lanes] = w * scale, x * scale
+        b[i + 2 * lanes], b[i + 3 * lanes] = y * scale, z * scale
 
 
 @borrowing(nogil=True)
-def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
-    """Whether no lane has left physics: finite, below FASTEST, less than a radian a step."""
+def _take_out(b, lanes, h, counts):  # type: ignore[no-untyped-def]
+    """End the lanes that have left physics: not finite, beyond FASTEST or a radian a step."""
     widest_vectors()
     wrong = 0.0
     for l in range(lanes):
@@ -344,12 +312,8 @@ def _sound(b, lanes, h):  # type: ignore[no-untyped-def]
         b[WRONG * lanes + l] = 0.0 if ok else 1.0
     for l in range(lanes):
         wrong = max(wrong, b[WRONG * lanes + l])
-    return wrong == 0.0
-
-
-@borrowing(nogil=True)
-def _fail(b, lanes, h, counts):  # type: ignore[no-untyped-def]
-    """Take the lanes out that `_sound` marked."""
+    if wrong == 0.0:
+        return
     for l in range(lanes):
         if b[WRONG * lanes + l] != 0.0 and b[ALIVE * lanes + l] != 0.0:
             counts[l, FAILED], counts[l, FAIL_TIME] = 1.0, b[TIME * lanes + l] + h
@@ -358,7 +322,7 @@ def _fail(b, lanes, h, counts):  # type: ignore[no-untyped-def]
 
 @borrowing(nogil=True)
 def _alive(b, lanes):  # type: ignore[no-untyped-def]
-    """How many lanes still fly."""
+    """Number of lanes that still fly."""
     alive = 0
     for l in range(lanes):
         if b[ALIVE * lanes + l] != 0.0:
@@ -402,22 +366,9 @@ def fly(  # type: ignore[no-untyped-def]
             return 0
         if t >= due:
             due = _command(
-                b,
-                lanes,
-                t,
-                parts,
-                counts,
-                plans,
-                plan_rows,
-                periods,
-                gains,
-                guided,
-                wanted,
-                floors,
-                floor_at,
-                follows,
-                follow_at,
-            )
+                b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted,
+                floors, floor_at, follows, follow_at,
+            )  # fmt: skip
         _look_up(
             b, lanes, h, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
             floors, floor_at,
@@ -432,8 +383,7 @@ def fly(  # type: ignore[no-untyped-def]
             _log(b, lanes, t, parts, joints, counts, guided, log, step // per_sample - first_sample)
         _advance(b, lanes, h)
         _move_parts(b, lanes, parts, h)
-        if not _sound(b, lanes, h):
-            _fail(b, lanes, h, counts)
+        _take_out(b, lanes, h, counts)
     return _alive(b, lanes)
 
 
@@ -466,8 +416,7 @@ def go_on(  # type: ignore[no-untyped-def]
             else:
                 _advance(b, lanes, h)
                 _move_parts(b, lanes, parts, h)
-                if not _sound(b, lanes, h):
-                    _fail(b, lanes, h, own)
+                _take_out(b, lanes, h, own)
                 for l in range(lanes):
                     b[TIME * lanes + l] = (math.floor(b[TIME * lanes + l] / h + 0.5) + 1.0) * h
             _look_up(

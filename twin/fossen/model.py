@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from twin.errors import InputError, MissionError, SimulationUnstable, unknown_name
-from twin.fossen.equations import (
-    NU_R,
-    POSITION,
-    QUATERNION,
-    actuators_after,
-    derivative,
-    integrate,
-)
+from twin.errors import InputError, MissionError, SimulationUnstable
+from twin.fossen.equations import NU_R, POSITION, QUATERNION, integrate
 from twin.fossen.forces import ForceParameters, parameters_of, temperature_at
 from twin.fossen.steady import SteadyMotion, SteadyProblem, stable_motion
 from twin.frames import euler_to_quaternion, quaternion_to_euler, quaternion_to_matrix
@@ -36,18 +27,11 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.current.sampler import sample
 
 Density = Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]
-
 DEFAULT_DT = 0.05
 """[s] fixed step. Against 0.0125 s, 600 s of random actuator steps from rest in a sheared current
 change by at most 2e-7 m/s in speed and 3e-5 m in position."""
-
 DENSITY_TABLE = np.linspace(0.0, 2000.0, 2001)
 """[m] depths at which a density function is tabulated, to the test depth of deep gliders"""
-
-REFERENCE_TOLERANCE = 1e-11
-"""relative tolerance of the variable-step reference integrator (absolute: the same, SI)"""
-
-METHODS = ("rk4", "dop853")
 
 
 def finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -77,11 +61,9 @@ class FossenState:
 
     def __post_init__(self) -> None:
         finite("time", self.time, ())
-        for name in ("position_ned", "attitude", "v_rel", "rates"):
-            object.__setattr__(self, name, finite(name, getattr(self, name), (3,)))
-        object.__setattr__(
-            self, "actuators", finite("actuators", self.actuators, (np.size(self.actuators),))
-        )
+        shapes = dict.fromkeys(("position_ned", "attitude", "v_rel", "rates"), (3,))
+        for name, shape in {**shapes, "actuators": (np.size(self.actuators),)}.items():
+            object.__setattr__(self, name, finite(name, getattr(self, name), shape))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,16 +126,9 @@ class FossenModel:
         self.parameters: ForceParameters = parameters_of(
             vehicle, *_density_table(vehicle, density), *water
         )
-        self._law = np.array(
-            [
-                vehicle.actuator_min,
-                vehicle.actuator_max,
-                vehicle.actuator_lag,
-                vehicle.actuator_rate,
-                [float(part.one_way) for part in vehicle.parts],
-            ],
-            dtype=np.float64,
-        )
+        fields = ("low", "high", "lag", "rate", "one_way")
+        law = [[float(getattr(part, name)) for part in vehicle.parts] for name in fields]
+        self._law = np.array(law, dtype=np.float64)
 
     def simulate(
         self,
@@ -163,12 +138,10 @@ class FossenModel:
         *,
         dt: float = DEFAULT_DT,
         sample_period: float = 0.5,
-        method: Literal["rk4", "dop853"] = "rk4",
     ) -> FossenTrajectory:
         """Integrate for `duration` [s], sampled every `sample_period` [s] from the start.
 
-        "rk4" steps by at most `dt` [s] and never across a command or a sample; "dop853" is
-        scipy's variable-step method at a tight tolerance, to judge it by. Actuators follow
+        Steps are at most `dt` [s] and never across a command or a sample. Actuators follow
         d(pos)/dt = clip((command - pos) / lag, -rate, rate) exactly, within their travel.
 
         Raises:
@@ -178,8 +151,6 @@ class FossenModel:
         for name, value in (("duration", duration), ("dt", dt), ("sample_period", sample_period)):
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} must be above 0 s, not {value!r}")
-        if method not in METHODS:
-            raise InputError(unknown_name("integration method", method, METHODS))
         schedule.check(self.vehicle)
         times, commands = np.asarray(schedule.times), np.asarray(schedule.commands)
         start = float(initial_state.time)
@@ -194,34 +165,23 @@ class FossenModel:
         breakpoints = np.union1d(samples, inside)
         held = commands[np.searchsorted(times, breakpoints[:-1], side="right") - 1]
 
-        y0 = np.concatenate(
-            (
-                np.asarray(initial_state.position_ned),
-                euler_to_quaternion(*np.asarray(initial_state.attitude)),
-                np.asarray(initial_state.v_rel),
-                np.asarray(initial_state.rates),
-                [temperature_at(self.parameters, float(np.asarray(initial_state.position_ned)[2]))],
-            )
+        position, attitude, v_rel, rates, given = (
+            np.asarray(getattr(initial_state, name), dtype=np.float64)
+            for name in ("position_ned", "attitude", "v_rel", "rates", "actuators")
         )
+        hull = temperature_at(self.parameters, float(position[2]))
+        y0 = np.concatenate((position, euler_to_quaternion(*attitude), v_rel, rates, [hull]))
         low, high = self._law[0], self._law[1]
-        given = np.asarray(initial_state.actuators, dtype=np.float64)
         if given.size not in (0, low.size):
             raise InputError(
                 f"the start has positions of {given.size} actuators, vehicle "
                 f"{self.vehicle.name!r} has {low.size}: {', '.join(self.vehicle.part_names)}"
             )
         actuators0 = np.clip(given if given.size else self.vehicle.rest, low, high)
-        run = integrate if method == "rk4" else _integrate_reference
-        states, actuators, done = run(
-            self.parameters,
-            self.program,
-            self._law,
-            y0,
-            actuators0,
-            breakpoints,
-            np.ascontiguousarray(held),
-            float(dt),
-        )
+        states, actuators, done = integrate(
+            self.parameters, self.program, self._law, y0, actuators0, breakpoints,
+            np.ascontiguousarray(held), float(dt),
+        )  # fmt: skip
         kept = np.isin(breakpoints, samples) & (np.arange(breakpoints.size) < done)
         trajectory = self._trajectory(breakpoints[kept], states[kept], actuators[kept])
         if done < breakpoints.size:
@@ -238,12 +198,8 @@ class FossenModel:
     def _trajectory(self, time: Array, states: Array, actuators: Array) -> FossenTrajectory:
         position, quaternion = states[:, POSITION], states[:, QUATERNION]
         v_rel = states[:, NU_R][:, :3]
-        current = np.array(
-            [
-                sample(self.program, t, *at, 0.0, 0.0, 0.0)[:3]
-                for t, at in zip(time, position, strict=True)
-            ]
-        ).reshape(-1, 3)
+        flow = [sample(self.program, t, *x, 0.0, 0.0, 0.0)[:3] for t, *x in np.c_[time, position]]
+        current = np.array(flow).reshape(-1, 3)
         through_water = np.einsum("tij,tj->ti", quaternion_to_matrix(quaternion), v_rel)
         return FossenTrajectory(
             time=time,
@@ -319,51 +275,3 @@ def _checked_table(what: str, depth: ArrayLike, value: ArrayLike) -> tuple[Array
     if not np.all(np.isfinite(values)):
         raise InputError(f"the values of a {what} table must be finite")
     return depths, values
-
-
-def _integrate_reference(
-    p: ForceParameters,
-    program: Array,
-    law: Array,
-    y0: Array,
-    actuators0: Array,
-    breakpoints: Array,
-    commands: Array,
-    dt: float,
-) -> tuple[Array, Array, int]:
-    """`integrate` by scipy's DOP853, restarted wherever a command changes; steps at most `dt`."""
-    from scipy.integrate import solve_ivp
-
-    states = np.empty((breakpoints.size, y0.size))
-    positions = np.empty((breakpoints.size, actuators0.size))
-    states[0], positions[0] = y0, actuators0
-    changes = np.flatnonzero(np.any(np.diff(commands, axis=0) != 0.0, axis=1)) + 1
-    bounds = [0, *changes.tolist(), breakpoints.size - 1]
-    for first, last in itertools.pairwise(bounds):
-        begin, command, held = breakpoints[first], commands[first], positions[first]
-
-        def rate(
-            t: float, y: Array, begin: Any = begin, command: Any = command, held: Any = held
-        ) -> Array:
-            return derivative(p, program, t, y, actuators_after(held, command, law, t - begin))
-
-        span = breakpoints[first : last + 1]
-        found = solve_ivp(
-            rate,
-            (span[0], span[-1]),
-            states[first],
-            method="DOP853",
-            t_eval=span,
-            rtol=REFERENCE_TOLERANCE,
-            atol=REFERENCE_TOLERANCE,
-            max_step=20.0 * dt,
-        )
-        reached = first + found.y.shape[1]
-        states[first:reached] = found.y.T
-        norm = np.linalg.norm(states[first:reached, QUATERNION], axis=1, keepdims=True)
-        states[first:reached, QUATERNION] /= norm
-        for row in range(first, reached):
-            positions[row] = actuators_after(held, command, law, breakpoints[row] - begin)
-        if not found.success:
-            return states, positions, reached
-    return states, positions, breakpoints.size

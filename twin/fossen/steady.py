@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,32 +20,23 @@ from twin.vehicle.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 
 DEEP = 1e4
 """[m] a depth at which the hull is immersed at any pitch"""
-
 NEUTRAL = 1e-9
 """[kg] a net mass below this drives no glide"""
-
 ROTATION_STEP = math.radians(5.0)
 """[rad] largest step when a spiral is continued from the straight glide"""
-
 SMALLEST_STEP = math.radians(0.05)
 """[rad] the continuation stops at a fold of the family of spirals"""
-
 SCAN_POINTS = 721
 """angles of attack, from -180 to 180 deg, searched for straight glides"""
-
 SPEED_ROUNDS, SPEED_SETTLED = 30, 1e-4
 """Rounds in which the speed of a straight glide settles, and its relative change once it has: a
 guess for the root finder"""
-
 SETTLE_TIME = 3000.0
 """[s] fifty times the slowest decay of the Sea-Wing at a usual net mass"""
-
 EDGE_POINTS = 41
 """angles of attack looked at between two of the scan where the lift changes its side"""
-
 SLOW_GROWTH = 5e-4
 """[1/s] doubles a disturbance in 23 minutes"""
-
 DIFFERENCE_STEP = 1e-6
 """[SI] step of the central differences of the linearisation, near the cube root of epsilon"""
 
@@ -76,13 +68,8 @@ class SteadyMotion:
 
 def down_axis(roll: float, pitch: float) -> Array:
     """The NED down axis in body axes, shape (3,)."""
-    return np.array(
-        [
-            -math.sin(pitch),
-            math.cos(pitch) * math.sin(roll),
-            math.cos(pitch) * math.cos(roll),
-        ]
-    )
+    level = math.cos(pitch)
+    return np.array([-math.sin(pitch), level * math.sin(roll), level * math.cos(roll)])
 
 
 class SteadyProblem:
@@ -206,9 +193,8 @@ class SteadyProblem:
         fast, slow = 20.0, 0.0
         for _ in range(60):
             middle = 0.5 * (fast + slow)
-            ahead = self._acceleration(
-                np.array([middle, 0.0, 0.0, 0.0, 0.0, 0.0]), down_axis(0.0, 0.0)
-            )
+            nu_r = np.array([middle, 0.0, 0.0, 0.0, 0.0, 0.0])
+            ahead = self._acceleration(nu_r, down_axis(0.0, 0.0))
             fast, slow = (fast, middle) if ahead[0] > 0.0 else (middle, slow)
         return [
             np.array([slow, 0.0, 0.0, 0.0, math.radians(pitch), 0.0])
@@ -220,7 +206,7 @@ class SteadyProblem:
         return self.cruises() if self.driven else self.straight_roots()
 
     def with_rotation(self, rotation: float) -> SteadyProblem:
-        """The same problem with what turns the vehicle elsewhere."""
+        """Problem with the part that turns the vehicle elsewhere."""
         positions = self.positions.copy()
         if self.turning is not None:
             positions[self.turning] = rotation
@@ -235,14 +221,8 @@ def _settled(problem: SteadyProblem, straight: Array) -> Array | None:
     from scipy.integrate import solve_ivp
 
     start = np.concatenate((problem.nu_r(straight), straight[3:5]))
-    found = solve_ivp(
-        lambda t, s: problem.rate(s),
-        (0.0, SETTLE_TIME),
-        start,
-        method="LSODA",
-        rtol=1e-8,
-        atol=1e-9,
-    )
+    tight: dict[str, Any] = {"method": "LSODA", "rtol": 1e-8, "atol": 1e-9}
+    found = solve_ivp(lambda t, s: problem.rate(s), (0.0, SETTLE_TIME), start, **tight)
     end = found.y[:, -1]
     if not (found.success and np.all(np.isfinite(end))):
         return None
@@ -344,8 +324,6 @@ def stable_motion(problem: SteadyProblem, linear_angle: float) -> SteadyMotion:
     fault = "flies tail first" if best.stable else f"grows by {growth:.3g} 1/s"
     raise NoSteadyState(
         f"no stable forward motion at {problem.request}, net mass {problem.net_mass:g} kg: the one "
-        f"at "
-        f"pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
-        f"{best.trim.angle_of_attack_deg:.1f} deg {fault}; "
-        f"{problem.hint}"
+        f"at pitch {best.trim.pitch_deg:.1f} deg, angle of attack "
+        f"{best.trim.angle_of_attack_deg:.1f} deg {fault}; {problem.hint}"
     )

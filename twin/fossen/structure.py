@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from twin.compiled import Compiled, content
-from twin.compiled.portable import calls_math, portable
+from twin.compiled.portable import calls_math, portable, widest_vectors
 from twin.fossen.lane_block import PART, PARTS_AT
 from twin.fossen.structure_text import body, written
 from twin.numbers import Array
@@ -57,8 +57,8 @@ class Structure:
         return _compiled(self, lanes, content.generation())
 
     def arithmetic(self, lanes: int) -> Arithmetic:
-        """What that function does, by compiling it anew: the cache keeps no text of it."""
-        return Arithmetic.of(_loop(self, self.text, lanes))
+        """Operations of that function, by compiling it anew: the cache keeps no text of it."""
+        return Arithmetic.of(_kept_loop(self, self.text, lanes, keep=False)[0])
 
 
 @functools.lru_cache(maxsize=64)
@@ -73,13 +73,15 @@ def _compiled(structure: Structure, lanes: int, _: int) -> Any:
         slow = "" if text.vector_code else _blamed(structure)
         keep_note(__name__, stamp, slow)
     if slow:
-        _warn(slow)
+        warnings.warn(
+            f"the lanes of this vehicle fly 4 to 7 times slower than they could, because {slow}"
+            " did not become vector code: write it of scalars, with @scalar of "
+            "twin.compiled.elementary, without loops, arrays or calls of other libraries "
+            "(docs/howto/extending.md)",
+            RuntimeWarning,
+            stacklevel=3,
+        )
     return function
-
-
-def _loop(structure: Structure, body: str, lanes: int) -> Any:
-    """A loop over so many lanes, compiled for this process alone."""
-    return _kept_loop(structure, body, lanes, keep=False)[0]
 
 
 def _kept_loop(
@@ -93,18 +95,13 @@ def _kept_loop(
     from numba import types
 
     from twin.compiled.folder import decorated
-    from twin.compiled.unchecked import widest_vectors
 
     names = {
         name: portable(value) if isinstance(value, Compiled) and calls_math(value) else value
         for name, value in structure.names
     }
-    space = {
-        "__name__": __name__,
-        "carray": numba.carray,
-        "widest_vectors": widest_vectors,
-        **names,
-    }
+    space = {"__name__": __name__, "carray": numba.carray, "widest_vectors": widest_vectors}
+    space |= names
     body = _ROW.sub(lambda found: str(int(found[1]) * lanes), body)
     text = (
         f"def rate(address, g):\n    b = carray(address, {structure.size * lanes})\n"
@@ -128,7 +125,7 @@ def _kept_loop(
 
 @dataclasses.dataclass(frozen=True)
 class Arithmetic:
-    """What a compiled loop over lanes does, counted in its text."""
+    """Operations of a compiled loop over lanes, counted in its text."""
 
     packed: int
     """operations on several lanes at once"""
@@ -139,12 +136,12 @@ class Arithmetic:
 
     @classmethod
     def of(cls, function: Any) -> Arithmetic:
-        """Of a CFunc that was compiled in this process; one from the cache has no text any more."""
+        """Count a CFunc that was compiled in this process; one from the cache has no text."""
         return cls.of_text(function.inspect_llvm())
 
     @classmethod
     def of_text(cls, text: str) -> Arithmetic:
-        """Of the first function of LLVM's text."""
+        """Count the first function of LLVM's text."""
         # the first function is ours, those behind it call it from C and let memory go
         text = text[text.index("\ndefine ") :].partition("\n}")[0]
         packed = len(_PACKED.findall(text))
@@ -166,9 +163,7 @@ _CALLED = re.compile(r"\bcall\b[^\n@]*@([\w.$]+)")
 _INSTRUCTIONS = tuple(
     f"llvm.{name}." for name in ("fabs", "sqrt", "copysign", "assume", "experimental", "lifetime")
 )
-"""What LLVM writes as calls and compiles to instructions"""
-
-
+"""Calls in LLVM's text that are compiled to instructions"""
 _ALONE = 4096
 """lanes of a loop with one kind's function: so many that the loop stays one"""
 
@@ -177,25 +172,13 @@ def _blamed(structure: Structure) -> str:
     """The functions of kinds that did not become vector code, in words."""
     blamed = []
     for name, text in structure.kernels:
-        found = Arithmetic.of(_loop(structure, text, _ALONE))
+        found = Arithmetic.of(_kept_loop(structure, text, _ALONE, keep=False)[0])
         if not found.vector_code:
             calls = f", calls {', '.join(found.calls)}" if found.calls else ""
             blamed.append(
                 f"{name} ({found.packed} packed operations, {found.scalar} scalar{calls})"
             )
     return " and ".join(blamed) or "its equations together"
-
-
-def _warn(blamed: str) -> None:
-    """Warn that lanes are slow, and of what is to blame."""
-    warnings.warn(
-        f"the lanes of this vehicle fly 4 to 7 times slower than they could, because {blamed}"
-        " did not become vector code: write it of scalars, with @scalar of "
-        "twin.compiled.elementary, without loops, arrays or calls of other libraries "
-        "(docs/howto/extending.md)",
-        RuntimeWarning,
-        stacklevel=4,
-    )
 
 
 def structure_of(

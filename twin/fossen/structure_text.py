@@ -29,6 +29,8 @@ class Writer:
         self.kernels: list[tuple[str, str]] = []
         self.numbers: list[float] = []
         self.first = PARTS_AT + len(PART) * len(vehicle.parts)
+        self.add = self.lines.append
+        """Add a line"""
 
     def number(self, value: float) -> str:
         """A number of the vehicle, as the text reads it."""
@@ -59,13 +61,9 @@ class Writer:
         self.kernels.append((what, body([*any_rows, *given, call, *stored])))
         self.add(call)
 
-    def add(self, line: str) -> None:
-        """One line more."""
-        self.lines.append(line)
-
 
 def body(lines: Iterable[str]) -> str:
-    """Of the loop over lanes."""
+    """Body of the loop over lanes."""
     return "".join(f"        {line}\n" for line in lines)
 
 
@@ -174,11 +172,6 @@ def _write_flow(w: Writer) -> None:
     w.add(f"temperature = {row(AT['temperature'])} + {row(AT['temperature_slope'])} * dd")
 
 
-def _position(w: Writer, vehicle: Vehicle, name: str) -> str:
-    """Where a part really is: by its encoder, and the encoder's zero."""
-    return f"at{vehicle.part_names.index(name)}"
-
-
 def _write_masses(w: Writer, vehicle: Vehicle) -> None:
     zero = "(0.0, 0.0, 0.0)"
     still = "(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)"
@@ -186,13 +179,14 @@ def _write_masses(w: Writer, vehicle: Vehicle) -> None:
         f"body = with_mass((0.0, {zero}, {still}), {w.number(vehicle.static_mass)}, "
         f"{w.vector(vehicle.static_cg)}, {w.symmetric(np.asarray(vehicle.static_inertia))})"
     )
+    at = {name: f"at{k}" for k, name in enumerate(vehicle.part_names)}
     for mass in vehicle.masses:
-        shift = "0.0" if mass.slide is None else _position(w, vehicle, mass.slide)
+        shift = "0.0" if mass.slide is None else at[mass.slide]
         roll = "0.0"
         if mass.hinge is not None:
             hinge = vehicle.part(mass.hinge)
             hung = hinge.neutral if isinstance(hinge, BatteryHinge) else 0.0
-            roll = f"{_position(w, vehicle, mass.hinge)} - {w.number(hung)}"
+            roll = f"{at[mass.hinge]} - {w.number(hung)}"
         w.add(
             f"place, turned = hung_mass({w.number(mass.neutral_x)}, {w.number(mass.eccentricity)}, "
             f"{shift}, {roll}, {w.symmetric(np.asarray(mass.inertia))})"
@@ -238,7 +232,7 @@ def _write_buoyancy(w: Writer, vehicle: Vehicle, neutral: float) -> None:
 _LAW = ("fx", "fy", "fz", "fk", "fm", "fn", "d0", "d1", "d2")
 _MOTION = "density, u, v, w, p, q, r"
 _GIVEN = ("u", "v", "w", "p", "q", "r", "density", "there")
-"""What a kind's function is given beside its own numbers"""
+"""Arguments of a kind's function beside its own numbers"""
 
 
 def _write_law(w: Writer, vehicle: Vehicle) -> None:

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import math
 
-from twin.compiled import elementary, generate
-from twin.compiled.dispatch import Written
+from twin.compiled import Written, elementary, generate
 from twin.compiled.elementary import cross, dot, scalar
 
 STRIPS = 9

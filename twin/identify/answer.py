@@ -10,16 +10,11 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.pitch import PITCHING
 from twin.identify.unknowns import NAMES, UnknownParameter
 from twin.records.storage.checksums import store_hash
 from twin.version import __version__
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,7 @@ from twin.vehicle.vehicle import IDENTIFIED, Vehicle, load_vehicle
 from twin.water.density import SEA_COMPRESSIBILITY
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 HULL_NUMERIC, SENSOR_NUMERIC, PROVENANCE, PUMP_NUMERIC = IDENTIFIED
 """Names of the elements that hold what `Vehicle` does not; the last is read only, from files of

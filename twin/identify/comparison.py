@@ -26,10 +26,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.errors import InputError
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.unknowns import UnknownParameter
 
-Array = NDArray[np.float64]
 Blocks = NDArray[np.int_]
 
 PRIOR = -1

@@ -13,11 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.identify.answer import DRIVEN, Identification
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ResidualNoise, rms
 from twin.identify.driven_flights import CHANNELS, DrivenFlights, ahead
 from twin.identify.driven_runs import DrivenRun
@@ -25,8 +24,6 @@ from twin.identify.driven_unknowns import driven_parameters
 from twin.identify.fit import UNDETERMINED, answer_of, free_of
 from twin.identify.unknowns import UnknownParameter, choose, with_known
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 LEAST_PIECES = 6
 """Pieces of 20 s below which nothing is fitted: two minutes"""

@@ -29,15 +29,13 @@ from twin.errors import InputError
 from twin.fossen.equations import acceleration
 from twin.fossen.forces import ForceParameters, density_at, displaced_mass, parameters_of, pumped
 from twin.frames import euler_to_matrix
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison
 from twin.identify.driven_runs import DrivenRun
 from twin.identify.translation import Translation
 from twin.identify.unknowns import UnknownParameter
 from twin.mission.glide_balance import mass_matrix, surplus_at
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 PIECE = 20.0
 """[s] of a piece of a run: three times what the surge of such vehicles takes to settle, so that

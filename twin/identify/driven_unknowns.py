@@ -94,7 +94,7 @@ def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownPar
             f"{BodyAxes.kind!r} is identified; start from remus or tethys (--vehicle)"
         )
     factors = [
-        _factor(name, what, spread, lambda v, n=name: _derivatives(v)[n], _set_derivative(name))
+        _factor(name, what, spread, _get_derivative(name), _set_derivative(name))
         for name, (what, spread) in DERIVATIVES.items()
         if dict(law.derivatives).get(name)
     ]
@@ -103,7 +103,7 @@ def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownPar
             f"added_mass_{name}",
             f"added {what}",
             spread,
-            lambda v, k=k: float(v.added_mass[k, k]),
+            _get_added_mass(k),
             _set_added_mass(k),
         )
         for k, name, what, spread in ADDED_MASSES
@@ -172,6 +172,14 @@ def _factor(
 def _derivatives(vehicle: Vehicle) -> dict[str, float]:
     assert isinstance(vehicle.law, BodyAxes)
     return dict(vehicle.law.derivatives)
+
+
+def _get_derivative(name: str) -> Callable[[Vehicle], float]:
+    return lambda vehicle: _derivatives(vehicle)[name]
+
+
+def _get_added_mass(k: int) -> Callable[[Vehicle], float]:
+    return lambda vehicle: float(vehicle.added_mass[k, k])
 
 
 def _set_derivative(name: str) -> Callable[[Calibration, float], Calibration]:

@@ -12,12 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.errors import InputError
 from twin.identify.answer import Identification, IdentifiedParameter
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import (
     LEAST_DEVIATIONS,
     LEAST_DIVES,
@@ -32,8 +31,6 @@ from twin.identify.residuals import LEAST_PAIRS, DepthRates
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
-
-Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 100
 """Samples under water below which nothing is fitted: a single short dive has more."""

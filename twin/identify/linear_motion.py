@@ -25,19 +25,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.fossen.equations import mass_distribution, rigid_body_mass
 from twin.fossen.forces import ForceParameters, parameters_of
 from twin.fossen.model import FossenModel
 from twin.fossen.steady import SteadyProblem
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.mission.turning import turn_factor
 from twin.mission.way import Way, way
 from twin.vehicle.parts import BatteryHinge, Fin
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 SWAY, ROLL_RATE, YAW_RATE, ROLL = 1, 3, 5, 6
 """Places in the state of `SteadyProblem.rate`: (u, v, w, p, q, r, roll, pitch)."""

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.checks.agreement import EndsApart, ends_apart, state_at
 from twin.errors import SimulationUnstable, StoreError, VehicleError
-from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.calibration import Array, Calibration, load_calibration
 from twin.identify.log_figures import (
     FigureSamples,
     PhaseFigures,
@@ -39,8 +38,6 @@ from twin.records.reader import MissionStore
 from twin.records.trajectory import Trajectory
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle, load_vehicle
-
-Array = NDArray[np.float64]
 
 DEPTH_RATE_LIMIT = 0.05
 """Relative, of the depth rate in each phase"""

@@ -6,17 +6,13 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter, savgol_filter
 
 from twin.errors import InputError, StoreError
-from twin.identify.calibration import REFERENCE_TEMPERATURE
+from twin.identify.calibration import REFERENCE_TEMPERATURE, Array, Mask
 from twin.records.logged import log_rows
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NEEDED = ("measured_depth", "measured_pitch", "measured_roll", "measured_heading", "measured_pump")
 OPTIONAL = (

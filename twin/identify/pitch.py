@@ -15,22 +15,19 @@ part where the buoyancy changes with depth and the pump rests.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import VehicleError
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted, ResidualNoise
 from twin.identify.logged_missions import Log
 from twin.identify.speed import motion_of, steady_parts
 from twin.identify.unknowns import UnknownParameter, of_law
 from twin.vehicle.parts import Pump
 from twin.vehicle.parts.pump import CUBIC_CM
-
-Array = NDArray[np.float64]
 
 MILLI = 1e-3
 LENGTH = 120.0
@@ -127,8 +124,7 @@ PITCHING = (
 NAMES = tuple(p.name for p in PITCHING)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class PitchObservations:
+class PitchObservations(NamedTuple):
     """Steady parts of a log, each (observations,): means over `LENGTH`."""
 
     pitch: Array
@@ -162,8 +158,7 @@ def observations(log: Log, calibration: Calibration) -> PitchObservations:
             motion.speed**2, motion.angle_of_attack,
         )  # fmt: skip
         columns = [one[:whole].reshape(-1, length).mean(axis=1)[chosen] for one in every]
-    names = [field.name for field in dataclasses.fields(PitchObservations)]
-    return PitchObservations(**dict(zip(names, columns, strict=True)))
+    return PitchObservations(*columns)
 
 
 def balanced_pitch(seen: PitchObservations, calibration: Calibration) -> Array:

@@ -11,11 +11,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError, MissionError, NoSteadyState, SimulationUnstable
 from twin.fossen.model import FossenModel
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.linear_motion import Phase, loop_modes, plane_of, trimmed, way_of
 from twin.identify.vehicle_file import driven_step, largest_step
 from twin.mission import Mission
@@ -27,8 +26,6 @@ from twin.physics.start import Start
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
-
-Array = NDArray[np.float64]
 
 STEERED, LEAST_TURN = 0.25, math.radians(0.02)
 """Of its travel that the turning part is moved by, and [rad/s] that the vehicle must turn then"""

@@ -8,19 +8,16 @@ from collections.abc import Container
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import savgol_filter
 
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration, Mask
 from twin.identify.logged_missions import filled, unwrapped
 from twin.records.logged import LogStore
 from twin.records.trajectory import VELOCITY
 from twin.vehicle.parts import BatteryHinge, BatterySlide, Fin, Part, Pump
 from twin.vehicle.vehicle import Vehicle
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Phase = Literal["dive", "climb"]
 PHASES: tuple[Phase, ...] = ("dive", "climb")
 

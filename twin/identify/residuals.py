@@ -19,9 +19,8 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, ResidualNoise, Residuals
 from twin.identify.linear_motion import turning_part
 from twin.identify.logged_missions import Log
@@ -31,8 +30,6 @@ from twin.identify.translation import ABREAST, Translation
 from twin.identify.turning_fit import Turns, biases_beside, channel_of
 from twin.identify.turning_windows import groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
-
-Array = NDArray[np.float64]
 
 LEAST_PAIRS = 6
 """Pairs of missions with fixes below which fixes are not used."""

@@ -15,11 +15,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable
 from twin.identify.answer import Identification, IdentifiedParameter
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import correlation_samples, rms, robust_scale
 from twin.identify.logged_missions import Log, gliding, layers
 from twin.identify.pitch import PITCHING, balanced
@@ -31,8 +30,6 @@ from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
 from twin.water.density import DensityProfile
-
-Array = NDArray[np.float64]
 
 WINDOWS_S = (400.0, 200.0, 100.0)
 """[s] of one rollout: longer, and the twin's depth leaves the water that the log was in; shorter
@@ -151,7 +148,9 @@ def refine(
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
     return Refinement(
-        identification=_merged(flight, final, parameters, np.linalg.inv(hessian)),
+        identification=_merged(
+            flight, final, parameters, np.asarray(np.linalg.inv(hessian), float)
+        ),
         flight=flight,
         depth_rate_rmse=rms(np.concatenate(rates)),
         pitch_rmse=pitch_rmse,

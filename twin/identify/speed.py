@@ -8,17 +8,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from twin.errors import InputError, unknown_name
-from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.calibration import Array, Calibration, Mask, load_calibration
 from twin.identify.logged_missions import AFLOAT, Log, load_logs
 from twin.identify.start_values import balance
 from twin.identify.translation import AttitudeFlight, Translation, Velocity, fly
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 FlightModel = Literal["flight", "steady"]
 MODELS: tuple[FlightModel, ...] = ("flight", "steady")
 

@@ -26,16 +26,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.compiled import jit
 from twin.compiled.elementary import scalar, sincos
 from twin.errors import InputError
-from twin.numbers import processors
+from twin.numbers import Array, processors
 from twin.vehicle.laws.flow_frame import K_ALPHA, K_BETA, K_D0, fossen_wrench
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 Velocity = tuple[float, float, float]
 """Surge, sway and heave [m/s]"""

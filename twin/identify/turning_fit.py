@@ -17,11 +17,10 @@ import math
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from twin.compiled import jit
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
 from twin.identify.linear_motion import Lateral, linearised, turning_part
 from twin.identify.logged_missions import Log
@@ -29,8 +28,6 @@ from twin.identify.pitch import battery_moment, righting_arm, with_righting_arm
 from twin.identify.turning_windows import Group, TurningWindow, averaged, groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter, of_law
 from twin.vehicle.parts import BatteryHinge, Fin
-
-Array = NDArray[np.float64]
 
 LEAST_WINDOWS = 3
 """of a phase: with fewer its turns are not known"""

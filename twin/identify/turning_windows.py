@@ -9,13 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration
 from twin.identify.linear_motion import Glide
 from twin.identify.logged_missions import Log
 from twin.identify.speed import motion_of, net_mass_of, steady_parts
 from twin.identify.translation import Translation
-
-Array = NDArray[np.float64]
 
 LONGEST, SHORTEST = 900.0, 100.0
 """[s] of one window: longer ones are cut, shorter ones left out."""

@@ -19,13 +19,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError, VehicleError, unknown_name
-from twin.identify.calibration import CYCLES, PROVENANCE, Calibration, load_calibration
+from twin.identify.calibration import CYCLES, PROVENANCE, Array, Calibration, load_calibration
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 DEGREE = math.pi / 180.0
 

@@ -27,9 +27,7 @@ from numpy.typing import NDArray
 
 from twin.errors import UnknownName
 from twin.identify.speed import way_of
-from twin.logs.track import Fixes, SmoothedWay, smoothed_tracks, track_parameters
-
-Array = NDArray[np.float64]
+from twin.logs.track import Array, Fixes, SmoothedWay, smoothed_tracks, track_parameters
 
 LEAST_INTERVAL = 300.0
 """[s] between two fixes that tell a current: in a minute at the surface their noise is one of

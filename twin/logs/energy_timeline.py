@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.records.logged import LogStore
 from twin.vehicle.consumption import Consumption
+from twin.vehicle.parts import Move
 from twin.vehicle.parts.propeller import Propeller
 from twin.vehicle.parts.pump import CUBIC_CM, Pump
 from twin.vehicle.vehicle import Vehicle
@@ -146,10 +147,8 @@ class EnergyTimeline:
                 parts["pump loss"] = np.maximum(moved, 0.0)
                 parts["pump return"] = np.maximum(-moved, 0.0)
                 continue
-            of = part.energy(
-                vehicle, before, place, lossless,
-                depth=middle[0], pitch=middle[1], duration=self.step,
-            )  # fmt: skip
+            move = Move(before, place, middle[0], middle[1], self.step)
+            of = part.energy(vehicle, move, lossless)
             which = "propeller" if isinstance(part, Propeller) else "drives"
             parts[which] = parts.get(which, 0.0) + np.asarray(of)
         return {name: np.cumsum(values) for name, values in parts.items()}

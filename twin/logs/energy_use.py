@@ -27,7 +27,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.identify.start_values import start_vehicle
@@ -36,6 +35,7 @@ from twin.logs.energy_timeline import (
     COULOMBS,
     FACTORS,
     INTERVAL,
+    Array,
     DiveCharge,
     EnergyTimeline,
     NotCounted,
@@ -46,8 +46,6 @@ from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle
-
-Array = NDArray[np.float64]
 
 ALWAYS = 0.97
 """of the time: what is on for longer cannot be told from the electronics"""

@@ -12,9 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.identify.calibration import Calibration, load_calibration
+from twin.identify.calibration import Array, Calibration, load_calibration
 from twin.identify.logged_missions import check_channels, load_logs
 from twin.identify.start_values import start_vehicle
 from twin.logs.corrected_track import (
@@ -35,8 +34,6 @@ from twin.records.logged import start_times
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 CTD = ("measured_temperature", "measured_salinity", "measured_pressure", "measured_depth")
 

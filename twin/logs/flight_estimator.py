@@ -11,20 +11,16 @@ import dataclasses
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin import seams
 from twin.errors import InputError
-from twin.identify.calibration import Calibration
+from twin.identify.calibration import Array, Calibration, Mask
 from twin.identify.logged_missions import Log
 from twin.identify.speed import horizontal, motion_of, start_of
 from twin.identify.translation import Translation, Velocity
 from twin.logs.thermal_lag import CtdSeries
 from twin.records.reader import MissionStore
 from twin.registry import Registry
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LEAST_COSINE = 0.2
 """cos(pitch) cos(roll) below which heave cannot be solved for"""

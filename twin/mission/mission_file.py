@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from twin.errors import MissionError, shown, unknown_name
 from twin.numbers import number as as_number
-from twin.vehicle.allocation import MOST_FOLLOWERS
+from twin.vehicle.assembly import MOST_FOLLOWERS
 
 # --- table: one row per segment; the last row is the end of the mission -----------------------
 KIND = 0  # one of the kinds below
@@ -196,16 +196,8 @@ def limit(label: str, field: str, value: object, unit: str) -> None:
     within(label, field, value, unit, 0.0, open_low=True)
 
 
-def optional(
-    check: Callable[..., object], label: str, field: str, value: object, *more: object
-) -> None:
-    """One of the checks above of a value that may be None."""
-    if value is not None:
-        check(label, field, value, *more)
-
-
 RULES: Mapping[str, Callable[[str, str, object], object]] = {
-    **dict.fromkeys(("pitch_deg", "climb_pitch_deg", "max_pitch_deg"), pitch),
+    **dict.fromkeys(("pitch_deg", "climb_pitch_deg", "max_pitch_deg", "ascent_pitch_deg"), pitch),
     **dict.fromkeys(("net_mass_kg", "climb_net_mass_kg"), net_mass),
     **dict.fromkeys(("rotation_deg", "climb_rotation_deg"), rotation),
     **dict.fromkeys(
@@ -220,22 +212,25 @@ RULES: Mapping[str, Callable[[str, str, object], object]] = {
         ("current_north_m_s", "current_east_m_s"),
         functools.partial(within, unit="m/s", low=-5.0, high=5.0),
     ),
-    "heading_deg": heading,
+    **dict.fromkeys(("heading_deg", "start_heading_deg"), heading),
+    **dict.fromkeys(
+        ("start_depth_m", "until_depth_m"), functools.partial(within, unit="m", low=0.0)
+    ),
     "max_rotation_deg": functools.partial(within, unit="deg", low=0.0, high=90.0, open_low=True),
     "speed_m_s": functools.partial(limit, unit="m/s"),
     "shift_m": number,
     "trim_share": functools.partial(within, unit="", low=0.0, high=1.0),
 }
-"""Checks of the fields that several kinds of segment have, by name"""
+"""Checks of the fields of missions and segments, by name"""
 
 
-def fields(segment: Any, *apart: str) -> None:
-    """Check the fields of a segment by RULES, but for those `apart`; None may be a default."""
-    for field in dataclasses.fields(segment):
-        value = getattr(segment, field.name)
+def fields(checked: Any, label: str, *apart: str) -> None:
+    """Check the fields of a dataclass by RULES, but for those `apart`; None may be a default."""
+    for field in dataclasses.fields(checked):
+        value = getattr(checked, field.name)
         absent = value is None and field.default is None
         if field.name in RULES and field.name not in apart and not absent:
-            RULES[field.name](segment.kind, field.name, value)
+            RULES[field.name](label, field.name, value)
 
 
 def known_keys(label: str, cls: type, data: Mapping[str, Any], also: tuple[str, ...] = ()) -> None:

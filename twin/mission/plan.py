@@ -60,17 +60,12 @@ class Mission:
                     f"{label}: segments[{index}] is {segment!r}; give one of "
                     f"{', '.join(kind.__name__ for kind in SEGMENTS.values())}"
                 )
-        check.optional(check.limit, label, "duration_s", self.duration_s, "s")
-        check.within(label, "start_depth_m", self.start_depth_m, "m", 0.0)
-        check.heading(label, "start_heading_deg", self.start_heading_deg)
-        check.pitch(label, "ascent_pitch_deg", self.ascent_pitch_deg)
+        check.fields(self, label)
         if self.at_end not in AT_END:
             raise MissionError(f"{label}: {unknown_name('at_end', str(self.at_end), AT_END)}")
-        if self.max_depth_m is not None:
-            check.limit(label, "max_depth_m", self.max_depth_m, "m")
-            if self.start_depth_m > self.max_depth_m:
-                rule = f"at most max_depth_m = {self.max_depth_m:g} m"
-                check.fail(label, "start_depth_m", self.start_depth_m, rule)
+        if self.max_depth_m is not None and self.start_depth_m > self.max_depth_m:
+            rule = f"at most max_depth_m = {self.max_depth_m:g} m"
+            check.fail(label, "start_depth_m", self.start_depth_m, rule)
         self._check_segments()
 
     def _check_segments(self) -> None:
@@ -86,7 +81,7 @@ class Mission:
                 )
             field = "max_depth_m" if isinstance(segment, Profile) else "depth_m"
             deepest, most = getattr(segment, field, None), self.max_depth_m
-            if None not in (deepest, most) and deepest > most - OVERSHOOT_MARGIN_M:
+            if deepest is not None and most is not None and deepest > most - OVERSHOOT_MARGIN_M:
                 rule = (
                     f"{OVERSHOOT_MARGIN_M:g} m less than the mission's max_depth_m = "
                     f"{self.max_depth_m:g} m, for the overshoot"

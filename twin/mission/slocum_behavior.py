@@ -171,21 +171,11 @@ QUITS = 0
 """end_action that ends the mission"""
 DEFAULT_STAY = 300.0
 """[s] where a surfacing does not say how long it waits for control-C"""
-_USED = ("start_when", "when_secs", "keystroke_wait_time", "end_action", "c_use_pitch",
-         "c_pitch_value")  # fmt: skip
-NO_EFFECT = frozenset(
-    [
-        "gps_wait_time",
-        "gps_postfix_wait_time",
-        "printout_cycle_time",
-        "report_all",
-        "strobe_on",
-        "force_iridium_use",
-        "when_wpt_dist",
-        "min_time_between_gps_fixes",
-        "sensor_input_wait_time",
-    ]
-)
+_USED = {"start_when", "when_secs", "keystroke_wait_time", "end_action", "c_use_pitch",
+         "c_pitch_value"}  # fmt: skip
+NO_EFFECT = {"gps_wait_time", "gps_postfix_wait_time", "printout_cycle_time", "report_all",
+             "strobe_on", "force_iridium_use", "when_wpt_dist", "min_time_between_gps_fixes",
+             "sensor_input_wait_time"}  # fmt: skip
 """Arguments that move nothing: a fix, a call and a printout take the stay"""
 
 
@@ -217,7 +207,7 @@ def surfacings(behaviors: list[Behavior], notes: list[str]) -> Surfacings:
         if quits and when not in (STACK_IDLE, HEADING_IDLE, NO_COMMS):
             notes.append(f"{behavior.label}: end_action 0 ends the mission there; here it goes on")
         _take_pitch(found, behavior, notes)
-        for name in sorted(set(arguments) - set(_USED) - NO_EFFECT):
+        for name in sorted(set(arguments) - _USED - NO_EFFECT):
             notes.append(f"{behavior.label}: {name} = {arguments[name]:g} is left out")
     if stays:
         found.stay_s = stays[0]

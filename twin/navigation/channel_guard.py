@@ -1,4 +1,4 @@
-"""Channel guard: what a sensor cannot have said never comes into a memory on board.
+"""Channel guard: reject samples outside a channel's limits or rate before they reach a state.
 
 A sample is held to the limits of its channel and to what the channel can reach from its last good
 value. What is missing, not finite, impossible or out of reach gives way to that last value, until
@@ -24,12 +24,12 @@ FAR = 1e30
 
 
 class ChannelReach(NamedTuple):
-    """How far a channel can go from its last good value."""
+    """Reach of a channel from its last good value."""
 
     rate: float = FAR
     """Fastest change per second, in the channel's unit"""
     jump: float = FAR
-    """What noise, quantisation and a late answer add"""
+    """Change by noise, quantisation and a late answer"""
 
 
 REACHES = {
@@ -44,14 +44,7 @@ REACHES = {
     # the largest pumps of real gliders
     "cm3": ChannelReach(rate=200.0, jump=600.0),
 }
-"""By unit, for what is measured; commands step, and angles go round"""
-
-
-def reach_of(channel: str) -> ChannelReach:
-    """How far a channel can go between samples."""
-    if channel.startswith("commanded_"):
-        return ChannelReach()
-    return REACHES.get(variable(channel).units, ChannelReach())
+"""Reaches of measured channels by unit; commands step, and angles go round"""
 
 
 class ChannelGuard:
@@ -61,7 +54,10 @@ class ChannelGuard:
         """Begin before the first sample; `period` [s] between samples."""
         self.channels = tuple(channels)
         self.period = period
-        self.bounds = np.array([(*recorded_limits(c), *reach_of(c)) for c in self.channels])
+        units = ["" if c.startswith("commanded_") else variable(c).units for c in self.channels]
+        reaches = (REACHES.get(unit, ChannelReach()) for unit in units)
+        limits = map(recorded_limits, self.channels)
+        self.bounds = np.array([(*a, *b) for a, b in zip(limits, reaches, strict=True)])
         self._rows = self.bounds.tolist()
         self.reset()
 
@@ -94,7 +90,7 @@ class ChannelGuard:
         return dict(zip(self.channels, self._last, strict=True)) if all(self._age) else None
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that the next step depends on, as arrays by name."""
+        """Arrays by name on which the next step depends."""
         return {"last": np.array(self._last), "age": np.array(self._age, np.float64)}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -109,19 +105,17 @@ class ChannelGuard:
         self._last, self._age = last.tolist(), [int(a) for a in age]
 
     def c_statements(self) -> str:
-        """The same in C99: from `sample` on, `sample` is what goes on; returns 0 before that.
+        """Statements in C99 that put good values in `sample`, and return 0 before there are some.
 
         It needs `float last[n], age[n]; int held;` in `state`, and C_PRELUDE.
         """
-        lines = ["glider_sample kept = *sample;", "int seen = 1;", "state->held = 0;"]
-        for k, name in enumerate(self.channels):
-            numbers = ", ".join(number(v) for v in self._rows[k])
-            lines.append(
-                f"seen &= gt_kept(&kept.{name}, &state->last[{k}], &state->age[{k}], "
-                f"&state->held, {numbers});"
-            )
-        lines += ["if (!seen)", "    return 0;", "sample = &kept;"]
-        return "\n".join(lines)
+        calls = (
+            f"seen &= gt_kept(&kept.{name}, &state->last[{k}], &state->age[{k}], "
+            f"&state->held, {', '.join(number(v) for v in self._rows[k])});"
+            for k, name in enumerate(self.channels)
+        )
+        begin = "glider_sample kept = *sample;\nint seen = 1;\nstate->held = 0;"
+        return "\n".join((begin, *calls, "if (!seen)\n    return 0;\nsample = &kept;"))
 
 
 C_PRELUDE = """\

@@ -1,4 +1,4 @@
-"""Compass deviation: what the vehicle's own iron adds to its heading, learned from its turns.
+"""Compass deviation: the error of the heading by the vehicle's own iron, learned from its turns.
 
 A hard iron b (body axes, in units of the horizontal field) and a soft iron D, E make a levelled
 compass show too little by
@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.navigation.dead_reckoning import LEAST_COSINE
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 DEG = math.pi / 180.0
 IRON = 5
@@ -36,6 +35,8 @@ ANGLE, YAW, PITCH, WANDER, SCALE = range(IRON, IRON + 5)
 """Behind them: offset of the gyros' heading [rad]; biases that stay of the yaw and the pitch gyro,
 and that of the yaw gyro that comes and goes [rad/s]; error of their scale [1]"""
 STATES = IRON + 5
+ARRAYS = ("mean", "covariance", "sums", "passed", "before")
+"""Arrays of a filter's state, by name"""
 HARD, SOFT = 0.75 * DEG, 0.3 * DEG
 """[rad] standard deviations of a calibrated compass: about 1 degree or less (OceanGliders'
 procedure for depth-averaged currents)"""
@@ -59,7 +60,7 @@ STEP_S = 20.0
 
 
 def sensitivities(roll: float, pitch: float, heading: float) -> Array:
-    """What each of the five numbers adds to a true heading beyond the shown one, (5,) [1].
+    """Change of the true heading less the shown one with each of the five numbers, (5,) [1].
 
     Args:
       roll, pitch, heading: as they are measured [rad].
@@ -195,21 +196,13 @@ class CompassDeviation:
         self._covariance = covariance + deviation**2 * np.outer(gain, gain)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that the next step depends on, as arrays by name."""
-        return {
-            "mean": self._mean.copy(),
-            "covariance": self._covariance.copy(),
-            "sums": self._sums.copy(),
-            "passed": self._passed.copy(),
-            "before": self._before.copy(),
-            "own": np.array([self._parted, self._turned, self._from, self._count]),
-        }
+        """Arrays by name on which the next step depends."""
+        own = np.array([self._parted, self._turned, self._from, self._count])
+        return {name: getattr(self, f"_{name}").copy() for name in ARRAYS} | {"own": own}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from where `state` was called."""
-        self._mean, self._covariance, self._sums, self._passed, self._before = (
-            np.array(state[name], np.float64)
-            for name in ("mean", "covariance", "sums", "passed", "before")
-        )
+        for name in ARRAYS:
+            setattr(self, f"_{name}", np.array(state[name], np.float64))
         self._parted, self._turned, self._from, count = (float(x) for x in state["own"])
         self._count = round(count)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 import numpy as np
@@ -88,6 +88,28 @@ def finite_channel(signals: Signals, name: str) -> Array:
             f"sample {bad[0]}; repair or drop the mission"
         )
     return values
+
+
+def values_of(
+    sample: Mapping[str, float], names: Iterable[str], readers: str, wrong: str = ""
+) -> list[float]:
+    """Values of a sample by name.
+
+    Args:
+      readers: end of the message on a channel that is missing.
+      wrong: end of the message on a value that is not finite; empty: it may be.
+
+    Raises:
+      InputError: a channel is missing or not finite.
+    """
+    try:
+        found = {name: float(sample[name]) for name in names}
+    except KeyError as lost:
+        raise InputError(f"the sample has no channel {lost}{readers}") from None
+    if wrong and not math.isfinite(sum(found.values())):
+        bad = next(name for name, value in found.items() if not math.isfinite(value))
+        raise InputError(f"channel {bad}{wrong}")
+    return list(found.values())
 
 
 def no_glider(vehicle: Vehicle) -> str:
@@ -263,7 +285,7 @@ def chi_squared(part: float) -> float:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ellipse:
-    """By its semi-axes: from the middle to the edge."""
+    """An ellipse on a map; semi-axes go from the middle to the edge."""
 
     semi_major_m: float
     """[m] half of the longer axis"""

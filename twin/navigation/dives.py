@@ -65,17 +65,12 @@ def gps_fixes(signals: Signals) -> tuple[NDArray[np.intp], Array]:
     return index, fixes[index]
 
 
-def find_dives(signals: Signals, period: float, least: float = LEAST_DIVE_S) -> list[Dive]:
+def find_dives(signals: Signals, period: float) -> list[Dive]:
     """The dives of a mission that have a fix before and after, in order of time."""
     index, fixes = gps_fixes(signals)
-    gaps = np.flatnonzero(np.diff(index) * period >= least)
+    gaps = np.flatnonzero(np.diff(index) * period >= LEAST_DIVE_S)
     return [
-        Dive(
-            start=int(index[k]),
-            end=int(index[k + 1]),
-            start_fix=fixes[k],
-            end_fix=fixes[k + 1],
-        )
+        Dive(start=int(index[k]), end=int(index[k + 1]), start_fix=fixes[k], end_fix=fixes[k + 1])
         for k in gaps
     ]
 
@@ -132,15 +127,11 @@ def ground_track(
         for dive, current in zip(dives, currents, strict=True):
             # "previous" learns it at the dive's end; "corrected" knows it from the dive's start on.
             known[dive.end if knowledge == "previous" else dive.start :] = current
-    moved = water_track + _held_integral(known, period)
+    moved = np.array(water_track)
+    moved[1:] += np.cumsum(known[:-1] * period, axis=0)  # each holds to the next sample
     anchors = np.zeros((samples, 2))
     anchors[:] = (np.zeros(2) if start is None else np.asarray(start)) - moved[0]
     for k, (sample, fix) in enumerate(zip(index, fixes, strict=True)):
         last = index[k + 1] if k + 1 < len(index) else samples
         anchors[sample:last] = fix - moved[sample]
     return moved + anchors
-
-
-def _held_integral(rate: Array, period: float) -> Array:
-    """Integral of a rate that holds from each sample to the next, (time, n)."""
-    return np.concatenate([np.zeros_like(rate[:1]), np.cumsum(rate[:-1] * period, axis=0)])

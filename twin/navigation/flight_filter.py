@@ -1,4 +1,4 @@
-"""Flight filter: what a glider's flight model gets wrong, estimated while it flies.
+"""Flight filter: errors of a glider's flight model, estimated while it flies.
 
 The hull's equation of motion, with its added mass and the law of its file, goes along with what the
 vehicle measures, and gives speed and flow angles: in glides, in turns, stalled, tail first, and as
@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.navigation.dead_reckoning import no_glider
+from twin.navigation.dead_reckoning import no_glider, values_of
 from twin.navigation.flight_filter_kernels import (
     CARRIED,
     CHANNELS,
@@ -43,7 +43,7 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 FLIGHT_FILTER = 3
-"""Of what the filter gives: 1 was a steady balance, 2 follows the hull's motion, 3 does so afloat
+"""Version of the outputs: 1 was a steady balance, 2 follows the hull's motion, 3 does so afloat
 too, where 2 lagged. Networks that learned to read one do not know the others."""
 TYPICAL_COMPRESSIBILITY = 5e-10
 """[1/Pa] of a hull whose file does not say."""
@@ -51,7 +51,7 @@ TYPICAL_COMPRESSIBILITY = 5e-10
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightSpread:
-    """Standard deviations of what is not as the vehicle's file says; 0 is not allowed."""
+    """Standard deviations of a hull from its vehicle's file; 0 is not allowed."""
 
     coefficient: float = 0.058
     """of ln(factor) on the lift slope: +-10 %, uniform"""
@@ -76,10 +76,9 @@ class FlightSpread:
 
     @property
     def prior(self) -> Array:
-        """Of the seven constants."""
-        d, tilt = self.drag, self.pitch
-        hull = self.ballast, self.compressibility
-        return np.array([d, self.coefficient, tilt, tilt, *hull, d])
+        """Standard deviations of the seven constants."""
+        drags, tilts = (self.drag, self.coefficient), (self.pitch, self.pitch)
+        return np.array([*drags, *tilts, self.ballast, self.compressibility, self.drag])
 
 
 ANY, CLEAN = "any", "clean"
@@ -87,7 +86,7 @@ HULLS: Mapping[str, FlightSpread] = {
     ANY: FlightSpread(),
     CLEAN: FlightSpread(drag=FlightSpread.coefficient, depth_rate=3e-3),
 }
-"""What may be known of the hulls: nothing, or that none has growth on it, as in preset `field`.
+"""Knowledge of the hulls: none, or that none of them has growth on it, as in preset `field`.
 Then their drag is known from the first glides on, and what lasts through one is taken for theirs.
 With 40 % more drag networks of clean hulls have 1.06 % of the way, those of any 0.58; of clean ones
 0.32 and 0.41 (docs/results/networks.md, "A hull that is not as its file")."""
@@ -95,7 +94,7 @@ With 40 % more drag networks of clean hulls have 1.06 % of the way, those of any
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightStart:
-    """What a filter believes of CONSTANTS before its first sample, such as by earlier dives.
+    """State estimate of CONSTANTS before a filter's first sample, such as by earlier dives.
 
     Raises:
       InputError: another number of them, or a covariance that is none.
@@ -105,16 +104,14 @@ class FlightStart:
     deviations: tuple[float, ...]
     """Standard deviations of their errors"""
     correlation: tuple[tuple[float, ...], ...]
-    """Of the errors: units differ by ten orders, which a covariance would not survive in a file"""
+    """Correlation of the errors: units differ by ten orders, too many for a covariance in a file"""
     depth_rate: float
     """[m/s] of one correction, in place of `FlightSpread.depth_rate`"""
 
     def __post_init__(self) -> None:
         size, correlation = len(CONSTANTS), np.array(self.correlation, float)
-        if not len(self.constants) == len(self.deviations) == size or correlation.shape != (
-            size,
-            size,
-        ):
+        shapes = np.shape(self.constants), np.shape(self.deviations), correlation.shape
+        if shapes != ((size,), (size,), (size, size)):
             raise InputError(f"a flight filter begins with {size} constants and their correlation")
         if not (math.isfinite(self.depth_rate) and self.depth_rate > 0.0):
             raise InputError(f"depth_rate {self.depth_rate!r} of a correction must be above 0 m/s")
@@ -144,12 +141,12 @@ class FlightStart:
 
     @property
     def covariance(self) -> Array:
-        """Of the errors, (7, 7)."""
+        """Covariance of the errors, (7, 7)."""
         return np.array(self.correlation) * np.outer(self.deviations, self.deviations)
 
 
 class FlightFilterModel(NamedTuple):
-    """The vehicle and the settings, as compiled code takes them."""
+    """The vehicle and the settings in the form that compiled code takes."""
 
     law: Array
     """K_D0 to CROSS_FLOW, as `FlowFrame.values`"""
@@ -200,18 +197,11 @@ class FlightFilter:
         spread = FlightSpread() if spread is None else spread
         self.period, self.start = period, start
         inertia = np.ascontiguousarray(vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3])
+        hull = vehicle.mass, vehicle.neutral_volume, vehicle.gravity, vehicle.reference_density
         self.model = FlightFilterModel(
             vehicle.flow_frame.values(),
             inertia,
-            np.array(
-                [
-                    vehicle.mass,
-                    vehicle.neutral_volume,
-                    vehicle.gravity,
-                    vehicle.reference_density,
-                    vehicle.hull_compressibility or TYPICAL_COMPRESSIBILITY,
-                ]
-            ),
+            np.array([*hull, vehicle.hull_compressibility or TYPICAL_COMPRESSIBILITY]),
             spread.prior,
             (spread if start is None else start).depth_rate ** 2,
             period,
@@ -238,7 +228,7 @@ class FlightFilter:
         Args:
           signals: CHANNELS, each (time,), finite.
         """
-        return np.asarray(filtered(*self.model, _samples(signals), self._carried, NOTHING)[0])
+        return np.asarray(filtered(self.model, _samples(signals), self._carried, NOTHING)[0])
 
     def glides(self, signals: Mapping[str, Array]) -> Array:
         """Steady glides that it learns from over samples, (n, LEARNED); it goes on as by `run`.
@@ -248,7 +238,7 @@ class FlightFilter:
         """
         samples = _samples(signals)
         learned = np.zeros((len(samples), LEARNED))
-        _, count = filtered(*self.model, samples, self._carried, learned)
+        _, count = filtered(self.model, samples, self._carried, learned)
         return learned[:count].copy()
 
     def step(self, sample: Mapping[str, float]) -> Array:
@@ -257,18 +247,10 @@ class FlightFilter:
         Raises:
           InputError: a channel is missing or not finite.
         """
-        try:
-            given = [float(sample[name]) for name in CHANNELS]
-        except KeyError as lost:
-            raise InputError(
-                f"the sample has no channel {lost}; the flight filter reads {', '.join(CHANNELS)}"
-            ) from None
-        for name, value in zip(CHANNELS, given, strict=True):
-            if not math.isfinite(value):
-                raise InputError(
-                    f"channel {name} of the sample is not finite: hold the last good value"
-                )
-        return np.asarray(filtered(*self.model, np.array([given]), self._carried, NOTHING)[0][0])
+        readers = f"; the flight filter reads {', '.join(CHANNELS)}"
+        wrong = " of the sample is not finite: hold the last good value"
+        given = values_of(sample, CHANNELS, readers, wrong)
+        return np.asarray(filtered(self.model, np.array([given]), self._carried, NOTHING)[0][0])
 
     @staticmethod
     def unsuited(vehicle: Vehicle) -> str:
@@ -279,15 +261,15 @@ class FlightFilter:
     def constants(self) -> dict[str, tuple[float, float]]:
         """Estimate and standard deviation of each of CONSTANTS."""
         size = len(CONSTANTS)
-        variance = np.diag(self._carried[COVARIANCE:].reshape(size, size))
-        values = self._carried[GUESS:COVARIANCE]
+        variance = np.diag(self._carried[COVARIANCE:].reshape(size, size)).tolist()
+        values = self._carried[GUESS:COVARIANCE].tolist()
         return {
-            name: (float(value), float(math.sqrt(max(one, 0.0))))
+            name: (value, math.sqrt(max(one, 0.0)))
             for name, value, one in zip(CONSTANTS, values, variance, strict=True)
         }
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that the next step depends on."""
+        """Arrays on which the next step depends."""
         return {"carried": self._carried.copy()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:

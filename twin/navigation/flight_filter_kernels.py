@@ -21,12 +21,12 @@ CHANNELS = (
     *("measured_specific_force_x", "measured_specific_force_y", "measured_specific_force_z"),
     *("measured_pump", "measured_density"),
 )
-"""What the filter reads, in the order of the samples."""
+"""Channels of a sample, in their order."""
 DEPTH, ROLL, PITCH, P, Q, R, FX, FY, FZ, PUMP, DENSITY = range(len(CHANNELS))
 CONSTANTS = ("drag", "lift_slope", "pitch_x", "pitch_z", "ballast", "compressibility", "induced")
 DRAG, LIFT, TILT_X, TILT_Z, BALLAST, SQUEEZE, INDUCED = range(len(CONSTANTS))
 OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
-"""What the filter gives of each sample: surge and sway [m/s], the angle of attack [rad], 1 where
+"""Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 where
 the glide is steady as the balance takes it, and the deviation [m/s] that the constants leave to
 surge. The angle is held to 0.3 rad either way: stalled or tail first it says the side alone."""
 STANDARD_OCEAN = (1028.106, 4.7e-3)
@@ -62,10 +62,10 @@ FASTEST = 3.0
 RELINEARISED = 2
 """Times that a correction is worked out, each about the last one's constants."""
 NUDGE = 0.1
-"""Of the prior deviation: step of the differences."""
+"""Step of the differences, over the prior deviation."""
 FLAT_SINE = 0.07
-"""As of `steady_flight`: sine of the path angle at which the buoyancy's and the depth rate's speed
-count alike."""
+"""Sine of the path angle at which the buoyancy's and the depth rate's speed count alike, as of
+`steady_flight`."""
 LEAST_SINE = 0.12
 """of the path angle of a glide from which something is learned"""
 LEAST_SURGE = 0.05
@@ -93,34 +93,42 @@ GUESS = 22
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
-"""Of a glide that was learned from, behind its seven means: depth rate [m/s], sample; columns"""
+"""Places in a glide behind its seven means: depth rate [m/s], sample; number of columns"""
 
 
 @jit
-def _balance(law, inertia, gravity, x, c, start, iterations, out):  # type: ignore[no-untyped-def]
+def _pitch(x, c):  # type: ignore[no-untyped-def]
+    """Pitch [rad] without the accelerometers' errors."""
+    return x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
+
+
+@jit
+def _balance(model, x, c, start, out):  # type: ignore[no-untyped-def]
     """Speed, angle of attack, sideslip and the downward part of the direction, into `out`.
 
-    `x` are pitch, roll, three rates, net mass and its change with compressibility; `c` the
-    constants; `start` speed and angles to start from. False where nothing pulls along the hull.
+    `model` is a `FlightFilterModel`, here as below; `x` are pitch, roll, three rates, net mass and
+    its change with compressibility; `c` the constants; `start` speed and angles to start from.
+    False where nothing pulls along the hull.
     """
+    law, inertia = model.law, model.inertia
     drag = law[0] * math.exp(c[DRAG])
     induced = law[1] * math.exp(c[INDUCED])
     slope = law[3] * math.exp(c[LIFT])
-    pitch = x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
+    pitch = _pitch(x, c)
     sp, cp = math.sin(pitch), math.cos(pitch)
     sr, cr = math.sin(x[1]), math.cos(x[1])
     net = x[5] + c[BALLAST] + x[6] * c[SQUEEZE]
     sense = -1.0 if sp > 0.0 else 1.0
     if sense * net < LEAST_NET:
         net = sense * LEAST_NET * math.exp(sense * net / LEAST_NET - 1.0)
-    weight = gravity * net
+    weight = model.hull[2] * net
     w0, w1, w2 = -weight * sp, weight * cp * sr, weight * cp * cr
     speed, alpha, beta = start[0], start[1], start[2]
     if abs(alpha) > 0.5 * WIDEST or abs(beta) > 0.5 * WIDEST:
         speed, alpha, beta = 0.3, 0.0, 0.0
     gliding = True
     ca, sa, cb, sb = 1.0, 0.0, 1.0, 0.0
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
         u, v, w = speed * ca * cb, speed * sb, speed * sa * cb
         m0 = inertia[0, 0] * u + inertia[0, 1] * v + inertia[0, 2] * w
@@ -147,40 +155,36 @@ def _balance(law, inertia, gravity, x, c, start, iterations, out):  # type: igno
 
 
 @jit
-def _slopes(law, inertia, gravity, prior, x, c, start, found, out):  # type: ignore[no-untyped-def]
-    """Depth rate of the balance, left in `out`, and its change with each constant, (7,)."""
-    for j in range(c.size):
-        kept, nudge = c[j], NUDGE * prior[j]
-        c[j] += nudge
-        _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
-        found[j] = out[0] * out[3] / nudge
-        c[j] = kept
-    _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
-    for j in range(c.size):
-        found[j] -= out[0] * out[3] / (NUDGE * prior[j])
-    return out[0] * out[3]
-
-
-@jit
-def _surge(out, rate):  # type: ignore[no-untyped-def]
-    """Surge [m/s] of a balance; the depth rate has the say where the path is steep."""
+def _gives(out, rate):  # type: ignore[no-untyped-def]
+    """Surge [m/s] of a balance at a depth rate, which has the say where the path is steep; without
+    one, NaN, the depth rate of the balance."""
+    if rate != rate:
+        return out[0] * out[3]
     speed = (out[0] * FLAT_SINE**2 + rate * out[3]) / (FLAT_SINE**2 + out[3] * out[3])
     return max(speed, 0.0) * math.cos(out[1]) * math.cos(out[2])
 
 
 @jit
-def _spread(law, inertia, gravity, prior, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
-    """Deviation of surge over surge that the constants leave; `out` is that of `c` again."""
+def _slopes(model, x, c, start, rate, found, out):  # type: ignore[no-untyped-def]
+    """Value of `_gives`, and its change with each constant into `found`, (7,); `out` is the balance
+    of `c` again."""
     for j in range(c.size):
-        kept, nudge = c[j], NUDGE * prior[j]
+        kept, nudge = c[j], NUDGE * model.prior[j]
         c[j] += nudge
-        _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
-        slopes[j] = _surge(out, rate) / nudge
+        _balance(model, x, c, start, out)
+        found[j] = _gives(out, rate) / nudge
         c[j] = kept
-    _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
-    surge, variance = _surge(out, rate), 0.0
+    _balance(model, x, c, start, out)
+    here = _gives(out, rate)
     for j in range(c.size):
-        slopes[j] -= surge / (NUDGE * prior[j])
+        found[j] -= here / (NUDGE * model.prior[j])
+    return here
+
+
+@jit
+def _spread(model, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
+    """Deviation of surge over surge that the constants leave."""
+    surge, variance = _slopes(model, x, c, start, rate, slopes, out), 0.0
     for i in range(c.size):
         for j in range(c.size):
             variance += slopes[i] * cov[i, j] * slopes[j]
@@ -188,17 +192,17 @@ def _spread(law, inertia, gravity, prior, x, c, cov, rate, start, slopes, out): 
 
 
 @jit
-def balanced(law, inertia, gravity, glides, c, found):  # type: ignore[no-untyped-def]
+def balanced(model, glides, c, found):  # type: ignore[no-untyped-def]
     """Depth rate and level forward speed [m/s] of steady glides (n, LEARNED), into `found` (n, 2);
     NaN where nothing pulls along the hull."""
     start, out = np.zeros(3), np.zeros(4)
     for k in range(glides.shape[0]):
         x = glides[k]
         start[:] = 0.0
-        if not _balance(law, inertia, gravity, x, c, start, ITERATIONS, out):
+        if not _balance(model, x, c, start, out):
             found[k, 0] = found[k, 1] = math.nan
             continue
-        pitch = x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
+        pitch = _pitch(x, c)
         normal = math.sin(out[2]) * math.sin(x[1])
         normal += math.sin(out[1]) * math.cos(out[2]) * math.cos(x[1])
         along = math.cos(out[1]) * math.cos(out[2])
@@ -214,29 +218,30 @@ def _times(matrix, vector, found):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _move(law, inertia, inverse, gravity, x, c, afloat, rate, period, v):  # type: ignore[no-untyped-def]
+def _move(model, x, c, afloat, rate, v):  # type: ignore[no-untyped-def]
     """Velocity through the water [m/s] a period later, in `v`; gives its downward part.
 
     The hull's equation of motion with its added mass, turned as its rates say, under the twin's own
     law: it stalls, sinks tail first while it is heavy with its nose up, and coasts at the surface,
     which carries it and lets it sink by the depth `rate` alone.
     """
+    law, inverse, period = model.law, model.inverse, model.period
     own = law.copy()
     own[K_D0] *= math.exp(c[DRAG])
     own[K_D] *= math.exp(c[INDUCED])
     own[K_ALPHA] *= math.exp(c[LIFT])
     if law[CROSS_FLOW] == law[K_D]:  # as where a file says nothing of it
         own[CROSS_FLOW] = own[K_D]
-    pitch = x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
+    pitch = _pitch(x, c)
     down, pushed, m, force, change = np.empty((5, 3))
     down[0], down[1] = -math.sin(pitch), math.cos(pitch) * math.sin(x[1])
     down[2] = math.cos(pitch) * math.cos(x[1])
     _times(inverse, down, pushed)  # by a unit of impulse downward
     yields = down[0] * pushed[0] + down[1] * pushed[1] + down[2] * pushed[2]
-    weight = 0.0 if afloat else gravity * (x[5] + c[BALLAST] + x[6] * c[SQUEEZE])
+    weight = 0.0 if afloat else model.hull[2] * (x[5] + c[BALLAST] + x[6] * c[SQUEEZE])
     steps = math.ceil(period / STEP_S)
     for _ in range(steps):
-        _times(inertia, v, m)
+        _times(model.inertia, v, m)
         f0, f1, f2, _, _, _ = native_wrench(own, 0.0, v[0], v[1], v[2], 0.0, 0.0, 0.0)
         force[0] = f0 + weight * down[0] + m[1] * x[4] - m[2] * x[3]
         force[1] = f1 + weight * down[1] + m[2] * x[2] - m[0] * x[4]
@@ -253,11 +258,11 @@ def _move(law, inertia, inverse, gravity, x, c, afloat, rate, period, v):  # typ
 
 
 @jit
-def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples, carried, learned):  # type: ignore[no-untyped-def]
+def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
     """Outputs (time, 5) of the samples (time, 11), and at how many it learned; `carried` goes on,
     and the first of those it learned from go into `learned` (n, LEARNED)."""
+    hull, period, n, size = model.hull, model.period, samples.shape[0], model.prior.size
     mass, volume, gravity, reference, squeeze = hull[0], hull[1], hull[2], hull[3], hull[4]
-    n, size = samples.shape[0], prior.size
     outputs = np.zeros((n, 5))
     x, start, out = np.zeros(7), np.zeros(3), np.zeros(4)
     now, v = np.zeros(7), carried[VELOCITY : VELOCITY + 3]
@@ -308,11 +313,11 @@ def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples,
             now[0] = carried[PROMPT_PITCH]
         if abs(sinks - rate) < PROMPT_RATE:
             sinks = rate
-        down = _move(law, inertia, inverse, gravity, now, c, still, sinks, period, v)
+        down = _move(model, now, c, still, sinks, v)
         carried[SUNK] += short * (down - carried[SUNK])
         speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
         alpha = math.atan2(v[2], v[0])
-        attached = abs(alpha) < law[LINEAR]
+        attached = abs(alpha) < model.law[LINEAR]
         steady = carried[SINCE_AFLOAT] > AFLOAT_S and carried[RESTLESS] < QUIET_PITCH
         steady = steady and abs(rate - carried[SLOW_RATE]) < QUIET_RATE
         steady = steady and abs(down) > LEAST_SINE * speed and rate * down > 0.0
@@ -322,7 +327,7 @@ def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples,
             start[:] = 0.0
             if attached:
                 start[0], start[1], start[2] = speed, alpha, math.asin(v[1] / speed)
-            learning = _balance(law, inertia, gravity, x, c, start, ITERATIONS, out)
+            learning = _balance(model, x, c, start, out)
             if learning and not attached:
                 # The depth rate tells a stalled hull from one that is only taken for stalled.
                 learning = abs(rate - out[0] * out[3]) < abs(rate - down)
@@ -338,12 +343,12 @@ def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples,
                 learned[corrections, PLACE] = k
             corrections += 1
             before = c.copy()
-            variance = rate_variance
+            variance = model.rate_variance
             for _ in range(RELINEARISED):
                 for i in range(3):
                     start[i] = out[i]
-                here = _slopes(law, inertia, gravity, prior, x, c, start, slopes, out)
-                variance = rate_variance
+                here = _slopes(model, x, c, start, math.nan, slopes, out)
+                variance = model.rate_variance
                 for i in range(size):
                     gain[i] = 0.0
                     for j in range(size):
@@ -359,9 +364,7 @@ def filtered(law, inertia, hull, prior, rate_variance, period, inverse, samples,
                     cov[i, j] -= gain[i] * gain[j] / variance
             for i in range(3):
                 start[i] = out[i]
-            carried[SPREAD] = _spread(
-                law, inertia, gravity, prior, x, c, cov, rate, start, slopes, out
-            )
+            carried[SPREAD] = _spread(model, x, c, cov, rate, start, slopes, out)
         # The depth rate has the say where the path is steep; afloat it had it.
         flat, sunk = FLAT_SINE * speed, carried[SUNK]
         weight = flat * flat + sunk * sunk

@@ -20,6 +20,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +28,7 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.navigation.estimators.dvl import WATER, outliers, smoothed
 from twin.navigation.flight_filter import FlightFilter, FlightSpread, FlightStart
-from twin.navigation.flight_filter_kernels import (
-    CONSTANTS,
-    NUDGE,
-    PLACE,
-    RATE,
-    balanced,
-)
+from twin.navigation.flight_filter_kernels import CONSTANTS, NUDGE, PLACE, RATE, balanced
 from twin.numbers import Array
 
 GLIDE_RATE_SD = 3e-3
@@ -56,15 +51,14 @@ SURE = 1e-6
 """of a deviation: a hull that is held"""
 LN = "ln of the factor"
 UNITS = dict(zip(CONSTANTS, (LN, LN, "rad", "rad", "kg", "1/Pa", LN), strict=True))
-"""Of each constant, as reports name it"""
+"""Unit of each constant in reports"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Glides:
+class Glides(NamedTuple):
     """Steady glides of one dive."""
 
     inputs: Array
-    """As `FlightFilter.glides` gives them, (n, LEARNED)"""
+    """Rows of `FlightFilter.glides`, (n, LEARNED)"""
     depth: Array
     """[m], (n,)"""
     heading: Array
@@ -72,21 +66,27 @@ class Glides:
     log: Array
     """[m/s] level forward and downward by a Doppler log in water lock, (n, 2); NaN without"""
 
-    def __len__(self) -> int:
-        return len(self.inputs)
+    def taken(self, own: NDArray[Any] | slice) -> Glides:
+        """Take some of them."""
+        return Glides(*(values[own] for values in self))
+
+    @staticmethod
+    def joined(parts: Sequence[Glides]) -> Glides:
+        """Join the glides of several dives."""
+        return Glides(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightFit:
-    """What dives say of a hull."""
+    """A hull by its dives."""
 
     start: FlightStart | None
     """For a filter; None: held-back glides are better with the hull of the file"""
     left_over: float
     """Squared residual of held-back glides by the hull of the others, over that by the file's"""
     widened: float
-    """By which the deviations are wider than a fit gives them: its residuals' root mean square, at
-    least 1. What steady flight does not explain is no noise that goes with the number of glides"""
+    """Factor on the deviations of the fit: its residuals' root mean square, at least 1. Residuals
+    of steady flight are no noise that goes with the number of glides"""
     glides: int
     log: bool
     """Whether a Doppler log went in"""
@@ -94,7 +94,7 @@ class FlightFit:
     """Estimate and deviation of every constant, in UNITS"""
 
     def rows(self) -> list[dict[str, object]]:
-        """Of a table: name, estimate, deviation and unit of every constant."""
+        """Rows of a table: name, estimate, deviation and unit of every constant."""
         return [
             {"constant": name, "estimate": value, "deviation": sd, "unit": UNITS[name]}
             for name, (value, sd) in self.factors.items()
@@ -115,20 +115,13 @@ def steady_glides(
     flight.reset()
     found = flight.glides(signals)
     place = found[:, PLACE].astype(int)
-    said = np.full((len(found), 2), np.nan)
-    if log:
-        said = _log(signals, flight.period)[place]
-    depth, heading = (
-        signals["measured_depth"][place],
-        np.deg2rad(signals["measured_heading"])[place],
+    every = Glides(
+        inputs=found,
+        depth=signals["measured_depth"][place],
+        heading=np.deg2rad(signals["measured_heading"])[place],
+        log=_log(signals, flight.period)[place] if log else np.full((len(found), 2), np.nan),
     )
-    each = []
-    for span in spans:
-        own = (place >= span.start) & (place < span.stop)
-        each.append(
-            Glides(inputs=found[own], depth=depth[own], heading=heading[own], log=said[own])
-        )
-    return each
+    return [every.taken((place >= span.start) & (place < span.stop)) for span in spans]
 
 
 def _log(signals: Mapping[str, Array], period: float) -> Array:
@@ -154,10 +147,11 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
     Raises:
       InputError: fewer steady glides than a fit needs, or no water lock in any.
     """
-    whole = _joined(dives)
-    if len(whole) < FEWEST:
+    whole = Glides.joined(dives)
+    count = len(whole.depth)
+    if count < FEWEST:
         raise InputError(
-            f"these logs have {len(whole)} steady glides, and a fit needs {FEWEST}: one every 15 s "
+            f"these logs have {count} steady glides, and a fit needs {FEWEST}: one every 15 s "
             "at a steady pitch below the surface; give longer dives"
         )
     if log and not np.isfinite(whole.log).all(1).any():
@@ -166,12 +160,15 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
         )
     prior = FlightSpread().prior
     errors = LogErrors.over(whole.depth) if log else None
-    parts = [d for d in dives if len(d)] if len(dives) > 1 else _quarters(whole)
-    fits = [_fit(flight, whole, one, errors) for one in (prior, SURE * prior)]
+    parts = [dive for dive in dives if len(dive.depth)]
+    if len(dives) == 1:
+        parts = [whole.taken(own) for own in np.array_split(np.arange(count), 4)]
+    priors = prior, SURE * prior
+    fits = [_fit(flight, whole, one, errors) for one in priors]
     left = np.zeros(2)
     for k, held in enumerate(parts):
-        others = _joined([p for j, p in enumerate(parts) if j != k])
-        for j, one in enumerate((prior, SURE * prior)):
+        others = Glides.joined([*parts[:k], *parts[k + 1 :]])
+        for j, one in enumerate(priors):
             unknowns, _ = _fit(flight, others, one, errors, begin=fits[j][0])
             rows, _, _ = _residuals(flight, held, unknowns, errors)
             left[j] += np.minimum(rows**2, HUBER**2).sum()
@@ -180,37 +177,20 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
     widened = max(1.0, float(np.sqrt(np.mean(rows**2))))
     size = len(CONSTANTS)
     start = FlightStart.of(unknowns[:size], widened**2 * covariance[:size, :size], LASTING_RATE_SD)
-    said = zip(CONSTANTS, start.constants, start.deviations, strict=True)
+    factors = zip(start.constants, start.deviations, strict=True)
     return FlightFit(
         start=start if left[0] < left[1] else None,
         left_over=float(left[0] / left[1]),
         widened=widened,
-        glides=len(whole),
+        glides=count,
         log=log,
-        factors={name: (value, sd) for name, value, sd in said},
+        factors=dict(zip(CONSTANTS, factors, strict=True)),
     )
-
-
-def _joined(parts: Sequence[Glides]) -> Glides:
-    return Glides(
-        **{
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])
-            for field in dataclasses.fields(Glides)
-        }
-    )
-
-
-def _quarters(whole: Glides) -> list[Glides]:
-    cut = np.array_split(np.arange(len(whole)), 4)
-    return [
-        Glides(**{f.name: getattr(whole, f.name)[own] for f in dataclasses.fields(Glides)})
-        for own in cut
-    ]
 
 
 class LogErrors:
-    """What a Doppler log has of its own, behind the constants among the unknowns: scale, angle, and
-    the shear north and east at each knot of depth."""
+    """Errors of a Doppler log, behind the constants among the unknowns: scale, angle, and the shear
+    north and east at each knot of depth."""
 
     def __init__(self, knots: int):
         self.knots, self.size = knots, 2 + 2 * knots
@@ -227,35 +207,27 @@ class LogErrors:
         return cls(math.ceil(float(depth.max()) / KNOTS_M) + 1)
 
     def shear(self, glides: Glides) -> Array:
-        """What each knot's shear, north and then east, adds to the forward speed, (n, 2 knots)."""
+        """Change of the forward speed by each knot's shear, north and then east, (n, 2 knots)."""
         near = np.clip(glides.depth / KNOTS_M, 0.0, self.knots - 1.0)
         weights = np.maximum(0.0, 1.0 - np.abs(near[:, None] - np.arange(self.knots)))
         heading = glides.heading[:, None]
         return np.concatenate([weights * np.cos(heading), weights * np.sin(heading)], axis=1)
 
 
-def _predicted(flight: FlightFilter, glides: Glides, constants: Array) -> Array:
-    """Depth rate and level forward speed [m/s] by the balance, (n, 2)."""
-    law, inertia, hull, *_ = flight.model
-    found = np.zeros((len(glides), 2))
-    balanced(law, inertia, hull[2], glides.inputs, constants, found)
-    return found
-
-
 def _residuals(
     flight: FlightFilter, glides: Glides, unknowns: Array, errors: LogErrors | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """What the unknowns leave over, in deviations, (rows,); by glide what is forward there, (n, 2);
-    and which glides have a log. Rows are of every glide the depth rate, then of those with a log
-    what it says downward, and then forward."""
-    size = len(CONSTANTS)
-    found = _predicted(flight, glides, unknowns[:size])
+    """Residuals in deviations, (rows,); depth rate and level forward speed [m/s] of each glide by
+    the balance, (n, 2); and which glides have a log. Rows are of every glide the depth rate, then
+    of those with a log its velocity downward, and then forward."""
+    size, found = len(CONSTANTS), np.zeros((len(glides.depth), 2))
+    balanced(flight.model, glides.inputs, unknowns[:size], found)
     rate = glides.inputs[:, RATE]
     rows = (rate - found[:, 0]) / GLIDE_RATE_SD
     rows = np.where(np.isfinite(rows), rows, HUBER)  # nothing pulls along the hull
     seen = np.asarray(np.isfinite(glides.log).all(1) & np.isfinite(found).all(1))
     if errors is None:
-        return rows, found, np.zeros(len(glides), bool)
+        return rows, found, np.zeros(len(rate), bool)
     scale, angle = unknowns[size : size + 2]
     forward, said, fell = found[seen, 1], glides.log[seen], rate[seen]
     down = said[:, 1] - (1.0 + scale) * fell - angle * forward
@@ -277,7 +249,7 @@ def _slopes(
         if np.array_equal(seen, also):
             slopes[:, j] = (other - rows) / step
     if errors is not None:
-        size, n, count = len(CONSTANTS), len(glides), int(seen.sum())
+        size, n, count = len(CONSTANTS), len(glides.depth), int(seen.sum())
         fell, forward = glides.inputs[seen, RATE], found[seen, 1]
         down, ahead = slice(n, n + count), slice(n + count, None)
         slopes[down, size], slopes[down, size + 1] = -fell / LOG_SD[0], -forward / LOG_SD[0]

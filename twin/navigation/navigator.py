@@ -1,9 +1,9 @@
-"""Navigator: where a vehicle believes it is, from what it measures on board.
+"""Navigator: estimates a vehicle's position from what it measures on board.
 
 A velocity estimator says how fast the vehicle moves through the water. Its heave is solved for from
 the depth rate where it has none; measured roll, pitch and heading turn it to north and east
-(`twin.navigation.dead_reckoning`), the heading corrected for the deviation that the gyros have told
-of the compass (`twin.navigation.compass_deviation`). The current filter adds the current, keeps the
+(`twin.navigation.dead_reckoning`). The heading is corrected for the compass deviation that the
+gyros show (`twin.navigation.compass_deviation`). The current filter adds the current, keeps the
 covariance, and takes the GPS fixes and the velocity over ground of a Doppler log in bottom lock
 (`twin.navigation.current`).
 """
@@ -24,8 +24,7 @@ from twin.navigation.current import CurrentFilter, CurrentParameters, Innovation
 from twin.navigation.dead_reckoning import LEAST_COSINE, SHALLOW_DEPTH
 from twin.navigation.estimators.base import State, VelocityEstimator
 from twin.navigation.estimators.dvl import BOTTOM
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 ATTITUDE = ("measured_roll", "measured_pitch", "measured_heading")
 DEPTH = "measured_depth"
@@ -46,7 +45,7 @@ START_DEVIATION = 1.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
 class NavigationState:
-    """What is believed at one sample."""
+    """State estimate at one sample."""
 
     time: float
     """[s] since the first sample"""
@@ -132,13 +131,13 @@ class Navigator:
         self.legs: list[Leg] = []
         """The dives so far, from fix to fix."""
         self.innovations: list[Innovation] = []
-        """What the fix after each of them said, and how surely it was expected."""
+        """The innovation of the fix after each of them."""
         self._noise = stated.noise**2 * np.eye(2)
         self.channels = tuple(dict.fromkeys((*estimator.channels, DEPTH, *ATTITUDE)))
         """Schema variables that a sample must hold; those of `FIX`, `RATES`, `LOG` and `LOCK` are
         taken where they are."""
         self.deviation = CompassDeviation(self.period)
-        """Of the compass, by the gyros where a sample holds their rates."""
+        """The compass' own, learned where a sample holds the gyros' rates."""
         self._start = start
         self._first = self.filter.state()
         self.reset()
@@ -168,7 +167,7 @@ class Navigator:
         self._hold()
 
     def _hold(self) -> None:
-        """Keep what the filter says until its next step."""
+        """Keep the filter's estimates until its next step."""
         self._place, covariance = self.filter.position
         self._covariance = self.filter.inflation * covariance
         self._current, _ = self.filter.current
@@ -179,7 +178,7 @@ class Navigator:
         self._drifts: list[Array] = []  # over ground less through the water, in bottom lock
 
     def step(self, sample: Mapping[str, float]) -> NavigationState:
-        """What is believed at a sample, from it and those before it.
+        """State estimate at a sample, from it and those before it.
 
         Args:
           sample: a value for each of `channels`, in the schema's units; a fix, rates of the gyros
@@ -228,19 +227,11 @@ class Navigator:
             self._update(known=True)
         north, east = self._place + self._turn @ self._moved + self._current * self._waited
         return NavigationState(
-            time=self._time,
-            north=float(north),
-            east=float(east),
-            covariance=self._covariance,
-            current_north=float(self._current[0]),
-            current_east=float(self._current[1]),
-            velocity_north=float(velocity[0]),
-            velocity_east=float(velocity[1]),
-            surge=float(self._body[0]),
-            sway=float(self._body[1]),
-            heave=heave,
-            depth_rate=rate,
-        )
+            time=self._time, north=float(north), east=float(east), covariance=self._covariance,
+            current_north=float(self._current[0]), current_east=float(self._current[1]),
+            velocity_north=float(velocity[0]), velocity_east=float(velocity[1]),
+            surge=float(self._body[0]), sway=float(self._body[1]), heave=heave, depth_rate=rate,
+        )  # fmt: skip
 
     def _straighten(self) -> None:
         """Move the position by what is newly known of the compass on the way since the last fix."""
@@ -287,7 +278,13 @@ class Navigator:
             innovation = self.filter.fix(fix)
             assert innovation is not None  # its way is known since the last fix
             self.innovations.append(innovation)
-            self.legs.append(self._leg(fix))
+            north, east, start = self._left.tolist()
+            swum_north, swum_east = self._swum.tolist()
+            leg = Leg(
+                start=start, duration=self._time - start, through_water=(swum_north, swum_east),
+                over_ground=(fix[0] - north, fix[1] - east),
+            )  # fmt: skip
+            self.legs.append(leg)
         else:  # a fix afloat says where the vehicle is, and nothing of what carries it under water
             self.filter.locate(fix)
         self._placed, self._dived = True, False
@@ -301,28 +298,22 @@ class Navigator:
         """[s] of the last sample"""
         return (self._count - 1) * self.period
 
-    def _leg(self, fix: list[float]) -> Leg:
-        """From the last fix to this one."""
-        north, east, start = self._left.tolist()
-        return Leg(
-            start=start,
-            duration=self._time - start,
-            over_ground=(fix[0] - north, fix[1] - east),
-            through_water=(float(self._swum[0]), float(self._swum[1])),
-        )
+    @property
+    def _parts(self) -> dict[str, Any]:
+        """Parts with a state of their own."""
+        return {"estimator": self.estimator, "filter": self.filter, "deviation": self.deviation}
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that the next step depends on, as arrays by name."""
+        """Arrays by name on which the next step depends."""
+        flags = [self._count, self._depth, self._waited, self._placed, self._dived]
+        vectors = self._body, self._velocity, self._moved, self._left, self._swum
         return {
-            **{f"estimator:{name}": value for name, value in self.estimator.state().items()},
-            **{f"filter:{name}": value for name, value in self.filter.state().items()},
-            **{f"deviation:{name}": value for name, value in self.deviation.state().items()},
-            "own": np.concatenate(
-                [
-                    [self._count, self._depth, self._waited, self._placed, self._dived],
-                    *(self._body, self._velocity, self._moved, self._left, self._swum),
-                ]
-            ),
+            **{
+                f"{part}:{name}": value
+                for part, one in self._parts.items()
+                for name, value in one.state().items()
+            },
+            "own": np.concatenate([flags, *vectors]),
             "spread": self._spread.copy(),
             "compass": np.stack([*self._bent, *self._astray, self._iron]),
             "drifts": np.array(self._drifts).reshape(-1, 2),
@@ -333,12 +324,9 @@ class Navigator:
 
         The dives before are not in it: `legs` and `innovations` begin again.
         """
-        for part, prefix in (
-            (self.estimator, "estimator:"),
-            (self.filter, "filter:"),
-            (self.deviation, "deviation:"),
-        ):
-            part.restore({k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)})
+        for part, one in self._parts.items():
+            begins = f"{part}:"
+            one.restore({k.removeprefix(begins): state[k] for k in state if k.startswith(begins)})
         own = np.array(state["own"], np.float64)
         self.legs.clear()
         self.innovations.clear()

@@ -6,16 +6,16 @@ An on-board filter makes the estimated channels from the measured ones.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError, StoreError
 from twin.navigation.flight_filter import FlightFilter, FlightSpread, FlightStart
 from twin.navigation.flight_filter_kernels import CHANNELS, OUTPUTS
-from twin.numbers import number
+from twin.numbers import Array, number
 from twin.plugins import place_of
 from twin.vehicle.vehicle import Vehicle
 
@@ -23,12 +23,17 @@ if TYPE_CHECKING:
     from twin.navigation.current import CurrentParameters
     from twin.navigation.estimators.base import VelocityEstimator
     from twin.sensors.suite import SensorSuite
-    from twin.vehicle.vehicle import Vehicle
-
 
 TRUTH, ESTIMATE = "truth", "estimate"
 """Words for guidance that sees the true state, and for one that sees an estimate by the usual
 estimator of the vehicle."""
+ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
+"""Channels of `twin.navigation.flight_filter`, in the order of its outputs."""
+MIXED = ("surge", "steady", "surge_sd")
+ADAPTED = tuple(f"adapted_{name}" for name in MIXED)
+"""Channels of a second filter, which begins with earlier dives: those that go into a surge."""
+CTD = "measured_density"
+"""The channel of the filter that a vehicle without a CTD lacks."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -36,16 +41,16 @@ class Navigation:
     """Guidance by an on-board estimate: sensors with their errors, an estimator, the fixes."""
 
     estimator: str | VelocityEstimator = ESTIMATE
-    """Of the velocity through the water: a name such as "ekf" or "network:runs/mine", an object, or
+    """Velocity estimator: a name such as "ekf" or "network:runs/mine", an object, or
     "estimate" for the usual one of the vehicle."""
     sensors: str | SensorSuite = "field"
-    """What the vehicle measures with: a suite or the name of a preset."""
+    """A suite or the name of a preset."""
     seed: int = 0
-    """Of the sensors' errors."""
+    """Seed of the sensors' errors."""
     bottom_depth: float | None = None
     """[m] for a Doppler log where there is no sea floor; None: out of its reach."""
     current: CurrentParameters | None = None
-    """Of the current filter, as they are; None: a usual sea's, with the errors of speed and compass
+    """Parameters of the current filter; None: a usual sea's, with the errors of speed and compass
     that the estimator and the compass of the sensors state."""
 
     def __post_init__(self) -> None:
@@ -70,7 +75,7 @@ class Navigation:
 
     @classmethod
     def of(cls, given: str | VelocityEstimator | Navigation | None) -> Navigation | None:
-        """What a word, an estimator or a Navigation means; None for the truth.
+        """Settings by a word, an estimator or other settings; None for the truth.
 
         Raises:
           InputError: something else.
@@ -126,7 +131,7 @@ class Navigation:
 
 
 def navigation_from_dict(data: Mapping[str, Any]) -> Navigation:
-    """Rebuild what `Navigation.describe` wrote.
+    """Rebuild settings from `Navigation.describe`.
 
     Raises:
       InputError: its estimator was an object.
@@ -151,25 +156,10 @@ def navigation_from_dict(data: Mapping[str, Any]) -> Navigation:
     )
 
 
-Array = NDArray[np.float64]
-
-ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
-"""Of `twin.navigation.flight_filter`, in the order of its outputs."""
-
-MIXED = ("surge", "steady", "surge_sd")
-ADAPTED = tuple(f"adapted_{name}" for name in MIXED)
-"""Of a second filter, which begins with what earlier dives said: what goes into a surge."""
-
-CTD = "measured_density"
-"""What a vehicle without a CTD lacks of the channels behind them."""
-
-
 def sources(channels: Iterable[str]) -> tuple[str, ...]:
-    """What must be measured for these channels, each once."""
-    found: dict[str, None] = {}
-    for channel in channels:
-        found |= dict.fromkeys(CHANNELS if channel in ESTIMATED else (channel,))
-    return tuple(found)
+    """Measured channels behind these channels, each once."""
+    read = (CHANNELS if channel in ESTIMATED else (channel,) for channel in channels)
+    return tuple(dict.fromkeys(itertools.chain.from_iterable(read)))
 
 
 def estimate(
@@ -213,7 +203,7 @@ def estimate_adapted(
     start: FlightStart,
     spread: FlightSpread | None = None,
 ) -> dict[str, Array]:
-    """All of ADAPTED, each (time,): what a second filter says that begins with earlier dives.
+    """All of ADAPTED, each (time,), by a second filter that begins with earlier dives.
 
     Arguments as `estimate`, which has seen that the signals are finite.
     """

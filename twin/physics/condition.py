@@ -1,32 +1,126 @@
-"""Condition: the vehicle as it is at each time of a run, and how a compiled model becomes it.
+"""Condition: the vehicle as it is at each time of a run, in a compiled model, and its battery.
 
 A vehicle's numbers are a table over time, which faults make. An engine flies each row from its time
-on: MuJoCo's model is given other numbers, a lane other rows of its block.
+on: MuJoCo's model is given other numbers, a lane other rows of its block. The start of a run is
+written into MuJoCo's model and data here too.
+
+Electric signals: what the counter of charge, voltmeter and vacuum gauge of a vehicle read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from twin.faults.base import Condition, Fault, conditions
-from twin.frames import flip_vector
+from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
 from twin.mission.mission_file import DEPTH_OFFSET, ECHOES_LOST, IRON_COSINE, IRON_SINE
 from twin.numbers import Array
-from twin.physics.ballast import Ballast
-from twin.physics.initial_state import apply_real_vehicle
-from twin.physics.model_block import RUN_TABLES, fill_block, header
+from twin.physics.model_block import (
+    RUN_TABLES,
+    fill_block,
+    header,
+    joint_places,
+    part_names,
+    part_table,
+    state,
+)
 from twin.physics.mujoco_model import with_hydrodynamics
 from twin.physics.scenario import Scenario
-from twin.vehicle.consumption import Consumption
+from twin.physics.start import Ballast, Start
+from twin.records.trajectory import Trajectory
+from twin.vehicle.consumption import ENERGY, Consumption, needed_signals
+from twin.vehicle.parts import Pump
 from twin.vehicle.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from twin.water.density import DensityProfile
 
 BODY = ("vehicle", "volume", "zeros")
 """Fields of a condition that say how the body flies"""
 INSTRUMENTS = ("iron", "depth_offset", "echoes_lost")
 """Fields that say how guidance's instruments err"""
+REST_VOLTAGE, EMPTY_VOLTAGE = 15.0, 12.5
+"""[V] of a fresh and of an empty lithium pack, as gliders log it"""
+RESISTANCE = 0.35
+"""[ohm] of all packs together and their wires"""
+ENDURANCE_DAYS = 60.0
+"""[d] that the batteries last at the vehicle's own power; they are drawn about it"""
+VOLTAGE_NOISE, CURRENT_NOISE = 0.02, 0.005
+"""[V], [A] of a sample"""
+HULL_AIR = 0.35
+"""Part of the hull that is air"""
+VACUUM_NOISE = 40.0
+"""[Pa]"""
+AIR_LAG = 1800.0
+"""[s] in which the air takes the water's temperature"""
+ZERO_C = 273.15
+"""[K]"""
+SEA_LEVEL = 101_325.0
+"""[Pa]"""
+
+
+def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Move the velocities half a step back in time, where a time-centred run keeps them.
+
+    Evaluates the forward dynamics once and then clears `userdata`: guidance and log begin again.
+    """
+    command = data.ctrl.copy()
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    # the battery is held by its screws: it moves with the hull
+    change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
+    data.qvel[:6] -= 0.5 * change
+    data.ctrl[:], data.userdata[:] = command, 0.0
+    ours = state(data)
+    ours["twist"], ours["earlier"] = data.qvel[:6], data.qvel[:6] - change
+    ours["time"], ours["known"] = data.time, 1.0
+
+
+def set_start(model: mujoco.MjModel, data: mujoco.MjData, start: Start, current: Array) -> None:
+    """Write a start into MuJoCo's data; `current` NED [m/s] is the water's velocity there."""
+    quaternion = euler_to_quaternion(start.roll, start.pitch, start.heading)
+    velocity = quaternion_to_matrix(quaternion) @ np.array(start.v_rel) + current
+    data.qpos[:3] = flip_vector([start.north, start.east, start.depth])
+    data.qpos[3:7] = flip_quaternion(quaternion)
+    data.qvel[:3] = flip_vector(velocity)
+    data.qvel[3:6] = flip_vector(start.rates)
+    positions = start.positions(part_names(model), part_table(model)["rest"])
+    data.act[:] = data.ctrl[:] = positions
+    for index, place in joint_places(model):
+        data.qpos[place] = positions[index]
+
+
+def apply_real_vehicle(
+    model: mujoco.MjModel,
+    vehicle: Vehicle,
+    *,
+    ballast: Ballast | None,
+    density: DensityProfile | None,
+    encoder_zeros: Mapping[str, float],
+) -> None:
+    """Put the ballasting and the encoders' zero errors of a vehicle into its model.
+
+    Args:
+      density: of the water that it was weighed for. encoder_zeros: by part, in the parts' units.
+    """
+    head, rows = header(model), part_table(model)
+    if ballast is not None:
+        head["neutral_volume"] = ballast.neutral_volume(vehicle, density)
+    driven = dict(joint_places(model))
+    for name, zero in encoder_zeros.items():
+        index = vehicle.part_names.index(name)
+        if index in driven:
+            # at the encoder's zero the joint then sits at the offset
+            model.qpos0[driven[index]] -= zero
+        else:
+            rows[index]["zero"] = zero
 
 
 def differs(fault: Fault, sound: Condition, fields: Sequence[str]) -> bool:
@@ -45,14 +139,12 @@ def conditions_of(scenario: Scenario, duration: float) -> tuple[tuple[float, Con
 def healthy(scenario: Scenario) -> Condition:
     """The vehicle of a scenario without its faults."""
     vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
-    ballast = scenario.ballast
+    volume = vehicle.neutral_volume
+    if scenario.ballast is not None:
+        volume = scenario.ballast.neutral_volume(vehicle, scenario.density)
     return Condition(
         vehicle=vehicle,
-        volume=(
-            vehicle.neutral_volume
-            if ballast is None
-            else ballast.neutral_volume(vehicle, scenario.density)
-        ),
+        volume=volume,
         zeros=scenario.encoder_zeros,
         consumption=Consumption.of(vehicle),
     )
@@ -106,3 +198,75 @@ def _write_hull(model: mujoco.MjModel, vehicle: Vehicle) -> None:
     model.body_inertia[hull] = moments
     mujoco.mju_mat2Quat(model.body_iquat[hull], np.ascontiguousarray(axes).ravel())
     mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def electric_signals(
+    scenario: Scenario, flown: Trajectory, rng: np.random.Generator | None = None
+) -> dict[str, Array]:
+    """Charge [A h], voltage [V], current [A], power of the pump [W] and vacuum [Pa], each (n,).
+
+    They have the names of signals.
+
+    Args:
+      scenario: that was flown, with its faults.
+      rng: of the batteries and the noise; None: batteries as usual, no noise.
+    """
+    time = flown.time
+    period = scenario.sample_period
+    table = conditions_of(scenario, float(time[-1]) + period) or ((0.0, healthy(scenario)),)
+    taken, pump = np.zeros(len(time)), np.zeros(len(time))
+    packs, water = np.ones(len(time)), np.zeros(len(time))
+    pumps = [part.name for part in scenario.vehicle.parts if isinstance(part, Pump)]
+    needed = needed_signals(scenario.vehicle)
+    begins = np.searchsorted(time, [begin for begin, _ in table]).tolist()
+    for (first, last), (_, condition) in zip(
+        itertools.pairwise([*begins, len(time)]), table, strict=True
+    ):
+        if last <= first:
+            continue
+        signals = {name: flown[name][max(first - 1, 0) : last] for name in needed}
+        span = time[max(first - 1, 0) : last]
+        energy = condition.consumption.signals(condition.vehicle, signals, span)
+        own = np.sum([np.diff(values, prepend=0.0) for values in energy.values()], axis=0)
+        moved = sum(np.diff(energy[f"{ENERGY}{name}"], prepend=0.0) for name in pumps)
+        keep = slice(1 if first else 0, None)
+        taken[first:last] = own[keep]
+        if pumps:
+            pump[first:last] = np.asarray(moved)[keep]
+        packs[first:last], water[first:last] = condition.packs, condition.taken
+    power = taken / period
+    power[0] = power[1] if len(power) > 1 else 0.0
+    capacity = ENDURANCE_DAYS * 24.0 * float(np.mean(power)) / REST_VOLTAGE
+    more, share = (1.0, 0.2) if rng is None else (rng.uniform(0.8, 1.5), rng.uniform(0.05, 0.4))
+    capacity *= float(more)
+    used = float(share) * capacity
+    current = power / REST_VOLTAGE
+    charge = np.cumsum(current) * period / 3600.0
+    spent = used / capacity + np.cumsum(current / packs) * period / 3600.0 / capacity
+    rest = REST_VOLTAGE + (EMPTY_VOLTAGE - REST_VOLTAGE) * np.minimum(spent, 1.0)
+    voltage = rest - RESISTANCE / packs * current
+    noise = np.zeros((3, len(time))) if rng is None else rng.standard_normal((3, len(time)))
+    # the air of the hull has the water's temperature, late
+    warmth = flown.signals.get("true_temperature")
+    air = np.full(len(time), ZERO_C + 10.0)
+    if warmth is not None:
+        air = ZERO_C + _late(np.asarray(warmth, float), AIR_LAG / period)
+    room = HULL_AIR * scenario.vehicle.neutral_volume
+    inside = (SEA_LEVEL - healthy(scenario).consumption.hull_vacuum) * (air / (ZERO_C + 10.0))
+    inside = inside * room / (room - np.minimum(water, 0.9 * room))
+    return {
+        "measured_charge": used + charge,
+        "measured_voltage": voltage + VOLTAGE_NOISE * noise[0],
+        "measured_battery_current": np.maximum(current + CURRENT_NOISE * noise[1], 0.0),
+        "measured_pump_power": pump / period,
+        "measured_vacuum": SEA_LEVEL - inside + VACUUM_NOISE * noise[2],
+    }
+
+
+def _late(values: Array, lag: float) -> Array:
+    """Values that follow with a lag of so many samples."""
+    from scipy.signal import lfilter
+
+    share = 1.0 - math.exp(-1.0 / lag)
+    found, _ = lfilter([share], [1.0, share - 1.0], values, zi=[values[0] * (1.0 - share)])
+    return np.asarray(found)

@@ -1,19 +1,23 @@
-"""Fleet: many scenarios in one `mujoco.batch.Batch`, each with its own vehicle, water and plan."""
+"""Fleet: simulations that are stepped from outside, many in a batch of MuJoCo's or one by one.
+
+Each has its own vehicle, water and plan. A stepped vehicle is flown by whoever commands it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from mujoco.batch import Batch
 
 from twin.errors import InputError, SimulationUnstable
-from twin.physics.lookup_tables import Plans, tables_of
+from twin.mission.controller import Command, Observation
+from twin.physics.model_block import Plans, tables_of
 from twin.physics.mujoco_model import quiet_mujoco
-from twin.physics.native import block as b
-from twin.physics.outcome import trajectory_of
 from twin.physics.scenario import Scenario
-from twin.physics.simulation import Simulation
+from twin.physics.simulation import Saved, Simulation, observe
+from twin.physics.true_signals import LiveTruth
 from twin.records.trajectory import Trajectory
 
 
@@ -50,8 +54,7 @@ class Fleet:
             Simulation(scenario, tables=table, reserve=largest)
             for scenario, table in zip(scenarios, tables, strict=True)
         ]
-        first = self.simulations[0]
-        self.batch = Batch(first.model, len(scenarios), threads)
+        self.batch = Batch(self.simulations[0].model, len(scenarios), threads)
         self.batch.set_models([s.model for s in self.simulations])
         for name in ("qpos", "qvel", "act", "ctrl", "userdata"):
             values = np.array([getattr(s.data, name) for s in self.simulations])
@@ -75,23 +78,20 @@ class Fleet:
 
     def trajectory(self, index: int) -> Trajectory:
         """Samples of one simulation so far; raises SimulationUnstable with the partial ones."""
-        simulation, userdata = self.simulations[index], self.batch.bind("userdata")[index]
-        simulation.collect(userdata)
-        ours = userdata[: b.STATE_WORDS].view(b.STATE)[0]
-        rows = simulation.collected
-        return trajectory_of(simulation.scenario, simulation.model, rows, ours, index)
+        userdata = self.batch.bind("userdata")[index]
+        return self.simulations[index].trajectory(index, userdata=userdata)
 
     def run(self) -> list[Trajectory | SimulationUnstable]:
         """Step every simulation to the end of the longest and collect all."""
         with quiet_mujoco():
             self.step(self.steps)
-        results: list[Trajectory | SimulationUnstable] = []
-        for index in range(len(self.simulations)):
-            try:
-                results.append(self.trajectory(index))
-            except SimulationUnstable as error:
-                results.append(error)
-        return results
+        return [self._result(index) for index in range(len(self.simulations))]
+
+    def _result(self, index: int) -> Trajectory | SimulationUnstable:
+        try:
+            return self.trajectory(index)
+        except SimulationUnstable as error:
+            return error
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:
@@ -100,16 +100,166 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
     def structure(scenario: Scenario) -> tuple[object, ...]:
         vehicle = scenario.vehicle
         kinds = tuple((part.name, part.kind) for part in vehicle.parts)
-        return kinds, tuple(mass.name for mass in vehicle.masses), vehicle.law.values().size
+        masses = tuple(mass.name for mass in vehicle.masses)
+        return kinds, masses, vehicle.law.values().size, scenario.hydrodynamics
 
     first = scenarios[0]
     for index, scenario in enumerate(scenarios[1:], start=1):
-        if structure(scenario) != structure(first) or (
-            scenario.hydrodynamics != first.hydrodynamics
-        ):
+        if structure(scenario) != structure(first):
             raise InputError(
                 f"a fleet flies vehicles of one kind: scenario 0 has {first.vehicle.name!r} "
                 f"({', '.join(first.vehicle.part_names)}; {first.hydrodynamics}), scenario {index} "
                 f"has {scenario.vehicle.name!r} ({', '.join(scenario.vehicle.part_names)}; "
                 f"{scenario.hydrodynamics}); make a fleet of each, or use simulate_many"
             )
+
+
+_OF_THE_WATER = frozenset(
+    ("true_surge", "true_sway", "true_heave", "true_current_north", "true_current_east",
+     "true_current_down", "true_net_mass", "true_density", "true_immersion")
+)  # fmt: skip
+"""Signals of a log row that only native code knows, when it writes a sample"""
+
+
+class SteppedVehicle:
+    """One vehicle, which stands still until it is stepped.
+
+    Flown seconds are those of `twin.simulate` with the same commands, bit for bit.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Put the vehicle at the start.
+
+        Args:
+          scenario: without a mission, with a `duration`: the longest time that it can fly.
+
+        Raises:
+          InputError: it has a mission, which would command the vehicle too.
+        """
+        if scenario.mission is not None or scenario.navigate is not None:
+            raise InputError(
+                "a stepped vehicle is commanded from outside: leave the mission and navigate out "
+                "of the scenario, and give a duration"
+            )
+        self.vehicle = scenario.vehicle
+        with quiet_mujoco():
+            self._simulation = Simulation(scenario)
+        self._truth = LiveTruth(
+            scenario.vehicle,
+            self._simulation.rows.dtype,
+            half_step=self._simulation.half_step,
+            floor=self._simulation.tables.floor,
+        )
+        self._change = np.zeros(6)
+        self._done = 0
+
+    @property
+    def timestep(self) -> float:
+        """[s] of the physics; every step is a multiple of it."""
+        return float(self._simulation.model.opt.timestep)
+
+    @property
+    def time(self) -> float:
+        """[s] flown."""
+        return float(self._simulation.data.time)
+
+    @property
+    def ended(self) -> bool:
+        """True when the scenario's duration is over, or the state has left the finite numbers."""
+        return self._done >= self._simulation.steps or self._simulation.failed
+
+    def step(self, command: Command, seconds: float | None = None) -> Observation:
+        """Hold a command for some time; what is seen at the end of it.
+
+        Args:
+          command: positions by part; parts left out rest.
+          seconds: [s], rounded to steps of the physics, at least one; None: the vehicle's own
+            control period.
+
+        Raises:
+          InputError: an unknown part, a time that is not positive, or the duration is over.
+        """
+        seconds = self.vehicle.control_period if seconds is None else seconds
+        if not 0.0 < seconds < float("inf"):
+            raise InputError(f"a step takes a time above 0 s, not {seconds:g}")
+        if self.ended:
+            raise InputError(
+                f"the vehicle has flown its duration, {self.time:g} s, or went unstable: "
+                "reset() it, or give a longer duration"
+            )
+        simulation = self._simulation
+        simulation.data.ctrl[:] = command.as_array(self.vehicle)
+        steps = max(1, round(seconds / self.timestep))
+        steps = min(steps, simulation.steps - self._done)
+        simulation.step(steps - 1)
+        before = simulation.data.qvel[:6].copy()
+        simulation.step(1)
+        self._change = (simulation.data.qvel[:6] - before) / self.timestep
+        self._done += steps
+        return self.seen()
+
+    def fly(
+        self,
+        controller: Callable[[Observation], Command],
+        seconds: float,
+        *,
+        pace: float = 0.0,
+        every: float | None = None,
+    ) -> None:
+        """Let a controller fly for some time.
+
+        Args:
+          controller: called before each step with what is seen.
+          seconds: [s] of the vehicle's time.
+          pace: seconds of the vehicle per second of the clock: 1 is real time, 0.5 half as fast; 0
+            is as fast as it goes.
+          every: [s] between two calls; None: the vehicle's control period.
+        """
+        begun, first = time.monotonic(), self.time
+        while self.time - first < seconds - 0.5 * self.timestep and not self.ended:
+            if pace > 0.0:
+                time.sleep(max(0.0, begun + (self.time - first) / pace - time.monotonic()))
+            self.step(controller(self.seen()), every)
+
+    def seen(self) -> Observation:
+        """Observation of a controller now."""
+        simulation = self._simulation
+        return observe(simulation.data, self.vehicle, simulation.tables.floor)
+
+    def state(self) -> dict[str, float]:
+        """Position, velocity over ground, attitude, rates, specific force and the parts now, by the
+        names `true_north` ... of a store, in its units; forces are those of the last step."""
+        data = self._simulation.data
+        row = np.zeros(1, self._simulation.rows.dtype)[0]
+        for name, values in (("qpos", data.qpos), ("qvel", data.qvel)):
+            row[name] = values
+        row["act"], row["ctrl"] = data.act, data.ctrl
+        signals = self._truth.sample(row, self._change)
+        return {name: value for name, value in signals.items() if name not in _OF_THE_WATER}
+
+    def failsafe(self) -> Command:
+        """Command of a vehicle that nobody commands: its parts rest, and those that can bring it
+        up do."""
+        return Command(**{part.name: part.failsafe for part in self.vehicle.parts})
+
+    def saved(self) -> tuple[Saved, int]:
+        """Where it is, to go on from there later by `restore`."""
+        return self._simulation.saved(), self._done
+
+    def restore(self, saved: tuple[Saved, int]) -> None:
+        """Go on from what `saved` gave."""
+        self._simulation.restore(saved[0])
+        self._done = saved[1]
+
+    def reset(self) -> None:
+        """Back to the start, with an empty log."""
+        self._simulation.reset()
+        self._change, self._done = np.zeros(6), 0
+
+    def trajectory(self) -> Trajectory:
+        """Trajectory flown so far, as of `twin.simulate`.
+
+        Raises:
+          SimulationUnstable: the run went unstable; `partial` holds the finite samples.
+        """
+        return self._simulation.trajectory()

@@ -28,10 +28,9 @@ from twin.mission.controller import FollowedPositions
 from twin.mission.mission_file import GAINS, GUIDANCE_STATE
 from twin.numbers import Array
 from twin.physics.condition import conditions_of, write_instruments
-from twin.physics.lookup_tables import Plans, Tables, tables_of
-from twin.physics.mujoco_model import with_hydrodynamics
+from twin.physics.model_block import Plans, Tables, steps_per_sample, tables_of
+from twin.physics.mujoco_model import obstacle_names, with_hydrodynamics
 from twin.physics.native import block as b
-from twin.physics.obstacles import obstacle_names
 from twin.physics.outcome import trajectory
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
@@ -64,7 +63,7 @@ class Aground(FloorError):
 
 
 LaneResult = Trajectory | SimulationUnstable | Aground
-"""What comes of one lane"""
+"""Result of one lane"""
 
 
 class Lane:
@@ -98,19 +97,21 @@ class Lane:
             vehicle, neutral_volume=volume, zeros=scenario.encoder_zeros
         )
         self.conditions = conditions_of(scenario, self.duration)
-        self.timestep = scenario.timestep or file_timestep(vehicle)
+        self.timestep = step = scenario.timestep or file_timestep(vehicle)
         if scenario.timestep is not None:
             stiff = stiffness_in(scenario, vehicle, self.tables)
             if stiff is not None:
-                stiff.check(self.timestep)
-        self.per_sample = _whole(scenario.sample_period, self.timestep)
+                stiff.check(step)
+        if not 0.0 < step <= LONGEST_STEP:
+            raise InputError(f"timestep {step:g} s is outside 0 to {LONGEST_STEP:g} s")
+        self.per_sample = steps_per_sample(scenario.sample_period, step)
         self.samples = math.floor(self.duration / scenario.sample_period + 1e-9) + 1
         self.joints = _driving(vehicle.xml)
         self.row = b.log_row(7 + len(self.joints), 6 + len(self.joints), len(vehicle.parts))
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What scenarios of one block share."""
+        """Properties that scenarios of one block share."""
         return self.structure, self.timestep, self.per_sample, self.joints
 
     def changes(self) -> list[tuple[int, Condition]]:
@@ -180,12 +181,11 @@ def _response(vehicle: Vehicle) -> dict[str, Any]:
 
 def _check(scenario: Scenario, vehicle: Vehicle) -> None:
     """Refuse what lanes cannot do, by its name."""
-    reasons = {
-        "navigate": scenario.navigate is not None,
-        "integrator": scenario.integrator is not None,
-        "centred=False": not scenario.centred,
-    }
-    for name, there in reasons.items():
+    for name, there in (
+        ("navigate", scenario.navigate is not None),
+        ("integrator", scenario.integrator is not None),
+        ("centred=False", not scenario.centred),
+    ):
         if there:
             raise InputError(
                 f"scenario: {name} is not possible with engine='lanes', which has an integrator of "
@@ -205,29 +205,13 @@ def refuse_obstacles(vehicle: Vehicle) -> None:
         )
 
 
-def _whole(period: float, step: float) -> int:
-    steps = period / step
-    if not 0.0 < step <= LONGEST_STEP:
-        raise InputError(f"timestep {step:g} s is outside 0 to {LONGEST_STEP:g} s")
-    if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
-        nearest = max(1, round(steps)) * step
-        raise InputError(
-            f"sample period {period:g} s is not a whole number of steps of {step:g} s; the nearest "
-            f"is {nearest:g} s"
-        )
-    return round(steps)
-
-
 @functools.lru_cache(maxsize=64)
 def _driving(xml: str) -> tuple[int, ...]:
     """Part that drives each joint of the file, in the order of MuJoCo's positions."""
     root = ElementTree.fromstring(xml)
+    actuators = enumerate(root.findall("actuator/*"))
+    by_joint = {actuator.get("joint"): index for index, actuator in actuators}
     names = [joint.get("name") for joint in root.iter("joint") if joint.get("name")]
-    actuators = root.find("actuator")
-    by_joint = {
-        actuator.get("joint"): index
-        for index, actuator in enumerate(actuators if actuators is not None else ())
-    }
     return tuple(by_joint[name] for name in names if name in by_joint)
 
 
@@ -252,7 +236,7 @@ class LaneBlock:
         self._tables(filled, begin)
 
     def _tables(self, filled: Sequence[Lane], begin: Array) -> None:
-        """What guidance and water read, of every lane."""
+        """Tables that guidance and water read, of every lane."""
         count = len(filled)
         plans = [lane.tables.plan for lane in filled]
         self.plan_rows = np.array([len(plan) for plan in plans])
@@ -327,7 +311,11 @@ class LaneBlock:
                 taken[k] = logged
             if alive == 0:
                 break
-        return [(rows[: taken[k]].view(kept)[:, 0], self._ours(k)) for k, rows in enumerate(found)]
+        ours = np.zeros(len(found), b.STATE)
+        for k, one in enumerate(ours):
+            one["failed"], one["fail_time"] = self.counts[k, [ln.FAILED, ln.FAIL_TIME]]
+            one["guidance"] = self.guided[k]
+        return [(rows[: taken[k]].view(kept)[:, 0], ours[k]) for k, rows in enumerate(found)]
 
     def _become(self, k: int, condition: Condition) -> None:
         """Let a lane's vehicle be how it is from now on."""
@@ -335,12 +323,6 @@ class LaneBlock:
         column = rows[:, k].copy()
         self.lanes[k].become(column, self.gains[k], condition)
         rows[:, k] = column
-
-    def _ours(self, k: int) -> Any:
-        ours = np.zeros(1, b.STATE)[0]
-        ours["failed"], ours["fail_time"] = self.counts[k, [ln.FAILED, ln.FAIL_TIME]]
-        ours["guidance"] = self.guided[k]
-        return ours
 
 
 def joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
@@ -438,31 +420,21 @@ def _flown(
     *,
     lean: bool = False,
 ) -> Iterator[tuple[int, LaneResult]]:
-    """What comes of the lanes of one block; errors name each by its number."""
+    """Results of the lanes of one block; errors name each by its number."""
     block = LaneBlock([lanes[index] for index in members])
     logs = block.fly(lean)[::-1]
     for k, index in enumerate(members):
         rows, ours = logs.pop()  # a log is let go of once it is told
-        yield index, _outcome(lanes[index], rows, ours, block.counts[k], numbers[index], lean)
-
-
-def _outcome(
-    lane: Lane, rows: NDArray[Any], ours: Any, counts: Array, index: int | None, lean: bool
-) -> LaneResult:
-    """What one lane flew."""
-    if not math.isnan(counts[ln.FLOOR_TIME]):
-        return Aground(index, float(counts[ln.FLOOR_TIME]))
-    try:
-        return trajectory(
-            lane.scenario,
-            rows,
-            ours,
-            index,
-            timestep=lane.timestep,
-            half_step=0.0,
-            floor=lane.tables.floor,
-            contacts=False,
-            lean=lean,
-        )
-    except SimulationUnstable as error:
-        return error
+        lane, touched = lanes[index], float(block.counts[k, ln.FLOOR_TIME])
+        found: LaneResult
+        if math.isnan(touched):
+            try:
+                found = trajectory(
+                    lane.scenario, rows, ours, numbers[index], timestep=lane.timestep,
+                    half_step=0.0, floor=lane.tables.floor, contacts=False, lean=lean,
+                )  # fmt: skip
+            except SimulationUnstable as error:
+                found = error
+        else:
+            found = Aground(numbers[index], touched)
+        yield index, found

@@ -2,26 +2,136 @@
 
 The block lies in the model's own custom numbers, so that it is copied, pickled and freed with it.
 
+Tables: the numbers of a scenario that native code reads. They travel inside the model, so their
+sizes must be known when it is compiled; a fleet gives all its models the size of the largest.
+
 Integration: the integrators, steps and sample periods that a run can have.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 from twin.errors import FloorError, InputError, VehicleError
-from twin.physics.lookup_tables import Tables
+from twin.mission.mission_file import COMPASS_OFFSET
+from twin.numbers import Array
 from twin.physics.native import block as b
-from twin.physics.obstacles import FLOOR_BODY, has_contacts
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS, Part
 from twin.vehicle.vehicle import Vehicle
 
+if TYPE_CHECKING:
+    from twin.physics.scenario import Scenario
+
+_NONE = np.zeros(0)
 RUN_TABLES = ("plan", "current", "density", "temperature", "floor")
 """Tables of a run, in the block's order."""
+FLOOR_BODY = "glider_twin_floor"
+"""Mocap body with the plane that stands for the sea floor under the vehicle"""
+
+
+class Tables(NamedTuple):
+    """The tables of one run; empty ones are not there."""
+
+    plan: Array = np.zeros((0, 0))
+    """mission table or schedule, shape (rows, columns)"""
+    control: float = b.CONTROL_NONE
+    """what the plan is: one of the block's CONTROL_*"""
+    gains: Array | None = None
+    """of a mission, shape (GAINS,)"""
+    current: Array = _NONE
+    """compiled current, see `Current.compile`"""
+    density: Array = _NONE
+    """compiled profile, see `DensityProfile.compile`"""
+    temperature: Array = _NONE
+    """likewise, of hulls that expand; see `DensityProfile.compile_temperature`"""
+    floor: Array = _NONE
+    """compiled sea floor, see `Floor.compile`"""
+
+    @property
+    def words(self) -> int:
+        """Numbers of all tables."""
+        return sum(int(getattr(self, name).size) for name in RUN_TABLES)
+
+
+Plans = dict[tuple[int, int, Any], tuple[Array, Array]]
+"""Compiled plans and gains by mission and believed vehicle (their `id`) and by place"""
+
+
+def tables_of(scenario: Scenario, duration: float, plans: Plans | None = None) -> Tables:
+    """The tables of a scenario that flies for `duration` [s]; reads gridded
+    currents and bathymetry.
+
+    Args:
+      plans: of other scenarios that are still there; what they share is compiled once.
+
+    Raises:
+      MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
+    """
+    from twin.mission import Mission
+    from twin.mission.controller import Schedule
+
+    found: dict[str, Any] = {}
+    if scenario.navigate is not None:
+        pass  # its guidance sees what Python knows on board
+    elif isinstance(scenario.mission, Mission):
+        plans = {} if plans is None else plans
+        believed = scenario.believed_vehicle
+        key = id(scenario.mission), id(believed), scenario.place
+        if key not in plans:
+            plans[key] = scenario.mission_in_metres().compile(believed)
+        plan, gains = plans[key]
+        gains = gains.copy()
+        gains[COMPASS_OFFSET] = scenario.compass_offset
+        found |= {"plan": plan, "control": b.CONTROL_MISSION, "gains": gains}
+    elif isinstance(scenario.mission, Schedule):
+        scenario.mission.check(scenario.vehicle)
+        found |= {"plan": scenario.mission.table(), "control": b.CONTROL_SCHEDULE}
+    if scenario.current is not None:
+        found["current"] = scenario.current.compile(duration, scenario.place)
+    if scenario.density is not None:
+        found["density"] = scenario.density.compile()
+        if scenario.vehicle.hull_thermal_expansion:
+            found["temperature"] = scenario.density.compile_temperature()
+    return Tables(**found, floor=floor_table(scenario, duration))
+
+
+def floor_table(scenario: Scenario, duration: float) -> Array:
+    """The scenario's sea floor, empty without one.
+
+    Raises:
+      FloorError: it cannot be read, or the mission does not begin above it.
+    """
+    if scenario.floor is None:
+        return _NONE
+    from twin.water.floor.lookup import floor_depth
+
+    place = scenario.place if scenario.has_place else None
+    table = scenario.floor.compile(duration, place)
+    start, label = scenario.begin, "the mission starts"
+    bottom = float(floor_depth(table, start.north, start.east))
+    if bottom <= 0.0:
+        other = scenario.floor.other_sense(duration, place)
+        way = "depths downward" if other == "positive=down" else "heights upward"
+        hint = f" (if the file counts {way}, say {other})" if other else ""
+        raise FloorError(f"{label} on land, {-bottom:g} m above the sea: start elsewhere{hint}")
+    if start.depth >= bottom:
+        raise FloorError(
+            f"{label} at a depth of {start.depth:g} m, where the sea floor is at {bottom:g} m: "
+            "start higher up or elsewhere"
+        )
+    for segment in getattr(scenario.mission, "segments", ()):
+        above = getattr(segment, "min_altitude_m", None)
+        if above is not None and bottom <= segment.min_depth_m + above:
+            raise FloorError(
+                f"{label} where the sea is {bottom:g} m deep: dives from min_depth_m = "
+                f"{segment.min_depth_m:g} m that turn min_altitude_m = {above:g} m above the floor "
+                "have no room; start elsewhere, or lower one of the two"
+            )
+    return table
 
 
 def header(model: mujoco.MjModel) -> Any:
@@ -86,6 +196,13 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
     hull = model.body("hull").id
     added_mass = vehicle.added_mass
     inertia = vehicle.static_inertia + sum(mass.inertia for mass in vehicle.masses)
+    floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, FLOOR_BODY)
+
+    def acts(part: Part) -> bool:
+        """Whether a part does more than displace volume at the CB."""
+        heavy = part.native_mass is not None or part.native_wrench is not None
+        return heavy or (part.native_volume is not None and any(part.position))
+
     for name, value in {
         "words": words,
         **{n: getattr(model, n) for n in ("nq", "nv", "nu", "na", "nbody", "nuserdata")},
@@ -105,9 +222,9 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         "rotary_inertia": np.diag(inertia) + np.diag(added_mass)[3:],
         "law": LAWS.code(vehicle.law.kind),
         "law_scaled": float(vehicle.law.density_in_coefficients),
-        "acting": float(any(_acts(part) for part in vehicle.parts)),
+        "acting": float(any(map(acts, vehicle.parts))),
         "control_period": vehicle.control_period,
-        "floor_body": _floor_body(model),
+        "floor_body": -1 if floor < 0 else int(model.body_mocapid[floor]),
         "log_ring": ring,
         "version": b.VERSION,
         "magic": b.MAGIC,
@@ -126,17 +243,9 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
         head[name]["start"], head[name]["size"] = used, 0
 
 
-def _floor_body(model: mujoco.MjModel) -> int:
-    """Place of the sea floor's plane among the mocap bodies; -1 where there is none."""
-    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, FLOOR_BODY)
-    return -1 if found < 0 else int(model.body_mocapid[found])
-
-
-def _acts(part: Part) -> bool:
-    """Whether a part does more than displace volume at the CB."""
-    kind = type(part)
-    elsewhere = kind.native_volume is not None and any(part.position)
-    return elsewhere or kind.native_mass is not None or kind.native_wrench is not None
+def has_contacts(model: mujoco.MjModel) -> bool:
+    """Whether a compiled model has anything that could touch."""
+    return not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
 
 
 def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:
@@ -214,7 +323,7 @@ def _step_lag(lag: float, model: mujoco.MjModel) -> float:
 
 
 def label(vehicle: Vehicle) -> str:
-    """How errors name a vehicle: by its name and its file."""
+    """Name and file of a vehicle, as errors have them."""
     return f"vehicle {vehicle.name!r} ({vehicle.path})"
 
 
@@ -223,6 +332,18 @@ MOST_SAMPLES = 4_000_000
 IMPLICIT_STEP = 0.02
 """[s] longest step at which implicit and implicitfast carry the stiff servos"""
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
+
+
+def steps_per_sample(period: float, step: float) -> int:
+    """Physics steps [s] between samples; raises InputError when they are not a whole number."""
+    steps = period / step
+    if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
+        nearest = max(1, round(steps)) * step
+        raise InputError(
+            f"sample period {period:g} s is not a whole number of steps of {step:g} s; the nearest "
+            f"is {nearest:g} s"
+        )
+    return round(steps)
 
 
 def check_integration(model: mujoco.MjModel, period: float, samples: int, duration: float) -> None:
@@ -254,13 +375,7 @@ def check_integration(model: mujoco.MjModel, period: float, samples: int, durati
             "force of a contact without the battery's stiff servos, which throws the battery "
             "away at the first touch"
         )
-    steps = period / step
-    if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
-        nearest = max(1, round(steps)) * step
-        raise InputError(
-            f"sample period {period:g} s is not a whole number of steps of {step:g} s; the "
-            f"nearest is {nearest:g} s"
-        )
+    steps_per_sample(period, step)
     if samples < 2:
         raise InputError(
             f"a run of {duration:g} s holds fewer than two samples at a sample period of "

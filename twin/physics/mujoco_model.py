@@ -1,12 +1,16 @@
 """MuJoCo model: a vehicle made into the MuJoCo model that the native water acts on.
 
-Silence for MuJoCo's own warnings while our code watches a run.
+Geoms that can collide (`contype` or `conaffinity` not 0) of the vehicle file stay in every run:
+those of static bodies are obstacles, those of the vehicle its shape. A vehicle without such a geom
+collides as a capsule of its hull's length and diameter. Where nothing can be hit, contacts are
+switched off and cost nothing.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import warnings
 from collections.abc import Iterator
 
@@ -15,11 +19,17 @@ import numpy as np
 
 from twin.errors import InputError, VehicleError, unknown_name
 from twin.frames import flip_vector
-from twin.physics.lookup_tables import Tables
-from twin.physics.model_block import fill_block, header, joint_places, label, write_tables
+from twin.physics.model_block import (
+    FLOOR_BODY,
+    Tables,
+    fill_block,
+    header,
+    joint_places,
+    label,
+    write_tables,
+)
 from twin.physics.native import block as b
 from twin.physics.native.install import install
-from twin.physics.obstacles import may_collide, prepare_contacts
 from twin.physics.stiffness import Stiffness, stiffness_of
 from twin.vehicle.laws import LAWS, Ellipsoids
 from twin.vehicle.parts import BatteryHinge
@@ -28,21 +38,28 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 COEFFICIENTS = "coefficients"
 """Hydrodynamics by the vehicle file's own law; else the name of a hull law."""
 INTEGRATORS = {
-    "euler": mujoco.mjtIntegrator.mjINT_EULER,
-    "rk4": mujoco.mjtIntegrator.mjINT_RK4,
-    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+    name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")
+    for name in ("euler", "rk4", "implicit", "implicitfast", "discrete")
 }
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
 """[s]"""
 ELLIPSOID_TIMESTEP = 0.02
 """[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
+HULL_SHAPE = "glider_twin_hull_shape"
+ALL_BITS = 2**31 - 1
+"""contype and conaffinity that meet every geom that can collide at all"""
+BEFORE_FIRST_STEP = -1e5
+"""[m] height of the plane until native code lays it"""
+HIDDEN_GROUP = 5
+GIVES_WAY = 0.2
+"""[s] time constant of the contact with the sea floor, whatever the step: that which the shipped
+step of 0.1 s allows, as of a bed of mud; ours"""
+_OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
 
 def hydrodynamics_names() -> tuple[str, ...]:
-    """What `hydrodynamics` may be: the file's own law by "coefficients", or another by name."""
+    """Values of `hydrodynamics`: the file's own law by "coefficients", or another by name."""
     return (COEFFICIENTS, *LAWS)
 
 
@@ -123,7 +140,7 @@ def compile_model(
         spec.option.integrator = INTEGRATORS[integrator]
     width = len(vehicle.parts)
     joints = sum(1 for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE)
-    row = b.row_words(7 + joints, 6 + joints, width)
+    row = b.log_row(7 + joints, 6 + joints, width).itemsize // 8
     spec.nuserdata = b.STATE_WORDS + (b.RING * row if log else 0)
     words = b.HEADER_WORDS + b.PART_WORDS * width + vehicle.law.values().size
     words += max(tables.words, reserve)
@@ -232,6 +249,88 @@ def _strip(spec: mujoco.MjSpec) -> None:
             spec.delete(site)
 
 
+def may_collide(geom: mujoco.MjsGeom) -> bool:
+    """Whether a geom's masks let it collide with anything."""
+    return bool(geom.contype or geom.conaffinity)
+
+
+@functools.lru_cache(maxsize=64)
+def obstacle_names(xml: str) -> tuple[str, ...]:
+    """Names of what stands in the water of a vehicle file, empty ones too."""
+    spec = mujoco.MjSpec.from_string(xml)
+    return tuple(g.name for g in spec.geoms if may_collide(g) and _is_static(g.parent))
+
+
+def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> None:
+    """Switch contacts on where something can be hit, else off, and give what is missing.
+
+    Args:
+      spec: of the vehicle, changed in place.
+      floor: whether the run has a sea floor; its plane is added.
+
+    Raises:
+      VehicleError: the file has obstacles and switches contacts off.
+    """
+    colliding = [geom for geom in spec.geoms if may_collide(geom)]
+    obstacles = [geom for geom in colliding if _is_static(geom.parent)]
+    touched = {"group": HIDDEN_GROUP, "contype": ALL_BITS, "conaffinity": ALL_BITS}
+    switched_off = bool(spec.option.disableflags & _OFF)
+    if obstacles and switched_off:
+        names = ", ".join(repr(geom.name or "without a name") for geom in obstacles)
+        raise VehicleError(
+            f"{label(vehicle)}: geom {names} stands in the water, and "
+            '<flag contact="disable"/> or constraint="disable" lets the vehicle pass through it: '
+            'leave the flags out, or give a geom that is only drawn contype="0" conaffinity="0"'
+        )
+    if not (floor or obstacles):
+        if len({geom.parent.name for geom in colliding}) < 2:  # MuJoCo need not look for contacts
+            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+            if not (spec.equalities or spec.tendons or any(map(_constrained, spec.joints))):
+                spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        return
+    spec.option.disableflags &= ~_OFF
+    shape = [geom for geom in colliding if geom not in obstacles]
+    if switched_off:
+        for geom in shape:  # the file's parts pass through each other
+            geom.contype, geom.conaffinity = 1, 0
+    if not shape:
+        radius = vehicle.hull_diameter / 2
+        end = max(vehicle.hull_length / 2 - radius, 1e-3)
+        spec.body("hull").add_geom(
+            name=HULL_SHAPE,
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[-end, 0, 0, end, 0, 0],
+            size=[radius, 0, 0],
+            mass=0,
+            **touched,
+        )
+    if floor:
+        body = spec.worldbody.add_body(name=FLOOR_BODY, mocap=True, pos=[0, 0, BEFORE_FIRST_STEP])
+        body.add_geom(
+            name=FLOOR_BODY,
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0, 0, 1],
+            **touched,
+            solref=[GIVES_WAY, 1.0],
+            priority=1,
+        )
+
+
+def _constrained(joint: mujoco.MjsJoint) -> bool:
+    """Whether a joint has limits or dry friction, which are constraints too."""
+    limited = joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE or any(joint.range)
+    return bool(limited or joint.frictionloss)
+
+
+def _is_static(body: mujoco.MjsBody) -> bool:
+    """Whether a body stands still in the world: neither it nor one that carries it has a joint."""
+    while body.parent is not None and body.name != "world":
+        if body.joints:
+            return False
+        body = body.parent
+    return True
+
+
 def _check_free_joint(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
     """Before compiling, which would blame a keyframe for the missing joint."""
     joints = spec.body("hull").joints
@@ -244,42 +343,43 @@ def _check_free_joint(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
 
 def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:
     """The native code relies on the hull coming first and on one activation for each part."""
-    first = model.joint(0) if model.njnt else None
-    if (
-        first is None
-        or first.type[0] != mujoco.mjtJoint.mjJNT_FREE
-        or (model.body(int(first.bodyid[0])).name != "hull")
-    ):
-        raise VehicleError(
-            f"{label(vehicle)}: the first joint must be the free joint of body 'hull' "
-            '(<freejoint name="hull"/>)'
-        )
+
+    def require(kept: object, rule: str) -> None:
+        if not kept:
+            raise VehicleError(f"{label(vehicle)}: {rule}")
+
+    joints = [model.joint(i) for i in range(model.njnt)]
+    require(
+        joints
+        and joints[0].type[0] == mujoco.mjtJoint.mjJNT_FREE
+        and model.body(int(joints[0].bodyid[0])).name == "hull",
+        "the first joint must be the free joint of body 'hull' (<freejoint name=\"hull\"/>)",
+    )
     names = tuple(model.actuator(i).name for i in range(model.nu))
-    if names != vehicle.part_names or model.na != model.nu:
-        raise VehicleError(
-            f"{label(vehicle)}: each actuator must be a part with one activation state "
-            f"(dyntype='user' actdim='1'); found {', '.join(names)} with {model.na} activations"
-        )
-    if model.njnt != 1 + sum((m.slide is not None) + (m.hinge is not None) for m in vehicle.masses):
-        joints = ", ".join(model.joint(i).name or "one without a name" for i in range(model.njnt))
-        raise VehicleError(
-            f"{label(vehicle)}: joints other than the hull's must be slides or hinges of moving "
-            f"masses, each with an actuator; found {joints}"
-        )
+    require(
+        names == vehicle.part_names and model.na == model.nu,
+        "each actuator must be a part with one activation state "
+        f"(dyntype='user' actdim='1'); found {', '.join(names)} with {model.na} activations",
+    )
+    moved = sum((m.slide is not None) + (m.hinge is not None) for m in vehicle.masses)
+    require(
+        model.njnt == 1 + moved,
+        "joints other than the hull's must be slides or hinges of moving masses, each with an "
+        f"actuator; found {', '.join(joint.name or 'one without a name' for joint in joints)}",
+    )
     for index, _ in joint_places(model):
-        joint = model.joint(int(model.actuator_trnid[index, 0]))
-        if joint.stiffness[0] or np.any(joint.damping) or np.any(joint.frictionloss):
-            raise VehicleError(
-                f"{label(vehicle)}: joint {joint.name!r} must be without stiffness, damping and "
-                "frictionloss: the servo of its actuator holds it"
-            )
-    if not np.array_equal(model.M_rowadr[:6], _FREE_JOINT_ROWS):
-        raise VehicleError(f"{label(vehicle)}: body 'hull' must be the first moving body")
-    if model.opt.density != 0 or model.opt.viscosity != 0:
-        raise VehicleError(
-            f"{label(vehicle)}: <option> density and viscosity must be 0: MuJoCo's own "
-            "fluid would act beside ours"
+        joint = joints[int(model.actuator_trnid[index, 0])]
+        require(
+            not (joint.stiffness[0] or np.any(joint.damping) or np.any(joint.frictionloss)),
+            f"joint {joint.name!r} must be without stiffness, damping and frictionloss: the servo "
+            "of its actuator holds it",
         )
+    hull_first = np.array_equal(model.M_rowadr[:6], _FREE_JOINT_ROWS)
+    require(hull_first, "body 'hull' must be the first moving body")
+    require(
+        model.opt.density == 0 and model.opt.viscosity == 0,
+        "<option> density and viscosity must be 0: MuJoCo's own fluid would act beside ours",
+    )
 
 
 def _first_line(error: Exception) -> str:

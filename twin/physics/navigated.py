@@ -43,7 +43,7 @@ ALTITUDE = "measured_altitude"
 
 
 class OnBoard:
-    """What one vehicle knows of its own flight."""
+    """Sensors, navigator and track of one vehicle under way."""
 
     def __init__(
         self,
@@ -104,6 +104,10 @@ class OnBoard:
                 f"the estimator reads {', '.join(missing)}, which the sensors of this vehicle do "
                 f"not measure: choose another estimator or sensors that have it{water}"
             )
+        if settings.bottom_depth is not None and floor.size:
+            raise InputError(
+                "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
+            )
         self._commanded = [n for n in self.navigator.channels if n.startswith("commanded_")]
         self.sensors = LiveSuite(
             suite,
@@ -115,7 +119,7 @@ class OnBoard:
                 latitude=scenario.place.latitude_deg,
                 longitude=scenario.place.longitude_deg,
                 density=scenario.density,
-                bottom_depth=_bottom(settings, floor),
+                bottom_depth=settings.bottom_depth,
                 floor=floor if floor.size else None,
                 current=current if current.size else None,
             ),
@@ -128,7 +132,7 @@ class OnBoard:
         self.belief: NavigationState | None = None
 
     def _missing(self, names: tuple[str, ...]) -> list[str]:
-        """What the estimator reads and the sensors do not measure of these signals."""
+        """Channels of the estimator that the sensors do not measure of these signals."""
         known = {*(entry.name for entry in self._suite.writes(names)), *names}
         return [n for n in self.navigator.channels if n not in known or n.startswith("true_")]
 
@@ -158,30 +162,23 @@ class OnBoard:
         return self._sample[name]
 
     def observe(self, time: float) -> Observation:
-        """What guidance sees at `time` [s], from the last sample."""
+        """Observation of guidance at `time` [s], from the last sample."""
         assert self.belief is not None
         seen, belief = self._sample, self.belief
         roll, pitch, heading = (math.radians(seen[name]) for name in ATTITUDE)
+        roll_rate, pitch_rate, yaw_rate = (seen[name] for name in RATES)
+        parts = {name: seen[f"measured_{name}"] / scale for name, scale in self._scales.items()}
+        navigated = ("north", "east", "current_north", "current_east")
         return Observation(
-            time=time,
-            depth=seen[DEPTH],
-            altitude=self._altitude,
-            roll=roll,
-            pitch=pitch,
-            heading=heading,
-            roll_rate=seen[RATES[0]],
-            pitch_rate=seen[RATES[1]],
-            yaw_rate=seen[RATES[2]],
-            parts={name: seen[f"measured_{name}"] / s for name, s in self._scales.items()},
-            north=belief.north,
-            east=belief.east,
-            current_north=belief.current_north,
-            current_east=belief.current_east,
-            fixed=math.isfinite(seen[FIX[0]] + seen[FIX[1]]),
-        )
+            time=time, depth=seen[DEPTH], altitude=self._altitude,
+            roll=roll, pitch=pitch, heading=heading,
+            roll_rate=roll_rate, pitch_rate=pitch_rate, yaw_rate=yaw_rate,
+            parts=parts, fixed=math.isfinite(seen[FIX[0]] + seen[FIX[1]]),
+            **{name: getattr(belief, name) for name in navigated},
+        )  # fmt: skip
 
     def signals(self) -> dict[str, Array]:
-        """What was measured and believed so far, each (samples,); the on-board track is the
+        """Measured signals and state estimate so far, each (samples,); the on-board track is the
         navigator's."""
         count = self.sensors.count
         north, east = self._track[:, :count].copy()
@@ -212,11 +209,3 @@ def guidance_of(scenario: Scenario) -> MissionController | None:
     if scenario.mission is not None:
         raise InputError("a schedule sees no position: leave navigate out, or fly a mission")
     return None
-
-
-def _bottom(settings: Navigation, floor: Array) -> float | None:
-    if settings.bottom_depth is not None and floor.size:
-        raise InputError(
-            "give a floor or a bottom_depth, not both: the sensors see the scenario's floor"
-        )
-    return settings.bottom_depth

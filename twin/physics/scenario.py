@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -17,8 +17,9 @@ from twin.mission.controller import Schedule
 from twin.navigation.estimators.base import VelocityEstimator
 from twin.navigation.settings import Navigation, navigation_from_dict
 from twin.numbers import number
-from twin.physics.ballast import Ballast
-from twin.physics.start import Start
+from twin.physics.start import Ballast, Start
+from twin.physics.true_signals import ENGINES as ENGINES
+from twin.physics.true_signals import SAMPLE_PERIOD as SAMPLE_PERIOD
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.water.current.axes import FORMER_DEFAULT, Origin
 from twin.water.current.base import Current, current_from_dict
@@ -28,10 +29,8 @@ from twin.water.floor import Floor, floor_from_dict
 SHORTEST, LONGEST = 1e-4, 1e10
 """[s] of a run and between its samples: the shortest step and 300 years, so that every count of
 steps and samples is a whole number."""
-SAMPLE_PERIOD = 0.5
-"""[s], the paper's 2 Hz"""
-ENGINES = ("mujoco", "lanes")
-"""What can fly a scenario; see `twin.physics.lanes`"""
+AS_THEY_ARE = ("hydrodynamics", "timestep", "integrator", "centred", "sample_period")
+"""Fields that a description has as they are"""
 MAKERS = {
     "mission": "load_mission",
     "believed": "load_vehicle",
@@ -51,19 +50,19 @@ class Scenario:
     believed: Vehicle | None = None
     """The vehicle that guidance is trimmed for; None: the real one."""
     ballast: Ballast | None = None
-    """How the vehicle was weighed; None: neutral in water of the reference density."""
+    """Its ballasting; None: neutral in water of the reference density."""
     encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Position of a part when its encoder says 0, by name and in the part's unit; 0 if left out."""
     compass_offset: float = 0.0
-    """What the compass of guidance reads beyond the true heading [rad]."""
+    """Error of the compass of guidance: its reading less the true heading [rad]."""
     mission: Mission | Schedule | None = None
     """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
     faults: Sequence[Fault] = ()
-    """What is wrong with the vehicle, each from a time on; see `twin.faults`"""
+    """Faults of the vehicle, each from a time on; see `twin.faults`"""
     navigate: Navigation | VelocityEstimator | str | None = None
-    """What guidance sees: the truth (None or "truth"), or an on-board estimate: "estimate", the
-    name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation, which
-    says the sensors and their seed too."""
+    """Position that guidance sees: the truth (None or "truth"), or an on-board one: "estimate", the
+    name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation,
+    which has the sensors and their seed too."""
     duration: float | None = None
     """[s]; None takes the mission's own."""
     start: Start | Mapping[str, Any] | None = None
@@ -78,7 +77,7 @@ class Scenario:
     origin: Origin | None = None
     """Geographic position and time of the frame's origin; None: the start's. See `place`."""
     engine: str = "mujoco"
-    """What flies it: "mujoco", or "lanes", the Fossen model for many vehicles side by side."""
+    """Engine: "mujoco", or "lanes", the Fossen model for many vehicles side by side."""
     hydrodynamics: str = "coefficients"
     timestep: float | None = None
     """[s]; None takes the vehicle file's"""
@@ -177,8 +176,8 @@ class Scenario:
 
     def _check_floor(self) -> None:
         """A sea floor on the Earth needs a place, dives that turn above one need a floor."""
+        flown = self.mission
         if self.floor is None:
-            flown = self.mission
             if isinstance(flown, Mission) and flown.needs_floor:
                 raise MissionError(
                     f"mission {flown.name!r} goes by {flown.needs_floor}, and the scenario has no "
@@ -194,11 +193,8 @@ class Scenario:
     @property
     def open_ended(self) -> bool:
         """True when the run ends as soon as its mission is flown."""
-        return (
-            self.duration is None
-            and isinstance(self.mission, Mission)
-            and self.mission.duration_s is None
-        )
+        plan = self.mission
+        return self.duration is None and isinstance(plan, Mission) and plan.duration_s is None
 
     @property
     def begin(self) -> Start:
@@ -269,9 +265,10 @@ class Scenario:
         pinned to the content of their file.
         """
         duration = self.run_time()
-        current = None
-        if self.current is not None:
-            current = self.current.pinned(duration, self.place).describe()
+
+        def pinned(water: Current | Floor | None) -> Any:
+            return None if water is None else water.pinned(duration, self.place).describe()
+
         # a start with a time and no place leaves the origin unsaid
         origin = self.place if self.begin.latitude is not None else self.origin or Origin()
         plan: dict[str, Any] | None = None
@@ -294,18 +291,12 @@ class Scenario:
             "navigate": self.navigate.describe() if isinstance(self.navigate, Navigation) else None,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.begin),
-            "current": current,
+            "current": pinned(self.current),
             "density": None if self.density is None else self.density.describe(),
-            "floor": (
-                None if self.floor is None else self.floor.pinned(duration, self.place).describe()
-            ),
+            "floor": pinned(self.floor),
             "origin": dataclasses.asdict(origin),
             **({} if self.engine == ENGINES[0] else {"engine": self.engine}),
-            "hydrodynamics": self.hydrodynamics,
-            "timestep": self.timestep,
-            "integrator": self.integrator,
-            "centred": self.centred,
-            "sample_period": self.sample_period,
+            **{name: getattr(self, name) for name in AS_THEY_ARE},
         }
 
 
@@ -325,9 +316,11 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         fields = {key: value for key, value in data["plan"].items() if key != "kind"}
         mission = data["plan"]["kind"] == "mission"
         plan = Mission.from_dict(fields) if mission else Schedule(**fields)
-    current = data["current"]
-    believed, ballast = data.get("believed"), data.get("ballast")
-    navigate = data.get("navigate")
+
+    def made(name: str, make: Callable[[Any], Any]) -> Any:
+        value = data.get(name)
+        return None if value is None else make(value)
+
     start = None if data["start"] is None else Start(**data["start"])
     # where the start has a place, the description's origin repeats it
     origin = None if start is not None and start.latitude is not None else data["origin"]
@@ -335,23 +328,19 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
         origin = None  # nobody had said it
     return Scenario(
         vehicle=vehicle.with_changes(entry["changes"]),
-        believed=None if believed is None else vehicle.with_changes(believed),
-        ballast=None if ballast is None else Ballast(**ballast),
+        believed=made("believed", vehicle.with_changes),
+        ballast=made("ballast", lambda fields: Ballast(**fields)),
         encoder_zeros=data.get("encoder_zeros", {}),
         compass_offset=data.get("compass_offset", 0.0),
         faults=tuple(fault_from_dict(fault) for fault in data.get("faults", ())),
         mission=plan,
-        navigate=None if navigate is None else navigation_from_dict(navigate),
+        navigate=made("navigate", navigation_from_dict),
         duration=data["duration"],
         start=start,
-        current=None if current is None else current_from_dict(current),
-        density=None if data["density"] is None else DensityProfile(**data["density"]),
-        floor=None if data.get("floor") is None else floor_from_dict(data["floor"]),
+        current=made("current", current_from_dict),
+        density=made("density", lambda fields: DensityProfile(**fields)),
+        floor=made("floor", floor_from_dict),
         origin=None if origin is None else Origin(**origin),
         engine=data.get("engine", ENGINES[0]),
-        hydrodynamics=data["hydrodynamics"],
-        timestep=data["timestep"],
-        integrator=data["integrator"],
-        centred=data["centred"],
-        sample_period=data["sample_period"],
+        **{name: data[name] for name in AS_THEY_ARE},
     )

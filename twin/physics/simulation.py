@@ -13,21 +13,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable, TwinError
-from twin.frames import flip_quaternion, flip_vector
+from twin.frames import flip_quaternion, flip_vector, quaternion_to_euler
 from twin.mission.controller import Command, Controller, Observation, misread
 from twin.mission.guidance import new_state
 from twin.mission.mission_file import DONE
 from twin.mission.segments.base import surfaced_depth
 from twin.numbers import Array
-from twin.physics.condition import become, conditions_of, healthy
-from twin.physics.initial_state import apply_real_vehicle, set_start, stagger
-from twin.physics.lookup_tables import Tables, tables_of
-from twin.physics.model_block import check_integration, header, state
+from twin.physics import outcome
+from twin.physics.condition import (
+    apply_real_vehicle,
+    become,
+    conditions_of,
+    healthy,
+    set_start,
+    stagger,
+)
+from twin.physics.model_block import (
+    Tables,
+    check_integration,
+    has_contacts,
+    header,
+    state,
+    table,
+    tables_of,
+)
 from twin.physics.mujoco_model import compile_model, quiet_mujoco, with_hydrodynamics
 from twin.physics.native import block as b
-from twin.physics.outcome import trajectory_of
 from twin.physics.scenario import Scenario
-from twin.physics.start import Start
 from twin.physics.stiffness import stiffness_in
 from twin.records.trajectory import INNOVATIONS, Trajectory
 from twin.vehicle.vehicle import Vehicle
@@ -40,10 +52,8 @@ STEPS_PER_CALL = 20_000
 """Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
 END_CHECK_PERIOD = 30.0
 """[s] between looks whether a mission without a duration has been flown"""
-
-
 _WHOLE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""What MuJoCo's next step depends on, our words in userdata too"""
+"""Signature of all that MuJoCo's next step depends on, our words in userdata too"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,6 +100,7 @@ class Simulation:
             )
         self.scenario = scenario
         self.duration = scenario.run_time()
+        self._samples = math.floor(self.duration / scenario.sample_period + 1e-9) + 1
         self.tables = tables_of(scenario, self.duration) if tables is None else tables
         vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
         stiff = stiffness_in(scenario, vehicle, self.tables)
@@ -107,32 +118,26 @@ class Simulation:
         )
         if stiff is not None and header(self.model)["centred"]:
             stiff.check(float(self.model.opt.timestep))
-        check_integration(self.model, scenario.sample_period, self._samples(), self.duration)
+        check_integration(self.model, scenario.sample_period, self._samples, self.duration)
         model = self.model
         self._row = b.log_row(model.nq, model.nv, model.nu)
-        self._collected = np.zeros(self._samples(), self._row)
+        self._collected = np.zeros(self._samples, self._row)
         self._count = 0
-        self._write_header()
+        head = header(model)
+        head["log_samples"], head["log_period"] = self._samples, scenario.sample_period
         self._nominal = (model.qpos0.copy(), float(header(model)["neutral_volume"]))
         self.data = mujoco.MjData(model)
         self._conditions = conditions_of(scenario, self.duration)
         self._became = 0
         self.on_board: OnBoard | None = None
-        """What was known on board, of a navigated run."""
+        """Knowledge on board, of a navigated run."""
         self.reset()
-
-    def _samples(self) -> int:
-        return math.floor(self.duration / self.scenario.sample_period + 1e-9) + 1
 
     @property
     def steps(self) -> int:
         """Steps of the whole run: the last sample is logged by the one before last, and the last
         one fills in its acceleration."""
         return math.ceil(self.duration / self.model.opt.timestep - 1e-9) + 2
-
-    def _write_header(self) -> None:
-        head = header(self.model)
-        head["log_samples"], head["log_period"] = self._samples(), self.scenario.sample_period
 
     # --- the log ------------------------------------------------------------------------------
 
@@ -233,10 +238,6 @@ class Simulation:
 
     # --- the run ------------------------------------------------------------------------------
 
-    def start(self) -> Start:
-        """The scenario's start, or the mission's: see `Scenario.begin`."""
-        return self.scenario.begin
-
     def reset(self) -> None:
         """Back to the start, with an empty log."""
         if self._became:  # the model is that of a later time
@@ -245,29 +246,22 @@ class Simulation:
         # the start is the nominal vehicle's; its errors act from there on
         self.model.qpos0[:], header(self.model)["neutral_volume"] = self._nominal
         mujoco.mj_resetData(self.model, self.data)
-        set_start(self.model, self.data, self.start(), self._current_at_start())
+        start, flow = self.scenario.begin, np.zeros(3)
+        if self.tables.current.size:
+            from twin.water.current.sampler import sample
+
+            place = (start.north, start.east, start.depth)
+            flow[:] = sample(self.tables.current, 0.0, *place, 0.0, 0.0, 0.0)[:3]
+        set_start(self.model, self.data, start, flow)
         if header(self.model)["centred"]:
             stagger(self.model, self.data)
         scenario = self.scenario
         apply_real_vehicle(
-            self.model,
-            scenario.vehicle,
-            ballast=scenario.ballast,
-            density=scenario.density,
+            self.model, scenario.vehicle, ballast=scenario.ballast, density=scenario.density,
             encoder_zeros=scenario.encoder_zeros,
-        )
+        )  # fmt: skip
         self._count = 0
         self.on_board = None
-
-    def _current_at_start(self) -> Array:
-        program, start = self.tables.current, self.start()
-        if not program.size:
-            return np.zeros(3)
-        from twin.water.current.sampler import sample
-
-        return np.array(
-            sample(program, 0.0, start.north, start.east, start.depth, 0.0, 0.0, 0.0)[:3]
-        )
 
     def run(
         self, controller: Controller | None = None, *, mission: int | None = None
@@ -335,7 +329,7 @@ class Simulation:
             scenario.vehicle, self._row, half_step=self.half_step, floor=self.tables.floor
         )
         self.on_board = OnBoard(
-            scenario, truth.names, self._samples(), floor=self.tables.floor,
+            scenario, truth.names, self._samples, floor=self.tables.floor,
             current=self.tables.current,
         )  # fmt: skip
         command = controller or guidance
@@ -350,7 +344,7 @@ class Simulation:
             self.step(count)
             done += count
             at = done - 1
-            if at % per_sample == 0 and at // per_sample < self._samples():
+            if at % per_sample == 0 and at // per_sample < self._samples:
                 row = self._collected[at // per_sample]
                 change = (self.data.qvel[:6] - row["qvel"][:6]) / timestep
                 self.on_board.take(truth.sample(row, change))
@@ -376,14 +370,25 @@ class Simulation:
         """True once the state has left the finite numbers."""
         return bool(state(self.data)["failed"])
 
-    def trajectory(self, mission: int | None = None) -> Trajectory:
+    def trajectory(
+        self, mission: int | None = None, *, userdata: Array | None = None
+    ) -> Trajectory:
         """The samples so far.
+
+        Args:
+          mission: index that an error names. userdata: of the simulation that was stepped, None:
+            its own.
 
         Raises:
           SimulationUnstable: the run went unstable; `partial` holds the finite samples.
         """
-        self.collect(self.data.userdata)
-        found = trajectory_of(self.scenario, self.model, self.collected, state(self.data), mission)
+        userdata = self.data.userdata if userdata is None else userdata
+        self.collect(userdata)
+        found = outcome.trajectory(
+            self.scenario, self.collected, userdata[: b.STATE_WORDS].view(b.STATE)[0], mission,
+            timestep=self.model.opt.timestep, half_step=self.half_step,
+            floor=table(self.model, "floor"), contacts=has_contacts(self.model),
+        )  # fmt: skip
         if self.on_board is not None:
             found.signals.update(self.on_board.signals())
             found.provenance[INNOVATIONS] = self.on_board.innovations()
@@ -391,30 +396,30 @@ class Simulation:
 
 
 def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
-    """What a Python controller sees now: pose, rates and positions of the parts, NED and FRD.
+    """Observation of a Python controller now: pose, rates and positions of the parts, NED and FRD.
 
     `floor` is the table of the sea floor, empty without one.
     """
-    from twin.frames import quaternion_to_euler
     from twin.water.floor.lookup import floor_depth
 
     roll, pitch, heading = quaternion_to_euler(flip_quaternion(data.qpos[3:7]))
     altitude = math.inf
     if floor.size:
         altitude = float(floor_depth(floor, data.qpos[0], -data.qpos[1]) + data.qpos[2])
-    p, q, r = flip_vector(data.qvel[3:6])
+    p, q, r = flip_vector(data.qvel[3:6]).tolist()
+    north, east, depth = flip_vector(data.qpos[:3]).tolist()
     return Observation(
         time=float(data.time),
-        depth=float(-data.qpos[2]),
+        depth=depth,
         altitude=altitude,
         roll=float(roll),
         pitch=float(pitch),
         heading=float(heading),
-        roll_rate=float(p),
-        pitch_rate=float(q),
-        yaw_rate=float(r),
-        north=float(data.qpos[0]),
-        east=float(-data.qpos[1]),
+        roll_rate=p,
+        pitch_rate=q,
+        yaw_rate=r,
+        north=north,
+        east=east,
         parts=dict(zip(vehicle.part_names, data.act.tolist(), strict=True)),
     )
 

@@ -19,20 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InaccurateStep, MissionError, StepTooLong, VehicleError
-from twin.mission import Mission
 from twin.mission import mission_file as g
-from twin.mission.glide_balance import left_over, mass_matrix
-from twin.mission.way import level_way, way
 from twin.physics.native import block as b
 from twin.vehicle.mjcf import MjcfReader
 
 if TYPE_CHECKING:
-    from twin.physics.lookup_tables import Tables
+    from twin.physics.model_block import Tables
     from twin.physics.scenario import Scenario
     from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
 SMALL = 1e-5
 """[m/s] of the differences by a velocity"""
 TURNING = 0.2
@@ -69,7 +65,7 @@ class Stiffness:
         return ACCURATE / self.rest if self.rest > 0.0 else math.inf
 
     def too_long(self, timestep: float) -> str:
-        """What a step [s] beyond the longest does; empty for one within it."""
+        """Warning of a step [s] beyond the longest; empty for one within it."""
         if timestep <= self.longest:
             return ""
         unstable = timestep * self.rest > STABLE
@@ -94,7 +90,9 @@ class Stiffness:
 
 
 def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> Stiffness:
-    """Of a straight way at a speed [m/s] and an angle of attack [rad], its parts at rest."""
+    """Stiffness of a straight leg at a speed [m/s] and an angle of attack [rad], parts at rest."""
+    from twin.mission.glide_balance import left_over, mass_matrix
+
     position = vehicle.rest
     velocity = speed * np.array([math.cos(angle_of_attack), 0.0, math.sin(angle_of_attack)])
     nu, down = np.concatenate([velocity, np.zeros(3)]), np.array([0.0, 0.0, 1.0])
@@ -118,6 +116,8 @@ def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> S
 
 def usual_way(vehicle: Vehicle) -> tuple[float, float]:
     """Speed [m/s] and angle of attack [rad] of the usual glide, or of the cruise of a propeller."""
+    from twin.mission.way import level_way, way
+
     label = f"vehicle {vehicle.name!r}"
     if vehicle.steered("speed") is not None:
         flown = level_way(vehicle, label, None)
@@ -150,7 +150,7 @@ def planned_way(plan: Array) -> tuple[float, float] | None:
 def stiffness_of(
     vehicle: Vehicle, plan: Array | None = None, *, start: float = 0.0
 ) -> Stiffness | None:
-    """Of the fastest that a vehicle is known to go; None where nothing says how it flies.
+    """Stiffness at the largest known speed of a vehicle; None where nothing says how it flies.
 
     Args:
       plan: table of its mission, see `Mission.compile`; without ways in one the usual way counts.
@@ -167,7 +167,9 @@ def stiffness_of(
 
 
 def stiffness_in(scenario: Scenario, vehicle: Vehicle, tables: Tables) -> Stiffness | None:
-    """Of a scenario's vehicle at the fastest that it is known to go there."""
+    """Stiffness of a scenario's vehicle at its largest known speed there."""
+    from twin.mission import Mission
+
     plan = tables.plan if tables.control == b.CONTROL_MISSION else None
     if scenario.navigate is not None and isinstance(scenario.mission, Mission):
         plan, _ = scenario.mission_in_metres().compile(scenario.believed_vehicle)

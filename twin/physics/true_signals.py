@@ -25,6 +25,10 @@ from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.vehicle import Vehicle
 from twin.water.floor.lookup import floor_depth, floor_depths
 
+SAMPLE_PERIOD = 0.5
+"""[s], the paper's 2 Hz"""
+ENGINES = ("mujoco", "lanes")
+"""What can fly a scenario; see `twin.physics.lanes`"""
 UNITS = frozenset(row.units for row in TABLE)
 """Units whose values have limits"""
 ENERGIES = (0.0, 1e10)
@@ -204,7 +208,7 @@ def from_log(
 def specific_force(
     to_ned: Array, acceleration: Array, rates: Array, spin: Array, vehicle: Vehicle
 ) -> Array:
-    """What an accelerometer at the IMU site feels [m/s2], body FRD, shape (time, 3).
+    """Specific force at the IMU site [m/s2], body FRD, shape (time, 3).
 
     a_CB - g in body axes plus the lever arm: spin x r + omega x (omega x r). At rest and level it
     is (0, 0, -g).
@@ -233,7 +237,7 @@ class LiveTruth:
         still = np.zeros(1, row)[0]
         still["qpos"][3] = 1.0
         self.names = tuple(self.sample(still, np.zeros(6)))
-        """Of the signals."""
+        """Names of the signals."""
 
     def sample(self, row: Any, acceleration: Array) -> dict[str, float]:
         """Signals by schema name, angles in degrees.

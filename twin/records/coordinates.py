@@ -69,52 +69,32 @@ LOGGED = {
 }
 """Added to latitude and longitude of logs"""
 
+
+def _described(standard: str, long_name: str, units: str, **more: Any) -> dict[str, Any]:
+    return {"standard_name": standard, "long_name": long_name, "units": units, **more}
+
+
 ATTRIBUTES: Mapping[str, Mapping[str, Any]] = {
-    DATETIME: {
-        "standard_name": "time",
-        "long_name": "date and time, UTC",
-        "units": "milliseconds since 1970-01-01",
-        "calendar": "standard",
-        "axis": "T",
-        "_FillValue": int(NO_TIME),
-    },
-    LATITUDE: {
-        "standard_name": "latitude",
-        "long_name": "latitude",
-        "units": "degree_north",
-        "axis": "Y",
-    },
-    LONGITUDE: {
-        "standard_name": "longitude",
-        "long_name": "longitude",
-        "units": "degree_east",
-        "axis": "X",
-    },
-    START_TIME: {
-        "standard_name": "time",
-        "long_name": "start time of the mission, UTC",
-        "units": "seconds since 1970-01-01",
-        "calendar": "standard",
-    },
-    START_LATITUDE: {
-        "standard_name": "latitude",
-        "long_name": "latitude of the start of the mission",
-        "units": "degree_north",
-    },
-    START_LONGITUDE: {
-        "standard_name": "longitude",
-        "long_name": "longitude of the start of the mission",
-        "units": "degree_east",
-    },
-}
+    DATETIME: _described(
+        "time", "date and time, UTC", "milliseconds since 1970-01-01",
+        calendar="standard", axis="T", _FillValue=int(NO_TIME),
+    ),
+    LATITUDE: _described("latitude", "latitude", "degree_north", axis="Y"),
+    LONGITUDE: _described("longitude", "longitude", "degree_east", axis="X"),
+    START_TIME: _described(
+        "time", "start time of the mission, UTC", "seconds since 1970-01-01", calendar="standard"
+    ),
+    START_LATITUDE: _described(
+        "latitude", "latitude of the start of the mission", "degree_north"
+    ),
+    START_LONGITUDE: _described(
+        "longitude", "longitude of the start of the mission", "degree_east"
+    ),
+}  # fmt: skip
 """CF attributes of each coordinate, as stores hold them"""
 FLOWN = {"comment": "of the true track"}
 """Added to latitude and longitude of simulated missions"""
-COORDINATE_DTYPES = {
-    DATETIME: np.dtype("<i8"),
-    LATITUDE: np.dtype("<f8"),
-    LONGITUDE: np.dtype("<f8"),
-}
+COORDINATE_DTYPES = {name: np.dtype("<i8" if name == DATETIME else "<f8") for name in COORDINATES}
 """In stores"""
 
 
@@ -216,14 +196,9 @@ def place_arrays(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     arrays: dict[str, Any] = {}
     for name in PLACE:
         if any(name in one for one in provenances):
-            values = np.array(
-                [
-                    unix_seconds(one.get(name)) if name == START_TIME else one.get(name, np.nan)
-                    for one in provenances
-                ],
-                float,
-            )
-            arrays[name] = (MISSION, values, dict(ATTRIBUTES[name]))
+            found = [one.get(name, None if name == START_TIME else np.nan) for one in provenances]
+            values = [*map(unix_seconds, found)] if name == START_TIME else found
+            arrays[name] = (MISSION, np.array(values, float), dict(ATTRIBUTES[name]))
     return arrays
 
 
@@ -241,10 +216,6 @@ def method_array(methods: Sequence[str]) -> Any:
     return MISSION, flags, dict(METHOD_ATTRIBUTES)
 
 
-_OF_PLACE = (START_LATITUDE, START_LONGITUDE, START_TIME, NOMINAL)
-"""Arrays that `read_place` reads"""
-
-
 def read_place(one: xr.Dataset) -> dict[str, float | str]:
     """What a store says about one mission, as provenance; its times decoded or not.
 
@@ -252,7 +223,7 @@ def read_place(one: xr.Dataset) -> dict[str, float | str]:
       StoreError: an array that says it cannot be decoded.
     """
     try:
-        one = one[[name for name in _OF_PLACE if name in one]].load()
+        one = one[[name for name in (*PLACE, NOMINAL) if name in one]].load()
     except Exception as error:  # whatever a decoder raises means damaged files
         why = " ".join(str(error).split()) or type(error).__name__
         raise StoreError(

@@ -37,7 +37,7 @@ from twin.records.coordinates import (
 from twin.records.reader import MissionStore
 from twin.records.schema import VARIABLES
 from twin.records.storage.store_path import StorePath
-from twin.records.trajectory import Trajectory, actuator_names
+from twin.records.trajectory import Trajectory, actuator_names, cumulative
 from twin.water.current.axes import HIGHEST_LATITUDE
 
 NANOSECONDS = 1e9
@@ -82,18 +82,16 @@ def log_rows(store: MissionStore) -> list[LogRow]:
     deployments = store.array(DEPLOYMENT) if DEPLOYMENT in store else [""] * count
     starts, durations = start_times(store), numbers(store, DIVE_DURATION)
     driven = np.nan_to_num(numbers(store, THRUSTER_FRACTION))
-    moved = np.stack([numbers(store, f"displacement_{n}") for n in ("north", "east")], axis=1)
+    moved = (numbers(store, f"displacement_{name}").tolist() for name in ("north", "east"))
     return [
         LogRow(
             deployment=str(deployments[k]),
             start=float(starts[k]),
             duration=float(durations[k]),
-            displacement=(
-                (float(moved[k, 0]), float(moved[k, 1])) if np.isfinite(moved[k]).all() else None
-            ),
+            displacement=between if np.isfinite(between).all() else None,
             driven=float(driven[k]),
         )
-        for k in range(count)
+        for k, between in enumerate(zip(*moved, strict=True))
     ]
 
 
@@ -216,25 +214,19 @@ class LogStore(MissionStore):
         own track where it logged one, else a straight line in time between the two fixes. NaN where
         neither is known.
         """
+        count = int(self.samples[mission])
         if LATITUDE in self:
-            count = int(self.samples[mission])
             latitude, longitude = (
                 self.row(name, mission)[:count].astype(float) for name in (LATITUDE, LONGITUDE)
             )
             word = self.flags(METHOD)[int(self.array(METHOD)[mission])]
             return latitude, longitude, METHODS[word]
-        return self._positions_without(mission)
-
-    def _positions_without(self, mission: int) -> tuple[Array, Array, str]:
-        """The same of a store that holds none."""
         start, end = self.fixes(mission)
-        count = int(self.samples[mission])
-        if not np.isfinite(start).all():
-            return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
         north, east = (self.signal(f"measured_onboard_{n}", mission) for n in ("north", "east"))
-        if np.isfinite(north).any() and abs(start[0]) <= HIGHEST_LATITUDE:
+        known = np.isfinite(start).all() and np.isfinite(north).any()
+        if known and abs(start[0]) <= HIGHEST_LATITUDE:
             return *position(north, east, *start), "on-board track"
-        if not np.isfinite(end).all():
+        if not np.isfinite((*start, *end)).all():
             return np.full(count, np.nan), np.full(count, np.nan), METHODS["unknown"]
         share = np.linspace(0.0, 1.0, count)
         turn = (end[1] - start[1] + 180.0) % 360.0 - 180.0
@@ -276,8 +268,7 @@ class LoggedTrajectory(Trajectory):
         """Path length through the water [m] up to each sample, shape (time,); without the samples
         whose speed is unknown."""
         speed = np.nan_to_num(np.linalg.norm(self.v_rel, axis=-1), nan=0.0)
-        steps = np.diff(self.time) * (speed[1:] + speed[:-1]) / 2
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return cumulative(speed, self.time)
 
 
 def source_of(trajectory: Trajectory, name: str, default: str) -> str:

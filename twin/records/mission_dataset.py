@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import StoreError
 from twin.records.attributes import AXES, N_SAMPLES, OF_MISSIONS, SIMULATED_ATTRIBUTES
@@ -56,26 +55,19 @@ def dataset_of(
     provenances = [t.provenance for t in trajectories]
     coordinates: dict[str, Any] = {
         MISSION: (MISSION, np.arange(len(trajectories)), dict(AXES[MISSION])),
-        TIME: (
-            TIME,
-            max((t.time for t in trajectories), key=len),
-            dict(AXES[TIME]),
-        ),
+        TIME: (TIME, max((t.time for t in trajectories), key=len), dict(AXES[TIME])),
     }
-    variables: dict[str, Any] = {
-        N_SAMPLES: (
-            MISSION,
-            np.array([len(t.time) for t in trajectories], np.int32),
-            dict(OF_MISSIONS[N_SAMPLES]),
-        )
-    }
+    samples = np.array([len(t.time) for t in trajectories], np.int32)
+    variables: dict[str, Any] = {N_SAMPLES: (MISSION, samples, dict(OF_MISSIONS[N_SAMPLES]))}
     variables |= nominal_array(provenances)
     if places := place_arrays(provenances):
-        positions = [flown_coordinates(t.time, *_true_track(t), t.provenance) for t in trajectories]
-        samples = {
-            name: padded(name, [p[name] for p in positions], longest) for name in COORDINATES
-        }
-        coordinates |= sample_variables(samples, FLOWN, (MISSION, TIME)) | places
+        positions = []
+        for t in trajectories:  # NaN where it was logged and nobody knows its track
+            unknown = np.full(len(t.time), np.nan)
+            north, east = (t.signals.get(f"true_{name}", unknown) for name in ("north", "east"))
+            positions.append(flown_coordinates(t.time, north, east, t.provenance))
+        found = {n: padded(n, [one[n] for one in positions], longest) for n in COORDINATES}
+        coordinates |= sample_variables(found, FLOWN, (MISSION, TIME)) | places
     for name, entry in VARIABLES.items():
         if not any(name in t.signals for t in trajectories):
             continue
@@ -88,24 +80,14 @@ def dataset_of(
     states = np.full((len(trajectories), longest, width), np.nan)
     for i, trajectory in enumerate(trajectories):
         states[i, : len(trajectory.time)] = trajectory.states
-    variables[STATES] = (
-        (MISSION, TIME, STATE),
-        states,
-        {**STATE_ATTRIBUTES, COLUMNS: " ".join(trajectories[0].state_columns)},
-    )
+    about = {**STATE_ATTRIBUTES, COLUMNS: " ".join(trajectories[0].state_columns)}
+    variables[STATES] = ((MISSION, TIME, STATE), states, about)
     said = {n: value for n, value in (attributes or {}).items() if n not in (*PLACE, NOMINAL)}
     dataset = xr.Dataset(variables, coordinates, {**SIMULATED_ATTRIBUTES, **said})
     for name in sorted({key for row in parameters or () for key in row}):
         values = np.array([row.get(name, np.nan) for row in parameters or ()])
         dataset[name] = (MISSION, values)
     return dataset
-
-
-def _true_track(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """North and east [m], (time,); NaN where the trajectory was logged and nobody knows them."""
-    unknown = np.full(len(trajectory.time), np.nan)
-    north, east = (trajectory.signals.get(f"true_{name}", unknown) for name in ("north", "east"))
-    return north, east
 
 
 def _state_width(trajectories: Sequence[Trajectory]) -> int:
@@ -143,6 +125,7 @@ def signal_names(one: xr.Dataset) -> tuple[str, ...]:
 
 
 KILO = 1e3
+PLACES = ("north", "east", "depth")
 UNDER_WATER_M, UNDER_WAY_M_S = 1.0, 0.05
 """Depth and speed above which a vehicle flies: at the surface it lies in the water as it floats"""
 
@@ -155,7 +138,7 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
     t = trajectory
     position, v_rel = t.position, t.v_rel
     speed = np.linalg.norm(v_rel, axis=1)
-    horizontal = np.hypot(*np.diff(position[:, :2], axis=0).T).sum()
+    horizontal = float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum())
     flying = (position[:, 2] > UNDER_WATER_M) & (speed > UNDER_WAY_M_S)
     alpha = np.rad2deg(np.arctan2(v_rel[flying, 2], v_rel[flying, 0]))
     return {
@@ -164,10 +147,8 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
         "samples": len(t.time),
         "duration_s": float(t.time[-1]),
         "distance_through_water_m": float(t.distance_through_water()[-1]),
-        "horizontal_distance_m": float(horizontal),
-        "end_north_m": float(position[-1, 0]),
-        "end_east_m": float(position[-1, 1]),
-        "end_depth_m": float(position[-1, 2]),
+        "horizontal_distance_m": horizontal,
+        **{f"end_{n}_m": float(x) for n, x in zip(PLACES, position[-1], strict=True)},
         "max_depth_m": float(position[:, 2].max()),
         **_bottom(t),
         "mean_speed_m_s": float(speed.mean()),
@@ -182,13 +163,13 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
         "mean_current_east_m_s": float(t["true_current_east"].mean()),
         "parts": {
             part: {
-                "min": float(t[f"true_{part}"].min()),
-                "max": float(t[f"true_{part}"].max()),
-                "units": variable(f"true_{part}").units,
+                "min": float(t[name].min()),
+                "max": float(t[name].max()),
+                "units": variable(name).units,
             }
-            for part in t.actuators
+            for part, name in ((part, f"true_{part}") for part in t.actuators)
         },
-        **_energy(t, float(horizontal)),
+        **_energy(t, horizontal),
         **_onboard(t),
     }
 

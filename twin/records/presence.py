@@ -1,5 +1,7 @@
 """Presence: what is at a path or address: a store, one that was begun, something else, nothing.
 
+A name that a store may have, and a version that this program reads, are checked here too.
+
 Only metadata and the names of files are read, no arrays.
 
 Flight file: recognises what `twin flight` wrote, so that an error can name it.
@@ -8,16 +10,17 @@ Flight file: recognises what `twin flight` wrote, so that an error can name it.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.bounded import check_regular, parse_json
-from twin.errors import InputError, StoreError, quoted
-from twin.records.attributes import TITLE, is_missions
+from twin.errors import InputError, StoreError, WriteError, quoted
+from twin.records.attributes import PROGRAM_VERSION, SETTINGS, TITLE, VERSION, is_missions
+from twin.records.schema import SCHEMA_VERSION
 from twin.records.storage.checksums import check_readable, is_listed
-from twin.records.storage.object_storage import files_at
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_path import StorePath, store_path
+from twin.records.storage.store_path import StorePath, files_at, store_path
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +32,12 @@ RECIPE = "recipe.json"
 """In a folder of it: what the store is made by"""
 UNFINISHED = ".generating"
 """Folder inside a store that an older factory has begun and not completed."""
+LONGEST_VERSION = 40
+"""Characters of the version of a program, as messages quote it"""
+OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
+"""Endings that would promise a file of another format"""
+MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write those"
+"""What makes stores"""
 
 
 def is_store(path: str | StorePath) -> bool:
@@ -94,6 +103,49 @@ def read_attributes(path: str | StorePath) -> dict[str, Any]:
 def is_there(path: StorePath) -> bool:
     """Whether anything is under a path or below an address; raises OSError."""
     return path.exists() if isinstance(path, Path) else any(files_at(path).all_keys())
+
+
+def check_ending(path: str | StorePath) -> None:
+    """Refuse a store's name that ends as a file of another format does, and a place without one.
+
+    Raises:
+      WriteError: it does, or the path is that of a folder without its name, such as `.`.
+    """
+    if store_path(path).name in ("", ".."):
+        raise WriteError(
+            f"{path} is a folder without its name: give the store one, such as missions.zarr"
+        )
+    stem, dot, ending = str(path).rpartition(".")
+    if f"{dot}{ending}".lower() in OTHER_FORMATS:
+        raise WriteError(
+            f"{path}: a store is a zarr folder, not a .{ending} file: name it {stem}.zarr; "
+            "`factory export` makes other formats of it"
+        )
+
+
+def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
+    """Raise StoreError when a newer program wrote a store, or one that is not ours.
+
+    Args:
+      attributes: of the store.
+    """
+    try:
+        version = int(attributes[VERSION])
+    except (KeyError, ValueError, TypeError, OverflowError) as error:
+        raise StoreError(
+            f"store {path} does not say its {VERSION}: it is damaged, or a zarr group of another "
+            f"program, not a store of missions; {MAKERS}"
+        ) from error
+    if version > SCHEMA_VERSION:
+        try:
+            writer = json.loads(attributes[SETTINGS])["versions"]["glider-twin"]
+        except (KeyError, ValueError, TypeError, RecursionError):
+            writer = attributes.get(PROGRAM_VERSION, "")
+        to = f" to {str(writer)[:LONGEST_VERSION]}" if writer else ""
+        raise StoreError(
+            f"store {path} has schema version {version}, this program reads up to "
+            f"{SCHEMA_VERSION}; upgrade glider-twin{to}"
+        )
 
 
 FLIGHT_TITLE = "Flight of underwater gliders by their flight model"

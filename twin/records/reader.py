@@ -36,16 +36,16 @@ from twin.records.attributes import (
 )
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.schema.limits import recorded_limits
-from twin.records.storage.store_arrays import (
+from twin.records.storage.store_path import StorePath, store_path
+from twin.records.store import (
     check_arrays,
     check_chunks,
     check_filled,
     check_mission,
     gone_arrays,
+    open_store,
     read_array,
 )
-from twin.records.storage.store_path import StorePath, store_path
-from twin.records.store import open_store
 from twin.records.trajectory import sample_times
 from twin.vehicle.consumption import Consumption, needed_signals
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
@@ -87,14 +87,20 @@ class MissionStore:
         if not is_missions(self.attributes):
             self.close()
             found = self.attributes.get(SCHEMA)
-            says = "no attribute" if found is None else "the attribute"
+            says = "no" if found is None else "the"
+            says += f" attribute {SCHEMA}" + ("" if found is None else f" {found!r}")
             raise StoreError(
-                f"store {path} has {says} {SCHEMA}{'' if found is None else f' {found!r}'}, "
-                f"expected is {CONVENTIONS[SCHEMA]!r}: `factory generate`, `factory import` and "
-                "`twin simulate --out` write such stores"
+                f"store {path} has {says}, expected is {CONVENTIONS[SCHEMA]!r}: "
+                "`factory generate`, `factory import` and `twin simulate --out` write such stores"
             )
-        if self.logged:
-            self._tell_outdated()
+        made = self.attributes.get(READER_VERSION, 1)
+        if self.logged and made != IMPORT_VERSION:
+            warnings.warn(
+                f"{self.path} was imported by version {made} of the readers, and this is version "
+                f"{IMPORT_VERSION}: units, clocks and fixes may have been taken otherwise; import "
+                "its logs again",
+                stacklevel=1,  # one place, so that a process says it once
+            )
 
     def __enter__(self) -> Self:
         return self
@@ -120,25 +126,12 @@ class MissionStore:
             "period": f"{self.period:g} s",
             "signals": len(self.signals()),
         }
-        depth = next((n for n in ("true_depth", "measured_depth") if n in self.signals()), None)
         picture = ""
-        if depth is not None and len(self):
+        for depth in [n for n in ("true_depth", "measured_depth") if n in self and len(self)][:1]:
             first = self.row(depth, 0)[: int(self.samples[0])].tolist()
             time = [k * self.period for k in range(len(first))]
             picture = line(time, first, "depth of mission 0 [m]", down=True)
         return card(str(self.path), rows, picture)
-
-    def _tell_outdated(self) -> None:
-        """Warn where older readers imported the logs, which could take them wrongly."""
-        made = self.attributes.get(READER_VERSION, 1)
-        if made == IMPORT_VERSION:
-            return
-        warnings.warn(
-            f"{self.path} was imported by version {made} of the readers, and this is version "
-            f"{IMPORT_VERSION}: units, clocks and fixes may have been taken otherwise; import its "
-            "logs again",
-            stacklevel=1,  # one place, so that a process says it once
-        )
 
     def close(self) -> None:
         """Let go of the files."""
@@ -183,9 +176,9 @@ class MissionStore:
             kind = str(self.attributes[SOURCE_FORMAT])
             return load_vehicle(LOGGED_VEHICLES.get(kind, OTHER_LOGGED_VEHICLE))
         if SCENARIO in self.attributes:
-            described = self.json(SCENARIO)["vehicle"]
-            vehicle = parse_vehicle(described["mjcf"], Path(f"{described['name']}.xml"))
-            return vehicle.with_changes(described["changes"])
+            said = self.json(SCENARIO)["vehicle"]
+            vehicle = parse_vehicle(said["mjcf"], Path(f"{said['name']}.xml"))
+            return vehicle.with_changes(said["changes"])
         if VEHICLE_MJCF in self.attributes:
             settings = self.json(SETTINGS) if SETTINGS in self.attributes else {}
             name = settings.get("vehicle", self.path.stem)
@@ -287,18 +280,17 @@ class MissionStore:
 
     def flags(self, name: str) -> dict[int, str]:
         """The words that the integers of an array stand for; empty when it has none."""
-        if name in self._flags:
-            return self._flags[name]
-        attributes = self.dataset.variables[name].attrs
-        meanings = str(attributes.get("flag_meanings", "")).split()
-        values = np.atleast_1d(attributes.get("flag_values", np.arange(len(meanings))))
-        if len(values) != len(meanings):
-            raise StoreError(
-                f"store {self.path}: {name!r} has {len(values)} flag_values and {len(meanings)} "
-                "flag_meanings; make the store again"
-            )
-        words = dict(zip((int(value) for value in values), meanings, strict=True))
-        return self._flags.setdefault(name, words)
+        if name not in self._flags:
+            attributes = self.dataset.variables[name].attrs
+            meanings = str(attributes.get("flag_meanings", "")).split()
+            values = np.atleast_1d(attributes.get("flag_values", np.arange(len(meanings))))
+            if len(values) != len(meanings):
+                raise StoreError(
+                    f"store {self.path}: {name!r} has {len(values)} flag_values and "
+                    f"{len(meanings)} flag_meanings; make the store again"
+                )
+            self._flags[name] = dict(zip(map(int, values), meanings, strict=True))
+        return self._flags[name]
 
     def array(self, name: str) -> NDArray[Any]:
         """A whole array.
@@ -335,11 +327,8 @@ class MissionStore:
 
     def signals(self) -> list[str]:
         """Names of the signals (mission, time), in the schema's order."""
-        return [
-            name
-            for name in VARIABLES
-            if name in self and self.dataset[name].dims == (MISSION, TIME)
-        ]
+        found, sampled = self.dataset, (MISSION, TIME)
+        return [name for name in VARIABLES if name in found and found[name].dims == sampled]
 
     def row(self, name: str, mission: int) -> NDArray[np.float32]:
         """One signal of one mission, padding included, (time,).
@@ -399,14 +388,12 @@ class MissionStore:
         if name not in VARIABLES:
             return
         low, high = recorded_limits(name)
-        bad = np.flatnonzero((values < low) | (values > high))
-        if bad.size:
-            unit = VARIABLES[name].units
+        for first in np.flatnonzero((values < low) | (values > high))[:1]:
+            unit = f" {VARIABLES[name].units}".removesuffix(" 1")
             raise StoreError(
-                f"store {self.path}: channel {name} of mission {mission} is "
-                f"{values[bad[0]]:.3g} at sample {bad[0]} ({bad[0] * self.period:.1f} s), possible "
-                f"are {low:g} to {high:g}{'' if unit == '1' else ' ' + unit}; repair the "
-                f"store{advice}"
+                f"store {self.path}: channel {name} of mission {mission} is {values[first]:.3g} at "
+                f"sample {first} ({first * self.period:.1f} s), possible are {low:g} to "
+                f"{high:g}{unit}; repair the store{advice}"
             )
 
     def gone_arrays(self) -> list[str]:

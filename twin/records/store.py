@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
+import itertools
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,11 +20,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.bounded import check_dataset
-from twin.errors import StoreError, WriteError, quoted
-from twin.records.attributes import PROGRAM_VERSION, SETTINGS, VERSION
+from twin.errors import InputError, StoreError, quoted
+from twin.records.attributes import N_SAMPLES, is_missions
 from twin.records.coordinates import read_place
 from twin.records.mission_dataset import STATES, signal_names, stored_columns
 from twin.records.presence import (
+    MAKERS,
+    check_ending,
+    check_version,
     flight_message,
     is_complete,
     is_flight,
@@ -33,24 +36,23 @@ from twin.records.presence import (
     is_unfinished,
     read_attributes,
 )
-from twin.records.schema import MISSION, SCHEMA_VERSION, TIME, declare_stored
-from twin.records.storage.checksums import check_readable
-from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_arrays import (
-    check_arrays,
-    check_mission,
-    mission_samples,
-    read_array,
+from twin.records.schema import MISSION, TIME, declare_stored
+from twin.records.storage.checksums import check_readable, has_checksums, read_checksums
+from twin.records.storage.sharded import METADATA
+from twin.records.storage.store_path import (
+    StorePath,
+    check_addresses,
+    files_at,
+    store_path,
 )
-from twin.records.storage.store_path import StorePath, store_path
-from twin.records.storage.whole import check_folder_target, recover, whole_folder
+from twin.records.storage.whole import check_folder_target, recover, whole_file, whole_folder
 from twin.records.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import xarray as xr
 
-LONGEST_VERSION = 40
-"""Characters of the version of a program, as messages quote it"""
+ENDINGS = (".zarr", ".nc")
+"""Of files that missions can be saved as"""
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -115,26 +117,21 @@ def write_netcdf(
         raise OSError(errno.EIO, " ".join(str(error).split()), str(path)) from error
 
 
-OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
-"""Endings that would promise a file of another format"""
-
-
-def check_ending(path: str | StorePath) -> None:
-    """Refuse a store's name that ends as a file of another format does, and a place without one.
+def save_missions(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write missions as a store where the name ends in .zarr, as netCDF where it ends in .nc.
 
     Raises:
-      WriteError: it does, or the path is that of a folder without its name, such as `.`.
+      InputError: another ending. WriteError: something is in the way, or the disk refuses.
     """
-    if store_path(path).name in ("", ".."):
-        raise WriteError(
-            f"{path} is a folder without its name: give the store one, such as missions.zarr"
-        )
-    stem, dot, ending = str(path).rpartition(".")
-    if f"{dot}{ending}".lower() in OTHER_FORMATS:
-        raise WriteError(
-            f"{path}: a store is a zarr folder, not a .{ending} file: name it {stem}.zarr; "
-            "`factory export` makes other formats of it"
-        )
+    check_addresses(path := Path(path))
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputError(f"cannot save {path.name!r}: the name must end in {' or '.join(ENDINGS)}")
+    if ending == ".zarr":
+        return write_store(dataset, path, overwrite=overwrite)
+    with whole_file(path, overwrite=overwrite) as place:
+        write_netcdf(dataset, place)
+    return path
 
 
 def check_target(path: str | Path, *, overwrite: bool) -> None:
@@ -165,7 +162,13 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     if isinstance(path, Path) and not path.exists():
         with contextlib.suppress(OSError):  # a kill between two renames may have left it beside
             recover(path)
-    if _unfinished(path):
+    try:
+        unfinished = is_unfinished(path)
+    except OSError as error:
+        raise StoreError(
+            f"store {path} cannot be read: {error.filename}: {error.strerror}"
+        ) from error
+    if unfinished:
         raise StoreError(
             f"store {path} is incomplete: the `factory generate` command that began it, with "
             "--resume, completes it"
@@ -178,7 +181,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
             f"logs with `factory import KIND FILES --out {quoted(path)}`"
         )
     if not is_complete(path):
-        raise StoreError(_no_store(path))
+        raise StoreError(f"{path} is {_other(path)}; {MAKERS}")
     check_readable(path)
     files = files_at(path)
     attributes = read_attributes(path)
@@ -193,73 +196,113 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     return dataset
 
 
-MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write those"
-"""What makes stores"""
-
-
-def _no_store(path: str | StorePath) -> str:
+def _other(path: StorePath) -> str:
     """What something is that is no zarr v3 store."""
-    place = store_path(path)
-    if isinstance(place, Path) and place.is_file():
-        what = "a file; a store of missions is a folder (zarr)"
-    elif isinstance(place, Path) and (place / ".zgroup").exists():
-        what = "a store of zarr's version 2; stores of missions are of version 3"
-    elif isinstance(place, Path) and not any(place.iterdir()):
-        what = "an empty folder, not a store of missions"
-    else:
-        what = "not a zarr v3 store of missions; give the folder itself, such as missions.zarr"
-    return f"{path} is {what}; {MAKERS}"
-
-
-def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
-    """Raise StoreError when a newer program wrote a store, or one that is not ours.
-
-    Args:
-      attributes: of the store.
-    """
-    try:
-        version = int(attributes[VERSION])
-    except (KeyError, ValueError, TypeError, OverflowError) as error:
-        raise StoreError(
-            f"store {path} does not say its {VERSION}: it is damaged, or a zarr group of another "
-            f"program, not a store of missions; {MAKERS}"
-        ) from error
-    if version > SCHEMA_VERSION:
-        writer = _writer(attributes)
-        raise StoreError(
-            f"store {path} has schema version {version}, this program reads up to "
-            f"{SCHEMA_VERSION}; upgrade glider-twin{f' to {writer}' if writer else ''}"
-        )
-
-
-def _writer(attributes: Mapping[str, Any]) -> str:
-    """The version of glider-twin that wrote a store; empty where it does not say."""
-    try:
-        made = json.loads(attributes[SETTINGS])["versions"]["glider-twin"]
-    except (KeyError, ValueError, TypeError, RecursionError):
-        made = attributes.get(PROGRAM_VERSION, "")
-    return str(made)[:LONGEST_VERSION]
-
-
-def _unfinished(path: StorePath) -> bool:
-    """`is_unfinished`, with a StoreError where the place cannot be read at all."""
-    try:
-        return is_unfinished(path)
-    except OSError as error:
-        raise StoreError(
-            f"store {path} cannot be read: {error.filename}: {error.strerror}"
-        ) from error
+    if isinstance(path, Path):
+        if path.is_file():
+            return "a file; a store of missions is a folder (zarr)"
+        if (path / ".zgroup").exists():
+            return "a store of zarr's version 2; stores of missions are of version 3"
+        if not any(path.iterdir()):
+            return "an empty folder, not a store of missions"
+    return "not a zarr v3 store of missions; give the folder itself, such as missions.zarr"
 
 
 def declare_signals(dataset: xr.Dataset) -> None:
     """Declare the signals of a store that this process does not know."""
-    signals = {
-        str(name): array.attrs
-        for name, array in dataset.data_vars.items()
-        if array.dims == (MISSION, TIME)
-    }
-    for name in signals:
-        declare_stored(name, signals[name])
+    for name, array in dataset.data_vars.items():
+        if array.dims == (MISSION, TIME):
+            declare_stored(str(name), array.attrs)
+
+
+def check_mission(mission: int, count: int, what: str) -> None:
+    """Raise StoreError when there is no such mission among `count`, or none at all.
+
+    Args:
+      what: the store or file, for the error.
+    """
+    check_filled(count, what)
+    if not 0 <= mission < count:
+        raise StoreError(f"{what} has missions 0 to {count - 1}, not {mission}")
+
+
+def check_filled(count: int, what: str) -> None:
+    """Raise StoreError when `count`, the missions of a store or file, is zero."""
+    if count == 0:
+        raise StoreError(f"{what} holds no missions; make some with `factory generate`")
+
+
+def gone_arrays(dataset: xr.Dataset, path: str | StorePath) -> list[str]:
+    """Arrays that the store's metadata name and whose files are gone: they would read as NaN.
+
+    Args:
+      dataset: as `open_store` gave it.
+    """
+    files = files_at(path)
+    return [name for name in map(str, dataset.variables) if not files.exists(f"{name}/{METADATA}")]
+
+
+def check_arrays(dataset: xr.Dataset, path: str | StorePath) -> None:
+    """Raise StoreError that names the first of `gone_arrays`, or of the files of their chunks."""
+    for name in gone_arrays(dataset, path)[:1]:
+        raise _gone(name, path)
+    for name in map(str, dataset.variables):
+        check_chunks(dataset, name, path)
+
+
+def check_chunks(dataset: xr.Dataset, name: str, path: str | StorePath) -> None:
+    """Raise StoreError when a file of an array is gone: zarr reads it as missing values.
+
+    A chunk without a value has no file, and the store's list of checksums does not name it. The
+    list is read only where a file is not there. Stores without a list, and those in an object
+    storage, where each question is a request, are taken as they are.
+
+    Args:
+      dataset: all missions, as `open_store` gave it.
+    """
+    place, variable = store_path(path), dataset.variables[name]
+    chunks = variable.encoding.get("shards") or variable.encoding.get("chunks")
+    if not isinstance(place, Path) or chunks is None:
+        return
+    files = files_at(place)
+    if not files.exists(f"{name}/{METADATA}"):
+        raise _gone(name, path)
+    grid = (range(-(-n // size)) for n, size in zip(variable.shape, chunks, strict=True))
+    keys = ("/".join((name, "c", *map(str, cell))) for cell in itertools.product(*grid))
+    absent = [key for key in keys if not files.exists(key)]
+    if not absent or not has_checksums(place):
+        return
+    listed = read_checksums(place)
+    gone = [key for key in absent if key in listed]
+    if gone:
+        more = f" and {len(gone) - 1} more of" if len(gone) > 1 else " of"
+        raise StoreError(
+            f"store {path} is damaged: file {gone[0]}{more} its array {name} is gone, and would "
+            f"read as missing values; `factory verify {quoted(path)}` names all damage: bring the "
+            "files back from a copy or make the store again"
+        )
+
+
+def _gone(name: str, path: str | StorePath) -> StoreError:
+    return StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
+
+
+def read_array(dataset: xr.Dataset, name: str, path: str | StorePath) -> np.ndarray:
+    """An array of a store that `open_store` opened, or of some of its missions.
+
+    Raises:
+      StoreError: its files are gone or cannot be decoded.
+    """
+    if not files_at(path).exists(f"{name}/{METADATA}"):
+        raise _gone(name, path)
+    try:
+        return np.asarray(dataset[name].values)
+    except Exception as error:  # whatever a decoder raises means damaged files
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise StoreError(
+            f"store {path} is damaged: its array {name} cannot be read ({why}); make it again, or "
+            "bring back its files from a copy"
+        ) from error
 
 
 def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
@@ -273,16 +316,57 @@ def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
     check_mission(mission, dataset.sizes.get(MISSION, 0), f"store {path}")
     check_arrays(dataset, path)
     one = dataset.isel({MISSION: mission})
-    samples = mission_samples(one, path, mission)
+    if N_SAMPLES not in one:
+        raise StoreError(f"store {path} is damaged: it has no array {N_SAMPLES}")
+    samples = int(np.nan_to_num(read_array(one, N_SAMPLES, path), nan=0.0))
+    if not 0 < samples <= one.sizes[TIME]:
+        raise StoreError(
+            f"store {path} is damaged: mission {mission} has {samples} of at most "
+            f"{one.sizes[TIME]} samples"
+        )
     one = one.isel({TIME: slice(0, samples)})
-    signals = {name: read_array(one, name, path).astype(float) for name in signal_names(one)}
-    states = read_array(one, STATES, path) if STATES in one else np.zeros((0, 0))
-    if not np.isfinite(states).all():
+    trajectory = _trajectory(one, lambda name: read_array(one, name, path))
+    if not np.isfinite(trajectory.states).all():
         raise StoreError(f"store {path} is damaged: {STATES} of mission {mission} has gaps")
+    return trajectory
+
+
+def _trajectory(one: xr.Dataset, read: Callable[[str], np.ndarray]) -> Trajectory:
+    """A mission of a dataset, without its padding, whose arrays are read by name."""
     return Trajectory(
-        time=read_array(one, TIME, path).astype(float),
-        signals=signals,
-        states=states,
+        time=read(TIME).astype(float),
+        signals={name: read(name).astype(float) for name in signal_names(one)},
+        states=read(STATES) if STATES in one else np.zeros((0, 0)),
         state_columns=stored_columns(one),
-        provenance={**dataset.attrs, **read_place(one)},
+        provenance={**one.attrs, **read_place(one)},
     )
+
+
+def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
+    """One mission of a store, or of a netCDF file that `Trajectory.save` wrote.
+
+    Raises:
+      StoreError: as `read_trajectory`; or the netCDF file cannot be read or is not ours.
+    """
+    place = store_path(path)
+    if place.suffix.lower() != ".nc":
+        return read_trajectory(place, mission)
+    import xarray as xr
+
+    path = Path(path)
+    if not isinstance(place, Path) or not path.is_file():
+        raise StoreError(f"no file at {path}; `trajectory.save({str(path)!r})` writes one")
+    try:
+        with xr.open_dataset(path, engine="netcdf4", decode_times=False) as dataset:
+            check_dataset(dataset, path, f"file {path}", StoreError)
+            if not is_missions(dataset.attrs) or N_SAMPLES not in dataset:
+                raise StoreError(f"{path} holds no mission: `Trajectory.save` writes such files")
+            check_mission(mission, dataset.sizes[MISSION], str(path))
+            declare_signals(dataset)
+            one = dataset.isel({MISSION: mission}).load()
+            one = one.isel({TIME: slice(0, int(one[N_SAMPLES]))})
+            return _trajectory(one, lambda name: np.asarray(one[name].values))
+    except (OSError, ValueError) as error:
+        if isinstance(error, StoreError):
+            raise
+        raise StoreError(f"file {path} cannot be read: {' '.join(str(error).split())}") from error

@@ -121,9 +121,9 @@ def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = 
     places[MISSION] = TIME, np.repeat(chosen, lengths), {"long_name": "mission index"}
     attributes = {n: ATTRIBUTES[DATETIME][n] for n in ("standard_name", "long_name", "axis")}
     time = np.concatenate([rows[mission][DATETIME] for mission in chosen])
-    return xr.Dataset(
-        places | variables, {TIME: (TIME, time.astype("datetime64[ns]"), attributes)}, _about(found)
-    )
+    moments = {TIME: (TIME, time.astype("datetime64[ns]"), attributes)}
+    about = {name: text for name, text in found.attributes.items() if name in ABOUT}
+    return xr.Dataset(places | variables, moments, {n: about[n] for n in ABOUT if n in about})
 
 
 def sample_coordinates(store: MissionStore, mission: int) -> dict[str, NDArray[Any]]:
@@ -190,35 +190,22 @@ def _open(store: str | Path | xr.Dataset) -> MissionStore:
 
 def _attributes(store: MissionStore, name: str) -> dict[str, Any]:
     """Of a signal; flags are of its own type, which stores cannot say."""
-    attributes = dict(store.dataset[name].attrs)
-    if "flag_values" in attributes:
-        kind = store.dataset[name].dtype
-        attributes["flag_values"] = np.asarray(attributes["flag_values"], kind)
-    return attributes
+    array = store.dataset[name]
+    flags = {n: np.asarray(v, array.dtype) for n, v in array.attrs.items() if n == "flag_values"}
+    return {**array.attrs, **flags}
 
 
 def _joined(
-    store: MissionStore,
-    lazy: xr.Dataset,
-    name: str,
-    missions: Sequence[int],
-    lengths: Sequence[int],
+    store: MissionStore, lazy: xr.Dataset, name: str, missions: list[int], lengths: list[int]
 ) -> Any:
     """A signal of missions, end to end; with dask it is not read yet."""
     array = lazy[name].variable.transpose(MISSION, TIME)
-    rows: Any = [array.data[mission] for mission in missions] if array.chunks is not None else None
-    if rows is None:
-        rows = store.rows(name, list(missions))
-    parts = [row[:length] for row, length in zip(rows, lengths, strict=True)]
-    return np.concatenate(parts)
+    rows: Any = store.rows(name, missions) if array.chunks is None else array.data[list(missions)]
+    return np.concatenate([row[:n] for row, n in zip(rows, lengths, strict=True)])
 
 
-def _about(store: MissionStore) -> dict[str, Any]:
-    """The store's attributes that hold for this too: what it is, and how it was made."""
-    names = ("Conventions", "title", "source", COMMENT, "history", "platform")
-    return {name: store.attributes[name] for name in names if name in store.attributes}
-
-
+ABOUT = ("Conventions", "title", "source", COMMENT, "history", "platform")
+"""Attributes of a store that hold for a series of it too: what it is, and how it was made"""
 DIRECTION, HEADING = "platform_orientation", "_heading"
 """Standard name of angles from north, and how the names of setpoints end, which have none"""
 FLAGS = ("measured_phase", "measured_dvl_mode", "commanded_segment")
@@ -250,16 +237,19 @@ def resample(series: xr.Dataset, step: str) -> xr.Dataset:
     step = _frequency(step)
     means = whole.resample({TIME: step}).mean(keep_attrs=True)
     names = [str(name) for name in whole.data_vars]
-    firsts = [name for name in names if _is_flag(whole[name])]
+    kinds = (MISSION, *FLAGS)
+    firsts = [name for name in names if name in kinds or "flag_values" in whole[name].attrs]
     if firsts:
         first = whole[firsts].resample({TIME: step}).first(keep_attrs=True)
         means = means.assign({name: first[name] for name in firsts})
     for name in names:
-        longitude = whole[name].attrs.get("standard_name") == "longitude"
-        if longitude or _is_direction(whole[name]):
+        about = whole[name].attrs
+        standard = about.get("standard_name")
+        named = standard == DIRECTION or name.endswith(HEADING)
+        if standard == "longitude" or (named and about.get("units") == "degree"):
             mean = _circular(whole[name], step)
-            means[name] = mean if longitude else mean % 360.0
-            means[name].attrs.update(whole[name].attrs)
+            means[name] = mean if standard == "longitude" else mean % 360.0
+            means[name].attrs.update(about)
     return means[names]
 
 
@@ -296,12 +286,3 @@ def _circular(angle: xr.DataArray, step: str) -> xr.DataArray:
     mean = xr.apply_ufunc(np.arctan2, means["sine"], means["cosine"], dask="parallelized")
     found: xr.DataArray = np.rad2deg(mean).where(length > SHORTEST)
     return found
-
-
-def _is_direction(array: xr.DataArray) -> bool:
-    named = array.attrs.get("standard_name") == DIRECTION or str(array.name).endswith(HEADING)
-    return named and array.attrs.get("units") == "degree"
-
-
-def _is_flag(array: xr.DataArray) -> bool:
-    return "flag_values" in array.attrs or array.name in (MISSION, *FLAGS)

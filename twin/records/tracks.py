@@ -90,16 +90,11 @@ def read_tracks(path: Path | str, mission: int = 0) -> list[NamedTrack]:
     if not path.exists():
         raise InputError(f"no track file at {path}")
     readers: dict[str, Callable[[Path, int], list[NamedTrack]]] = {
-        ".nc": _read_dataset,
-        ".zarr": _read_dataset,
-        ".npz": _read_npz,
-        ".csv": _read_csv,
-    }
+        ".csv": _read_csv, ".nc": _read_dataset, ".npz": _read_npz, ".zarr": _read_dataset,
+    }  # fmt: skip
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise InputError(
-            f"track file {path.name}: the ending must be one of {', '.join(sorted(readers))}"
-        )
+        raise InputError(f"track file {path.name}: the ending must be one of {', '.join(readers)}")
     check_readable(path)
     tracks = reader(path, mission)
     if not tracks:
@@ -119,11 +114,11 @@ def choose_tracks(tracks: Sequence[NamedTrack], names: str | None) -> list[Named
     if names is None:
         return list(tracks)
     by_name = {track.name: track for track in tracks}
-    wanted = [name.strip() for name in names.split(",")]
+    wanted = dict.fromkeys(name.strip() for name in names.split(","))
     for name in wanted:
         if name not in by_name:
             raise InputError(unknown_name("track", name, by_name))
-    return [by_name[name] for name in dict.fromkeys(wanted)]
+    return [by_name[name] for name in wanted]
 
 
 def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:

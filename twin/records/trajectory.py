@@ -18,7 +18,20 @@ import numpy as np
 from twin.errors import InputError, UnknownName
 from twin.lazy import resolve
 from twin.numbers import Array
-from twin.records.coordinates import START_LATITUDE, START_LONGITUDE
+from twin.records.attributes import SIMULATED_ATTRIBUTES
+from twin.records.coordinates import (
+    DATETIME,
+    FLOWN,
+    LATITUDE,
+    LONGITUDE,
+    START_LATITUDE,
+    START_LONGITUDE,
+    START_TIME,
+    sample_variables,
+    unix_milliseconds,
+    unix_seconds,
+)
+from twin.records.schema import TIME, variable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,19 +112,43 @@ class Trajectory(Mapping[str, Array]):
         return actuator_names(self.signals)
 
     def to_xarray(self) -> xr.Dataset:
-        """The signals as a dataset over `time` [s], with units and CF attributes."""
-        dataset: xr.Dataset = resolve("twin.records.trajectory_file:to_xarray")(self)
-        return dataset
+        """The signals (time,) in full precision, with units and CF attributes of the schema.
+
+        A mission that knows its place has the coordinates `latitude` and `longitude` (time,); one
+        that knows its date has `datetime` (time,).
+        """
+        import xarray as xr
+
+        signals = {name: (TIME, self[name], variable(name).attributes()) for name in self}
+        found: dict[str, Any] = {}
+        if START_LATITUDE in self.provenance and "true_north" in self:
+            found |= zip((LATITUDE, LONGITUDE), self.geographic_position(), strict=True)
+        if START_TIME in self.provenance:
+            start = unix_seconds(self.provenance[START_TIME])
+            found[DATETIME] = unix_milliseconds(start, self.time)
+        coordinates = sample_variables(found, FLOWN, (TIME,))
+        about = {"units": "s", "long_name": "time since the start"}
+        coordinates[TIME] = (TIME, self.time, about)
+        return xr.Dataset(signals, coordinates, {**SIMULATED_ATTRIBUTES, **self._attributes()})
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write a zarr store (.zarr) or netCDF (.nc), which `twin.open_trajectory` reads.
 
         Raises:
-          InputError: another ending. StoreError: something is in the way, or the disk refuses.
+          InputError: another ending. WriteError: something is in the way, or the disk refuses.
         """
-        save = resolve("twin.records.trajectory_file:save_trajectory")
-        written: Path = save(self, path, overwrite=overwrite)
+        dataset = resolve("twin.records.mission_dataset:dataset_of")
+        made = dataset([self], attributes=self._attributes())
+        written: Path = resolve("twin.records.store:save_missions")(made, path, overwrite=overwrite)
         return written
+
+    def _attributes(self) -> dict[str, Any]:
+        """What it says about itself, as attributes of a file can hold it."""
+        return {
+            name: value
+            for name, value in self.provenance.items()
+            if name not in SIMULATED_ATTRIBUTES and isinstance(value, str | int | float)
+        }
 
     def plot(self, figure: str = "overview", **options: Any) -> Figure:
         """A figure of the mission: save it with `.savefig(path)`, or show it in a notebook.
@@ -156,16 +193,16 @@ class Trajectory(Mapping[str, Array]):
 
     def distance_through_water(self) -> Array:
         """Path length through the water [m] up to each sample, shape (time,)."""
-        return _cumulative(np.linalg.norm(self.v_rel, axis=-1), self.time)
+        return cumulative(np.linalg.norm(self.v_rel, axis=-1), self.time)
 
     def track_through_water(self) -> Array:
         """North, east [m] that the glider moved relative to the water, shape (time, 2)."""
         north = self["true_velocity_north"] - self["true_current_north"]
         east = self["true_velocity_east"] - self["true_current_east"]
-        return np.stack([_cumulative(north, self.time), _cumulative(east, self.time)], axis=-1)
+        return np.stack([cumulative(north, self.time), cumulative(east, self.time)], axis=-1)
 
 
-def _cumulative(rate: Array, time: Array) -> Array:
+def cumulative(rate: Array, time: Array) -> Array:
     """Trapezoidal integral from 0, same shape as `rate`."""
     steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -9,6 +9,7 @@ buffer, in an order that mixes the store and in which each mission is read once 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import os
 from collections import OrderedDict
@@ -81,10 +82,10 @@ class Windows:
         """
         stride = length if stride is None else stride
         for name, value in (("length", length), ("stride", stride), ("memory", memory)):
-            if not value > 0:
-                raise InputError(f"windows: {name} is {value:g}, it must be above zero")
-            if name != "memory" and not isinstance(value, Integral):
-                raise InputError(f"windows: {name} is {value:g}, it must be a number of samples")
+            whole = name == "memory" or isinstance(value, Integral)
+            if not (value > 0 and whole):
+                must = "a number of samples" if value > 0 else "above zero"
+                raise InputError(f"windows: {name} is {value:g}, it must be {must}")
         if split not in (*SPLITS, "all"):
             raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
         if isinstance(channels, str) or not channels:
@@ -186,16 +187,21 @@ class Windows:
           StoreError: a file is damaged.
         """
         wanted = np.asarray(numbers, np.int64)
-        found = np.empty((len(wanted), self.length, len(self.channels)), np.float32)
         missions = self.missions[wanted]
-        order: Sequence[NDArray[np.int64]] = [np.arange(len(wanted))]
-        if not self.fits:  # missions one after the other, so that none is decoded twice
-            sorted_places = np.argsort(missions, kind="stable")
-            edges = np.flatnonzero(np.diff(missions[sorted_places])) + 1
-            order = np.split(sorted_places, edges)
-        for places in order:
-            some = self._keep(np.unique(missions[places]).tolist())
-            _copy(some, missions[places], self.starts[wanted[places]], places, found)
+        if self.fits:
+            return self._copied(self._keep(np.unique(missions).tolist()), wanted)
+        found = np.empty((len(wanted), self.length, len(self.channels)), np.float32)
+        for mission in np.unique(missions).tolist():  # in turn, so that none is decoded twice
+            places = np.flatnonzero(missions == mission)
+            found[places] = self._copied(self._keep([mission]), wanted[places])
+        return found
+
+    def _copied(self, some: Missions, numbers: NDArray[np.int64]) -> Floats:
+        """Windows by number out of decoded missions."""
+        found = np.empty((len(numbers), self.length, len(self.channels)), np.float32)
+        missions, starts = self.missions[numbers].tolist(), self.starts[numbers].tolist()
+        for place, (mission, start) in enumerate(zip(missions, starts, strict=True)):
+            found[place] = some[mission][start : start + self.length]
         return found
 
     def order(self, seed: int | None = None, epoch: int = 0) -> NDArray[np.int64]:
@@ -220,19 +226,19 @@ class Windows:
         parts = self._order(seed, epoch)
         if self.fits:
             self.load()
+
+        def ready(part: NDArray[np.int64]) -> Missions:
+            missions = np.unique(self.missions[part]).tolist()
+            return self._keep(missions) if self.fits else self._decoded(missions)
+
         with ThreadPoolExecutor(1, "windows") as reader:
-            coming = reader.submit(self._ready, parts[0])
-            for number, part in enumerate(parts):
+            coming = reader.submit(ready, parts[0])
+            for part, after in itertools.zip_longest(parts, parts[1:]):
                 some = coming.result()
-                if number + 1 < len(parts):
-                    coming = reader.submit(self._ready, parts[number + 1])
+                if after is not None:
+                    coming = reader.submit(ready, after)
                 for first in range(0, len(part), size):
-                    chosen = part[first : first + size]
-                    shape = (len(chosen), self.length, len(self.channels))
-                    batch = np.empty(shape, np.float32)
-                    places = np.arange(len(chosen))
-                    _copy(some, self.missions[chosen], self.starts[chosen], places, batch)
-                    yield batch
+                    yield self._copied(some, part[first : first + size])
                 del some  # before the part after the next one begins to fill the memory
 
     def _order(self, seed: int | None, epoch: int) -> list[NDArray[np.int64]]:
@@ -250,11 +256,6 @@ class Windows:
             for part in parts
         ]
         return numbers if rng is None else [rng.permutation(part) for part in numbers]
-
-    def _ready(self, numbers: NDArray[np.int64]) -> Missions:
-        """The missions of some windows, decoded."""
-        missions = np.unique(self.missions[numbers]).tolist()
-        return self._keep(missions) if self.fits else self._decoded(missions)
 
     @property
     def _sample_bytes(self) -> int:
@@ -301,8 +302,7 @@ class Windows:
     def _reader(self) -> MissionStore:
         """The store, opened by this process: a fork has none of the threads that read it."""
         here = os.getpid()
-        if self._pid is None:
-            self._pid = here
+        self._pid = here if self._pid is None else self._pid
         if self._open is None or self._open[0] != here:
             fast = fast_reading(self.path) if here == self._pid else contextlib.nullcontext()
             with fast:
@@ -311,21 +311,6 @@ class Windows:
 
     def _forget(self) -> None:
         self._open, self._kept, self._bytes = None, OrderedDict(), 0
-
-
-def _copy(
-    some: Missions,
-    missions: NDArray[np.int64],
-    starts: NDArray[np.int64],
-    places: NDArray[np.int64],
-    found: Floats,
-) -> None:
-    """Windows out of decoded missions to their places in a batch."""
-    length = found.shape[1]
-    for place, mission, start in zip(
-        places.tolist(), missions.tolist(), starts.tolist(), strict=True
-    ):
-        found[place] = some[mission][start : start + length]
 
 
 def buffers(

@@ -18,16 +18,19 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.numbers import Array
 from twin.records.schema import Variable, variables
-from twin.sensors.base import Outset, Sensor, SensorRun
-from twin.sensors.checks import (
+from twin.sensors.base import (
+    Outset,
+    Sensor,
+    SensorRun,
     Signals,
+    columns,
     drawn_value,
+    normals,
     require_finite,
     require_non_negative,
     require_positive,
     signal,
 )
-from twin.sensors.noise import normals
 
 ANGLES = ("roll", "pitch", "heading")
 MARCH = 2.0
@@ -105,7 +108,7 @@ class Altimeter(Sensor):
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The mission's relative error of the range [1]."""
-        return {"altimeter_scale": float(self.scale * rng.standard_normal())}
+        return self.draw_normal(rng, (self.scale,))
 
     def begin(self, outset: Outset) -> AltimeterRun:
         """measured_altitude [m]; NaN between pings, out of range and without an echo."""
@@ -151,13 +154,13 @@ class AltimeterRun(SensorRun):
         at = np.arange(-(-first // self.stride) * self.stride, last, self.stride)
         if its.fitted and at.size:
             ping = at // self.stride
-            toward = its.beam(*(signal(signals, f"true_{n}")[at] for n in ANGLES))
+            toward = its.beam(*columns(signals, [f"true_{n}" for n in ANGLES], at))
             length = self._lengths(signals, at, toward)
             length *= self.scale
             length += self.noise[ping]
             lost = self.lost[ping] | (length < its.min_range) | ~(length <= its.max_range)
             lost |= toward[:, 2] < math.cos(math.radians(its.max_beam_angle_deg))
-            tilted = (signal(signals, f"measured_{n}")[at] for n in ANGLES[:2])
+            tilted = columns(signals, [f"measured_{n}" for n in ANGLES[:2]], at)
             believed = its.beam(*tilted, np.zeros(at.size))
             height[at - first] = np.where(lost, np.nan, length * believed[:, 2])
         return {"measured_altitude": height}
@@ -170,6 +173,6 @@ class AltimeterRun(SensorRun):
             return np.maximum(below, 0.0)
         from twin.water.floor.lookup import beam_lengths
 
-        place = [signal(signals, f"true_{name}")[at] for name in ("north", "east", "depth")]
+        place = columns(signals, ("true_north", "true_east", "true_depth"), at)
         reach = 1.1 * self.altimeter.max_range  # noise may bring a longer one back within it
         return beam_lengths(self.floor, *place, toward, reach, MARCH)

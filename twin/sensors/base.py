@@ -1,6 +1,6 @@
-"""Base: the class of every sensor, and the registry of the sensors that a suite can hold.
+"""Sensor: the base class, its registry, and what sensors share: checks and random streams.
 
-A sensor is one file with one frozen dataclass: its fields are the settings, its class attributes
+A sensor is one frozen dataclass: its fields are the settings, its class attributes
 say what it reads, writes and draws, and `measure` is its model. `register` makes it known; then
 suites, stores, limits, figures and tables take it from there.
 
@@ -14,20 +14,37 @@ sample at a time, to the same readings.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+import hashlib
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin import seams
-from twin.errors import InputError
+from twin.errors import InputError, unknown_name
+from twin.numbers import Array, number
 from twin.records.schema import VARIABLES, Variable, declare
 from twin.registry import Registry
-from twin.sensors.checks import Drawn, Signals
+from twin.sensors.kernels import gauss_markov_kernel
 
 if TYPE_CHECKING:
     from twin.water.density import DensityProfile
+
+Signals = Mapping[str, NDArray[Any]]
+Drawn = Mapping[str, float]
+
+PREFIXES = ("true_", "commanded_", "measured_")
+PLACES = (
+    "imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard", "ctd",
+    "altimeter",
+)  # fmt: skip
+"""Places of the shipped sensors in the seed tree: append, never reorder. Any other sensor has the
+place that its name hashes to."""
+DRAWN_STREAM, NOISE_STREAM = 0, 1
+KNOTS = 20
+"""per correlation time at least: slow processes are drawn there and are linear in between"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,9 +59,9 @@ class Surroundings:
     """None: constant, the default profile"""
     bottom_depth: ArrayLike | None = None
     """[m] a number or one per sample; None: out of reach of every instrument"""
-    floor: NDArray[np.float64] | None = None
+    floor: Array | None = None
     """the compiled sea floor; None: flat at the bottom's depth under each sample"""
-    current: NDArray[np.float64] | None = None
+    current: Array | None = None
     """the compiled current field; None: the vehicle's own current holds at every depth"""
 
 
@@ -54,12 +71,12 @@ NOWHERE = Surroundings()
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Outset:
-    """What a sensor knows of a mission before its first sample."""
+    """Knowledge of a mission before its first sample."""
 
     samples: int
     """of the mission at most, n; random numbers are drawn for so many"""
     signals: Iterable[str]
-    """names of what the vehicle has"""
+    """names of the vehicle's signals"""
     dt: float
     """[s] between samples"""
     drawn: Drawn
@@ -75,8 +92,8 @@ class SensorRun:
     delay = 0
     """Samples that have to be known beyond those that are measured, as when readings are means over
     an interval around the sample."""
-    carried: NDArray[np.float64] = np.zeros(0)
-    """What later readings depend on, beside the signals and what `begin` drew."""
+    carried: Array = np.zeros(0)
+    """State on which later readings depend, beside the signals and the numbers drawn."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """Readings of the samples first to last - 1, of shape (last - first,), by channel.
@@ -92,7 +109,7 @@ class SensorRun:
         return self.measure(signals, first, last)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """What later readings depend on, as arrays by name."""
+        """Arrays by name on which later readings depend."""
         return {"carried": self.carried.copy()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -104,20 +121,20 @@ class Sensor:
     """One device of a vehicle; subclasses are frozen dataclasses whose fields all have defaults."""
 
     name: ClassVar[str]
-    """What suites, stores and the command line call it; also the name of its random streams"""
+    """Its name in suites, stores, on the command line and of its random streams"""
     reads: ClassVar[tuple[str, ...]] = ()
     """Signals that `measure` needs: true_*, commanded_*, or measured_* of other sensors"""
     reads_if_there: ClassVar[tuple[str, ...]] = ()
     """Signals that `measure` uses where the vehicle has them"""
     writes: ClassVar[tuple[Variable, ...]] = ()
-    """What it measures: names, units, meanings and limits"""
+    """Variables that it measures: names, units, meanings and limits"""
     draws: ClassVar[Mapping[str, str]] = {}
     """Units of the constants that a mission draws, by name, in the order of `draw`"""
     ideal_is_truth: ClassVar[bool] = False
     """True: with the settings of `ideal` it passes the arrays of the truth on as they are"""
 
     unset: ClassVar[Mapping[str, Any]] = {}
-    """What a setting is in stores that were made before it existed, by name"""
+    """Values of settings in stores that were made before these existed, by name"""
 
     @classmethod
     def ideal(cls) -> Self:
@@ -130,16 +147,13 @@ class Sensor:
         return (*self.reads, *(name for name in self.reads_if_there if name in there))
 
     def channels(self, signals: Iterable[str]) -> tuple[Variable, ...]:
-        """What `measure` writes for a vehicle that has `signals`."""
+        """Variables that `measure` writes for a vehicle that has `signals`."""
         return self.writes
 
     def draw_normal(self, rng: np.random.Generator, spread: Sequence[float]) -> dict[str, float]:
         """A normal number of mean 0 for each of `draws`, with these standard deviations."""
         unit = rng.standard_normal(len(spread))
-        return {
-            name: float(std * unit[i])
-            for i, (name, std) in enumerate(zip(self.draws, spread, strict=True))
-        }
+        return dict(zip(self.draws, (np.asarray(spread) * unit).tolist(), strict=True))
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The constants of one mission, by name as in `draws`."""
@@ -166,7 +180,7 @@ class Sensor:
         rng: np.random.Generator,
         surroundings: Surroundings = NOWHERE,
     ) -> dict[str, NDArray[Any]]:
-        """Measure one mission: what `begin` gives, over all samples at once.
+        """Measure one mission, all samples of `begin` at once.
 
         Args:
           signals: what `inputs` names, arrays of shape (n,) every `dt` [s], not to be changed.
@@ -177,42 +191,43 @@ class Sensor:
           An array of shape (n,) for each of `channels`, in its unit.
         """
         n = len(signals[self.inputs(signals)[0]])
-        run = self.begin(
-            Outset(
-                samples=n, signals=signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings
-            )
+        outset = Outset(
+            samples=n, signals=signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings
         )
-        return run.measure(signals, 0, n)
+        return self.begin(outset).measure(signals, 0, n)
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
-        """The true signal behind `measured_NAME`, for figures; None when there is none."""
-        return signals.get(f"true_{name}")
+        """The true signal behind `measured_NAME`, for figures; None when there is none.
+
+        The sensor's own name may stand before the signal's: measured_gps_north, true_north.
+        """
+        own = f"{getattr(cls, 'name', '')}_"
+        return signals.get(f"true_{name}", signals.get(f"true_{name.removeprefix(own)}"))
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What is wrong with a kind; the variables of a whole one are declared in the schema."""
-        flaw = cls._unfinished() or _flaw_of_variables(cls.writes)
-        if not flaw:
-            drawn = cls().draw(np.random.default_rng(0))
-            if list(drawn) != list(cls.draws):
-                flaw = (
-                    f"`draw` gives {', '.join(drawn) or 'nothing'} and `draws` names "
-                    f"{', '.join(cls.draws) or 'nothing'}: both must name the same constants with "
-                    "units"
-                )
-        for other in () if flaw else SENSORS.loaded():
+        """The first flaw of a kind; the variables of a whole one are declared in the schema."""
+        if flaw := cls._unfinished() or _flaw_of_variables(cls.writes):
+            return flaw
+        drawn = cls().draw(np.random.default_rng(0))
+        if list(drawn) != list(cls.draws):
+            return (
+                f"`draw` gives {', '.join(drawn) or 'nothing'} and `draws` names "
+                f"{', '.join(cls.draws) or 'nothing'}: both must name the same constants with units"
+            )
+        for other in SENSORS.loaded():
             signals = {entry.name for entry in cls.writes} & {entry.name for entry in other.writes}
             taken = [*sorted(signals), *sorted(cls.draws.keys() & other.draws.keys())]
             if taken and other.name != name:
                 return f"it has {taken[0]!r}, which sensor {other.name!r} has too: rename it"
-        for entry in () if flaw else cls.writes:
+        for entry in cls.writes:
             declare(entry)
-        return flaw
+        return ""
 
     @classmethod
     def _unfinished(cls) -> str:
-        """What it lacks as a class."""
+        """The first thing that it lacks as a class."""
         parameters = getattr(cls, "__dataclass_params__", None)
         if "__dataclass_fields__" not in vars(cls) or not (parameters and parameters.frozen):
             return "make it a frozen dataclass: @dataclasses.dataclass(frozen=True, kw_only=True)"
@@ -235,9 +250,6 @@ class Sensor:
         if type(ideal) is not cls:
             return f"`ideal` must return a {cls.__name__}, not {ideal!r}"
         return ""
-
-
-PREFIXES = ("true_", "commanded_", "measured_")
 
 
 def _flaw_of_variables(writes: Sequence[Any]) -> str:
@@ -263,10 +275,7 @@ register = SENSORS.add
 
 
 def table() -> str:
-    """The shipped sensors as a markdown table, as docs/reference/sensors.md shows it.
-
-    Units and drawn constants are in the data dictionary.
-    """
+    """The shipped sensors as the markdown table of docs/reference/sensors.md."""
     rows = ["| sensor | reads | measures |", "|---|---|---|"]
     for name in SENSORS.shipped():
         sensor = SENSORS[name]
@@ -275,3 +284,109 @@ def table() -> str:
         cells = (reads, writes or ["`measured_PART`"])
         rows.append(f"| `{name}` | {' | '.join(', '.join(cell) for cell in cells)} |")
     return "\n".join(rows) + "\n"
+
+
+def _require(config: Any, names: Iterable[str], fits: Callable[[float], bool], rule: str) -> None:
+    """Raise InputError unless the numbers of each named field fit a rule.
+
+    A field has several numbers where its default has or may have.
+    """
+    for name in names:
+        value, label = getattr(config, name), f"{type(config).__name__}.{name}"
+        (declared,) = (f for f in dataclasses.fields(config) if f.name == name)
+        several = isinstance(value, tuple) and (
+            isinstance(declared.default, tuple) or "tuple" in str(declared.type)
+        )
+        for one in [number(one, label) for one in (value if several else (value,))]:
+            if not fits(one):
+                raise InputError(f"{label} is {one:g}: it must be {rule}")
+
+
+def require_non_negative(config: Any, *names: str) -> None:
+    """Raise InputError unless each named field is finite and at least 0."""
+    _require(config, names, lambda v: math.isfinite(v) and v >= 0.0, "finite and at least 0")
+
+
+def require_positive(config: Any, *names: str) -> None:
+    """Raise InputError unless each named field is above 0 (infinity is allowed)."""
+    _require(config, names, lambda v: v > 0.0, "above 0")
+
+
+def require_finite(config: Any, *names: str) -> None:
+    """Raise InputError unless each named field is finite."""
+    _require(config, names, math.isfinite, "finite")
+
+
+def drawn_value(drawn: Drawn, name: str) -> float:
+    """The value that a mission drew for `name`; a missing one names its nearest neighbour."""
+    try:
+        return float(drawn[name])
+    except KeyError:
+        raise InputError(unknown_name("drawn sensor value", name, drawn)) from None
+
+
+def signal(truth: Signals, name: str) -> Array:
+    """truth[name] as a contiguous float64 vector, without a copy where it is one already."""
+    try:
+        array = truth[name]
+    except KeyError:
+        raise InputError(
+            f"truth lacks {name!r}, which the sensors need: add it to the recorded signals"
+        ) from None
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def columns(signals: Signals, names: Iterable[str], span: Any = slice(None)) -> list[Array]:
+    """Signals by name, as `signal` gives them, each at a span or at places of samples."""
+    return [signal(signals, name)[span] for name in names]
+
+
+def sensor_generator(
+    seed: np.random.SeedSequence, sensor: str, stream: int = NOISE_STREAM
+) -> np.random.Generator:
+    """The own generator of the sensor of that name below `seed`, which is left as it was.
+
+    Two streams per sensor, `DRAWN_STREAM` for the constants of a mission and `NOISE_STREAM`,
+    so that neither another sensor nor a constant given by hand changes the noise.
+    """
+    if sensor in PLACES:
+        place = PLACES.index(sensor)
+    else:
+        place = int.from_bytes(hashlib.sha256(sensor.encode()).digest()[:8])
+    key = (*seed.spawn_key, place, stream)
+    child = np.random.SeedSequence(seed.entropy, spawn_key=key, pool_size=seed.pool_size)
+    return np.random.Generator(np.random.SFC64(child))
+
+
+def normals(rng: np.random.Generator, *shape: int) -> NDArray[np.float32]:
+    """Standard normal float32: 1e-7 of a sigma of rounding, for less than the float64 price."""
+    return rng.standard_normal(shape, dtype=np.float32)
+
+
+def knot_count(n: int, stride: int) -> int:
+    """Knots that span `n` samples."""
+    return (n - 1) // stride + 2
+
+
+def gauss_markov_knots(std: float, dt: float, correlation_time: float) -> tuple[float, float, int]:
+    """Standard deviation at the knots, decay from knot to knot and stride of a process.
+
+    Knots are at most 1/KNOTS of the correlation time apart. decay = exp(-h / correlation_time) is
+    the exact step. Linear interpolation lowers the mean
+    variance to 2/3 + decay/3; the knots make up for it, so that `std` is the RMS of the result.
+    """
+    stride = max(1, int(correlation_time / (KNOTS * dt)))
+    decay = math.exp(-stride * dt / correlation_time)
+    if stride > 1:
+        std /= math.sqrt((2.0 + decay) / 3.0)
+    return std, decay, stride
+
+
+def gauss_markov(
+    rng: np.random.Generator, n: int, *, std: float, dt: float, correlation_time: float
+) -> Array:
+    """Stationary first-order Gauss-Markov process of RMS `std`, shape (n,), every `dt` [s]."""
+    std, decay, stride = gauss_markov_knots(std, dt, correlation_time)
+    out = np.empty(n)
+    gauss_markov_kernel(normals(rng, knot_count(n, stride)), std, decay, stride, out)
+    return out

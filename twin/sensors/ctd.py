@@ -1,14 +1,19 @@
-"""CTD: temperature, conductivity, salinity and density, with the instrument's lags.
+"""Gauge and CTD: pressure, the depth that is made of it, temperature, salinity and density.
 
-The thermistor follows the water with a first-order lag. The wall of the conductivity cell keeps
-the heat of the water before, so that the cell holds water of another temperature than the
+`measured_pressure` is sea pressure: the integral of the true density profile under the gravity of
+the mission's latitude, which grows with depth (TEOS-10), and the gauge's errors. `measured_depth`
+is the depth that the field makes of it with what is known on board, latitude and no density:
+TEOS-10's `z_from_p`, whose water is standard ocean of 0 degC and 35 g/kg (McDougall and Barker,
+2011). It differs from the true geometric depth by the water column's dynamic height: warm or fresh
+water is lighter, presses less, and looks shallower than it is. The vehicle itself flies under the
+one gravity of its file.
+
+The CTD's thermistor follows the water with a first-order lag. The wall of the conductivity cell
+keeps the heat of the water before, so that the cell holds water of another temperature than the
 thermistor's and salinity spikes in a thermocline: C(S, T - T_T, p) with the thermal anomaly T_T of
-Lueck (1990), in the recursion of Lueck and Picklo (1990). Salinity and density are then computed
-from what was measured, pressure by the vehicle's gauge, as the field does: PSS-78 and TEOS-10
-through `gsw`.
-
-It measures where the water column has temperature and salinity: a profile of `thermocline`, or a
-cast with both. Where a column has only density, such as `constant`, there is no CTD: no signal.
+Lueck (1990), in the recursion of Lueck and Picklo (1990). Salinity and density are computed from
+what was measured, pressure by the vehicle's gauge, as the field does: PSS-78 and TEOS-10 through
+`gsw`. Where a column has only density, such as `constant`, there is no CTD: no signal.
 
 Accuracy and resolution: Sea-Bird Glider Payload CTD (product sheet of the Slocum Glider CTD).
 Thermal mass: the SBE-41CP (Johnson, Toole and Larson, 2007), from which that CTD has evolved.
@@ -17,25 +22,142 @@ Thermal mass: the SBE-41CP (Johnson, Toole and Larson, 2007), from which that CT
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import InputError
+from twin.numbers import Array, number
 from twin.records.schema import Variable, variables
-from twin.sensors.base import NOWHERE, Outset, Sensor, SensorRun, Surroundings
-from twin.sensors.checks import (
-    Drawn,
+from twin.sensors.base import (
+    Outset,
+    Sensor,
+    SensorRun,
     Signals,
+    columns,
     drawn_value,
+    normals,
     require_finite,
     require_non_negative,
     signal,
 )
+from twin.sensors.kernels import thermal_kernel
 
+if TYPE_CHECKING:
+    from twin.water.density import DensityProfile
+
+STANDARD_OCEAN = "standard ocean"
+"""of 0 degC and 35 g/kg"""
 MILLISIEMENS_PER_CM = 10.0
 """of one S/m, the unit of `gsw`"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pressure(Sensor):
+    """Errors of an OEM transducer (Druck and Keller sheets: 0.1 % of full scale, unverified).
+
+    Both signals have them: depth follows from the measured pressure.
+    """
+
+    name = "pressure"
+    reads = ("true_depth",)
+    writes = variables("measured_pressure", "measured_depth")
+    draws: ClassVar[Mapping[str, str]] = {"pressure_offset_dbar": "dbar", "pressure_gain": "1"}
+
+    full_scale: float = 1000.0
+    """[dbar]; the Sea-Wing is rated to 1000 m"""
+    offset: float = 0.0005
+    """[1] of full scale, standard deviation per mission"""
+    gain: float = 0.0005
+    """[1] relative, standard deviation per mission"""
+    noise: float = 0.01
+    """[dbar] white, per sample: 0.01 m"""
+    vehicle_density: float | str | None = STANDARD_OCEAN
+    """Water that depth is made with. "standard ocean": TEOS-10 at the mission's latitude, as OG1.0,
+    basestation and the glider toolboxes do it; a density [kg/m3] by pressure over density and
+    surface gravity; none by the true profile, without an error of density"""
+
+    def __post_init__(self) -> None:
+        require_non_negative(self, "full_scale", "offset", "gain", "noise")
+        density = self.vehicle_density
+        if isinstance(density, str):
+            if density != STANDARD_OCEAN:
+                raise InputError(
+                    f"Pressure.vehicle_density is {density!r}: give {STANDARD_OCEAN!r}, a density "
+                    "in kg/m3, or None"
+                )
+        elif density is not None:
+            value = number(density, "Pressure.vehicle_density [kg/m3]")
+            if not 900.0 <= value <= 1100.0:
+                raise InputError(f"Pressure.vehicle_density is {value:g} kg/m3: give 900 to 1100")
+
+    @classmethod
+    def ideal(cls) -> Pressure:
+        """Exact pressure and exact depth."""
+        return cls(offset=0.0, gain=0.0, noise=0.0, vehicle_density=None)
+
+    def draw(self, rng: np.random.Generator) -> dict[str, float]:
+        """The mission's zero offset [dbar] and gain error [1]."""
+        return self.draw_normal(rng, (self.offset * self.full_scale, self.gain))
+
+    def begin(self, outset: Outset) -> PressureRun:
+        """measured_pressure [dbar] (gauge) and measured_depth [m]."""
+        from twin.water.density import DensityProfile
+
+        around = outset.surroundings
+        offset, gain = (drawn_value(outset.drawn, name) for name in self.draws)
+        exact = self.noise == 0.0 and offset == 0.0 and gain == 0.0
+        return PressureRun(
+            gauge=self,
+            density=DensityProfile.constant() if around.density is None else around.density,
+            latitude=around.latitude,
+            offset=offset,
+            gain=gain,
+            white=None if exact else normals(outset.rng, outset.samples),
+        )
+
+
+@dataclasses.dataclass
+class PressureRun(SensorRun):
+    """A gauge in one mission."""
+
+    gauge: Pressure
+    density: DensityProfile
+    latitude: float
+    offset: float
+    gain: float
+    white: NDArray[np.float32] | None
+    """standard normals, (n,); None: the gauge is exact"""
+
+    @functools.cached_property
+    def _pressure(self) -> Callable[[Array], Array]:
+        return self.density.pressure_integral(self.latitude)
+
+    def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
+        """See `SensorRun`."""
+        from twin.water.density import PASCAL_PER_DBAR, gravity
+
+        depth = signal(signals, "true_depth")[first:last]
+        pressure = measured = self._pressure(depth)
+        if self.white is not None:
+            measured = pressure * (1.0 + self.gain) + self.offset
+            measured += self.gauge.noise * self.white[first:last]
+        density = self.gauge.vehicle_density
+        if isinstance(density, str):
+            import gsw
+
+            metres = -gsw.z_from_p(measured, self.latitude)
+        elif density is not None:
+            metres = measured * (PASCAL_PER_DBAR / (density * float(gravity(self.latitude))))
+        elif measured is pressure:
+            metres = depth
+        else:
+            weight = self.density.density(depth) * gravity(self.latitude, depth)
+            metres = depth + (measured - pressure) * PASCAL_PER_DBAR / weight
+        return {"measured_pressure": measured, "measured_depth": metres}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,22 +206,7 @@ class Ctd(Sensor):
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The mission's zero errors of temperature [degree_Celsius] and conductivity [S/m]."""
-        spread = (self.temperature_offset, self.conductivity_offset)
-        return self.draw_normal(rng, spread)
-
-    def measure(
-        self,
-        signals: Signals,
-        *,
-        dt: float,
-        drawn: Drawn,
-        rng: np.random.Generator,
-        surroundings: Surroundings = NOWHERE,
-    ) -> dict[str, NDArray[Any]]:
-        """See `begin`; nothing where the signals have no temperature and salinity."""
-        if not self.channels(signals):
-            return {}
-        return super().measure(signals, dt=dt, drawn=drawn, rng=rng, surroundings=surroundings)
+        return self.draw_normal(rng, (self.temperature_offset, self.conductivity_offset))
 
     def begin(self, outset: Outset) -> CtdRun:
         """measured_temperature [degree_Celsius], measured_salinity [1], measured_density [kg m-3],
@@ -107,14 +214,15 @@ class Ctd(Sensor):
         """
         from twin.water.density import DensityProfile
 
-        water = outset.surroundings.density or DensityProfile.constant()
+        around = outset.surroundings
         return CtdRun(
             ctd=self,
             dt=outset.dt,
             offsets=tuple(drawn_value(outset.drawn, name) for name in self.draws),
-            pressure=water.pressure_integral(outset.surroundings.latitude),
-            latitude=outset.surroundings.latitude,
-            longitude=outset.surroundings.longitude,
+            pressure=(around.density or DensityProfile.constant()).pressure_integral(
+                around.latitude
+            ),
+            place=(around.longitude, around.latitude),
         )
 
 
@@ -126,21 +234,21 @@ class CtdRun(SensorRun):
     dt: float
     offsets: tuple[float, ...]
     """of temperature [degree_Celsius] and conductivity [S/m]"""
-    pressure: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    pressure: Callable[[Array], Array]
     """[dbar] at a depth [m]"""
-    latitude: float
-    longitude: float
-    carried: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.full(3, np.nan))
+    place: tuple[float, float]
+    """[deg] longitude and latitude"""
+    carried: Array = dataclasses.field(default_factory=lambda: np.full(3, np.nan))
     """water, thermistor and the cell's anomaly [degree_Celsius]"""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
         import gsw
 
-        from twin.sensors.kernels import thermal_kernel
-
         its, span = self.ctd, slice(first, last)
-        temperature, salinity = (signal(signals, name)[span] for name in its.reads_if_there[:2])
+        if not its.channels(signals):
+            return {}
+        temperature, salinity = columns(signals, its.reads_if_there[:2], span)
         pressure = self.pressure(signal(signals, "true_depth")[span])
         thermistor, cell = np.empty_like(temperature), np.empty_like(temperature)
         thermal_kernel(
@@ -154,12 +262,12 @@ class CtdRun(SensorRun):
         conductivity = _rounded(conductivity, its.conductivity_resolution)
         gauge = signal(signals, "measured_pressure")[span]
         practical = gsw.SP_from_C(conductivity * MILLISIEMENS_PER_CM, shown, gauge)
-        absolute = gsw.SA_from_SP(practical, gauge, self.longitude, self.latitude)
+        absolute = gsw.SA_from_SP(practical, gauge, *self.place)
         density = gsw.rho_t_exact(absolute, shown, gauge)
         made = (shown, practical, density, conductivity)
         return dict(zip((v.name for v in its.writes), made, strict=True))
 
 
-def _rounded(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def _rounded(values: Array, step: float) -> Array:
     """The nearest multiples of a step; 0 leaves them as they are."""
     return np.rint(values / step) * step if step > 0.0 else values

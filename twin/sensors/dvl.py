@@ -24,7 +24,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,16 +32,21 @@ from numpy.typing import NDArray
 from twin.errors import InputError
 from twin.numbers import Array
 from twin.records.schema import variables
-from twin.sensors.base import NOWHERE, Outset, Sensor, SensorRun, Surroundings
-from twin.sensors.checks import (
+from twin.sensors.base import (
+    NOWHERE,
+    Outset,
+    Sensor,
+    SensorRun,
     Signals,
+    Surroundings,
+    columns,
     drawn_value,
+    normals,
     require_finite,
     require_non_negative,
     require_positive,
-    signal,
 )
-from twin.sensors.noise import normals
+from twin.sensors.kernels import body_kernel, dvl_kernel, level_slant_kernel, slant_kernel
 
 DEG = math.pi / 180.0
 AZIMUTHS_DEG = (45.0, 135.0, 225.0, 315.0)
@@ -55,21 +60,17 @@ CELL_PERIOD = 2.0
 MARCH = 2.0
 """[m] steps in which a beam looks for the floor, as the altimeter's"""
 BODY_RATES = ("roll_rate", "pitch_rate", "yaw_rate")
+ANGLES = ("true_roll", "true_pitch", "true_heading")
+OVER_GROUND = ("true_velocity_north", "true_velocity_east", "true_velocity_down")
+THROUGH_WATER = ("true_surge", "true_sway", "true_heave")
 OUTPUTS = ("measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave")
 
 
 def beam_directions(tilt: float) -> Array:
     """Unit vectors of the beams, shape (4, 3), body FRD, `tilt` [rad] from straight down."""
-    azimuth = np.array(AZIMUTHS_DEG) * DEG
-    horizontal = math.sin(tilt)
-    return np.stack(
-        [
-            horizontal * np.cos(azimuth),
-            horizontal * np.sin(azimuth),
-            np.full(4, math.cos(tilt)),
-        ],
-        axis=1,
-    )
+    azimuth, sine = np.array(AZIMUTHS_DEG) * DEG, math.sin(tilt)
+    down = np.full(4, math.cos(tilt))
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), down], axis=1)
 
 
 def rotation(turn: Array) -> Array:
@@ -100,9 +101,7 @@ class Dvl(Sensor):
 
     name = "dvl"
     reads = (
-        "true_north", "true_east", "true_depth", "true_roll", "true_pitch", "true_heading",
-        "true_surge", "true_sway", "true_heave",
-        "true_velocity_north", "true_velocity_east", "true_velocity_down",
+        "true_north", "true_east", "true_depth", *ANGLES, *THROUGH_WATER, *OVER_GROUND,
         *(f"true_{name}" for name in BODY_RATES), *(f"measured_{name}" for name in BODY_RATES),
     )  # fmt: skip
     writes = variables(*OUTPUTS, "measured_dvl_mode")
@@ -194,8 +193,7 @@ class Dvl(Sensor):
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The mission's relative scale and sound-speed errors [1] and misalignment [rad]."""
         turn = self.misalignment_deg * DEG
-        spread = (self.scale, self.sound_speed, turn, turn, turn)
-        return self.draw_normal(rng, spread)
+        return self.draw_normal(rng, (self.scale, self.sound_speed, turn, turn, turn))
 
     def begin(self, outset: Outset) -> DvlRun:
         """measured_dvl_surge/_sway/_heave [m/s] at the CB and measured_dvl_mode.
@@ -203,28 +201,19 @@ class Dvl(Sensor):
         The measured body rates remove the lever arm. The current of the surroundings is evaluated
         at the cell layer.
         """
-        if not self.fitted or self.exact:
-            return DvlRun(dvl=self, dt=outset.dt, samples=outset.samples)
-        ping_dt = 1.0 / self.ping_rate
-        pings = max(1, math.ceil((outset.samples - 0.5) * outset.dt * self.ping_rate))
-        outlier, outlier_beam = self._outliers(outset.rng, pings)
-        mount = rotation(
-            np.array([drawn_value(outset.drawn, f"dvl_misalignment_{a}") for a in "xyz"])
-        )
-        return DvlRun(
-            dvl=self,
-            dt=outset.dt,
-            samples=outset.samples,
-            locked=self._locked(outset.rng, pings, ping_dt),
-            white=normals(outset.rng, outset.samples, 4),
-            outlier=outlier,
-            outlier_beam=outlier_beam,
-            beams=beam_directions(self.tilt_deg * DEG) @ mount.T,
-            factor=1.0
-            + drawn_value(outset.drawn, "dvl_scale")
-            + drawn_value(outset.drawn, "dvl_sound_speed"),
-            surroundings=outset.surroundings,
-        )
+        run = DvlRun(self, outset.dt, outset.samples, outset.surroundings)
+        if self.fitted and not self.exact:
+            rng, pings = outset.rng, math.ceil((outset.samples - 0.5) * outset.dt * self.ping_rate)
+            outliers = self._outliers(rng, max(1, pings))
+            scale, sound_speed, *turn = (drawn_value(outset.drawn, name) for name in self.draws)
+            run.pings = Pings(
+                self._locked(rng, max(1, pings)),
+                normals(rng, outset.samples, 4),
+                *outliers,
+                beam_directions(self.tilt_deg * DEG) @ rotation(np.array(turn)).T,
+                1.0 + scale + sound_speed,
+            )
+        return run
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
@@ -235,23 +224,19 @@ class Dvl(Sensor):
         through_water, mode = signals.get(f"true_{axis}"), signals.get("measured_dvl_mode")
         if through_water is None or mode is None:
             return through_water
-        angles = (np.deg2rad(signals[f"true_{n}"]) for n in ("roll", "pitch", "heading"))
-        velocity = np.stack(
-            [signals[f"true_velocity_{n}"] for n in ("north", "east", "down")], axis=-1
-        )
+        angles = (np.deg2rad(signals[name]) for name in ANGLES)
+        velocity = np.stack([signals[name] for name in OVER_GROUND], axis=-1)
         body = np.einsum("tji,tj->ti", euler_to_matrix(*angles), velocity)
         ground = body[:, ("surge", "sway", "heave").index(axis)]
         return np.where(mode == MODES["water"], through_water, ground)
 
-    def _locked(self, rng: np.random.Generator, pings: int, ping_dt: float) -> NDArray[np.bool_]:
-        """Which pings have lock: alternating exponential stays of the two-state chain."""
-        locked = np.ones(pings, bool)
+    def _locked(self, rng: np.random.Generator, pings: int) -> NDArray[np.bool_]:
+        """Mark pings with lock, by alternating exponential stays of the two-state chain."""
+        locked, ping_dt = np.ones(pings, bool), 1.0 / self.ping_rate
         if self.mean_loss_time == 0.0:
             return locked
-        cycle = self.mean_lock_time + self.mean_loss_time
-        lost_first = rng.random() < self.mean_loss_time / cycle
         now, end = 0.0, pings * ping_dt
-        if lost_first:
+        if rng.random() < self.mean_loss_time / (self.mean_lock_time + self.mean_loss_time):
             now = rng.exponential(self.mean_loss_time)
             locked[: math.ceil(now / ping_dt)] = False
         while True:
@@ -273,52 +258,52 @@ class Dvl(Sensor):
         return size, beam
 
 
-@dataclasses.dataclass(kw_only=True)
+class Pings(NamedTuple):
+    """Random numbers and geometry of a log that pings."""
+
+    locked: NDArray[np.bool_]
+    """per ping"""
+    white: NDArray[np.float32]
+    """standard normals, (n, 4)"""
+    outlier: Array
+    """[m/s] per ping: 0 none, NaN the beam reports its neighbour's velocity"""
+    outlier_beam: NDArray[np.int64]
+    beams: Array
+    """directions as mounted, (4, 3)"""
+    factor: float
+    """[1] by which velocities are scaled"""
+
+
+@dataclasses.dataclass
 class DvlRun(SensorRun):
-    """A Doppler log in one mission; of its fields the later ones are of one that pings."""
+    """A Doppler log in one mission."""
 
     delay = 1  # readings are means over an interval centred on the sample
 
     dvl: Dvl
     dt: float
     samples: int
-    locked: NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
-    """per ping"""
-    white: NDArray[np.float32] = dataclasses.field(default_factory=lambda: np.zeros((0, 4), "f4"))
-    """standard normals, (n, 4)"""
-    outlier: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
-    """[m/s] per ping"""
-    outlier_beam: NDArray[np.int64] = dataclasses.field(
-        default_factory=lambda: np.zeros(0, np.int64)
-    )
-    beams: Array = dataclasses.field(default_factory=lambda: np.zeros((4, 3)))
-    """directions as mounted"""
-    factor: float = 1.0
     surroundings: Surroundings = NOWHERE
+    pings: Pings | None = None
+    """None: it is not fitted, or exact"""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
-        velocity, mode = np.empty((3, last - first)), np.zeros(last - first)
-        if not self.dvl.fitted:
-            velocity[:] = np.nan
-        elif self.dvl.exact:
-            from twin.sensors.kernels import body_kernel
-
-            span = slice(first, last)
-            body_kernel(
-                *self._angles(signals, span), *self._over_ground(signals, span), velocity,
-                np.empty_like(velocity),
-            )  # fmt: skip
-            mode[:] = MODES["bottom"]
-        else:
+        velocity, mode = np.full((3, last - first), np.nan), np.zeros(last - first)
+        span = slice(first, last)
+        if self.pings is not None:
             # a ping between two samples needs both of them
-            begin, stop = max(first - 1, 0), min(last + 1, self.samples)
-            velocity, mode = self._pinged(signals, slice(begin, stop), first - begin, last - begin)
+            around = slice(max(first - 1, 0), min(last + 1, self.samples))
+            velocity, mode = self._pinged(self.pings, signals, around, span)
             x, y, z = self.dvl.lever_arm
-            p, q, r = (signal(signals, f"measured_{name}")[first:last] for name in BODY_RATES)
+            p, q, r = columns(signals, [f"measured_{name}" for name in BODY_RATES], span)
             velocity[0] -= q * z - r * y
             velocity[1] -= r * x - p * z
             velocity[2] -= p * y - q * x
+        elif self.dvl.fitted:
+            over_ground = columns(signals, (*ANGLES, *OVER_GROUND), span)
+            body_kernel(*over_ground, velocity, np.empty_like(velocity))
+            mode[:] = MODES["bottom"]
         return dict(zip(OUTPUTS, velocity, strict=True)) | {"measured_dvl_mode": mode}
 
     def finish(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
@@ -329,72 +314,51 @@ class DvlRun(SensorRun):
         finally:
             self.samples = kept
 
-    @staticmethod
-    def _angles(truth: Signals, span: slice) -> list[Array]:
-        return [signal(truth, f"true_{name}")[span] for name in ("roll", "pitch", "heading")]
+    def _pinged(
+        self, pings: Pings, truth: Signals, around: slice, span: slice
+    ) -> tuple[Array, Array]:
+        """Velocity at the instrument [m/s], (3, stretch), and mode of the samples of `span`.
 
-    @staticmethod
-    def _over_ground(truth: Signals, span: slice) -> list[Array]:
-        names = ("north", "east", "down")
-        return [signal(truth, f"true_velocity_{name}")[span] for name in names]
-
-    def _pinged(self, truth: Signals, span: slice, begin: int, end: int) -> tuple[Array, Array]:
-        """Velocity at the instrument [m/s], (3, end - begin), and mode of these places of `span`.
-
-        `span` has a sample more on either side, where the mission has.
+        `around` has a sample more on either side, where the mission has.
         """
-        from twin.sensors.kernels import body_kernel, dvl_kernel
-
         its, current = self.dvl, self.surroundings.current
-        angles, over_ground = self._angles(truth, span), self._over_ground(truth, span)
+        angles, over_ground = (columns(truth, names, around) for names in (ANGLES, OVER_GROUND))
         n = len(angles[0])
         ground, plumb = np.empty((3, n)), np.empty((3, n))
         body_kernel(*angles, *over_ground, ground, plumb)
         if current is None:
-            names = ("surge", "sway", "heave")
-            water = np.stack([signal(truth, f"true_{name}")[span] for name in names])
+            water = np.stack(columns(truth, THROUGH_WATER, around))
         else:
-            below = self._cell_current(truth, span, current)
+            below = self._cell_current(truth, around, current)
             through = [v - c for v, c in zip(over_ground, below, strict=True)]
             water = np.empty((3, n))
             body_kernel(*angles, *through, water, np.empty((3, n)))
-        rates = np.stack([signal(truth, f"true_{name}")[span] for name in BODY_RATES])
-        depth = signal(truth, "true_depth")[span]
-        tilt = its.tilt_deg * DEG
+        rates = np.stack(columns(truth, [f"true_{name}" for name in BODY_RATES], around))
+        tilt, lever = its.tilt_deg * DEG, np.array(its.lever_arm, float)
         cell_reach = its.cell_max / math.cos(tilt)
-        slant = self._slant(truth, span, angles, plumb, cell_reach)
-        velocity, mode = np.empty((3, n)), np.zeros(n)
-        dvl_kernel(
-            ground, water, rates, plumb, depth, slant, np.array(its.lever_arm, float),
-            self.beams, beam_solutions(tilt), 1.0 / its.ping_rate / self.dt,
-            self.locked, self.factor, its.bottom_noise, its.water_noise,
-            self.white, self.outlier, self.outlier_beam, its.min_range, its.max_range,
-            math.cos(its.max_beam_angle_deg * DEG), cell_reach, span.start, begin, end,
-            velocity, mode,
-        )  # fmt: skip
-        return velocity[:, begin:end], mode[begin:end]
-
-    def _slant(
-        self, truth: Signals, span: slice, angles: list[Array], plumb: Array, cell_reach: float
-    ) -> Array:
-        """Distances [m] along the beams to the bottom, shape (4, n); inf where there is none."""
-        from twin.sensors.kernels import level_slant_kernel, slant_kernel
-
-        its, around = self.dvl, self.surroundings
-        depth = signal(truth, "true_depth")[span]
-        slant = np.full((len(self.beams), depth.shape[0]), np.inf)
-        lever = np.array(its.lever_arm, float)
-        if around.floor is not None:
-            place = [signal(truth, f"true_{name}")[span] for name in ("north", "east")]
-            farthest = max(its.max_range, cell_reach)
+        north, east, depth = columns(truth, ("true_north", "true_east", "true_depth"), around)
+        # distances [m] along the beams to the bottom; inf where there is none
+        slant = np.full((len(pings.beams), n), np.inf)
+        bottom = self.surroundings.bottom_depth
+        if self.surroundings.floor is not None:
             slant_kernel(
-                around.floor, *place, depth, *angles, lever, self.beams, farthest, MARCH, slant
-            )
-        elif around.bottom_depth is not None:
-            bottom = np.asarray(around.bottom_depth, float)
-            bottom = bottom[span] if bottom.shape else np.full(depth.shape[0], bottom)
-            level_slant_kernel(plumb, depth, bottom, lever, self.beams, slant)
-        return slant
+                self.surroundings.floor, north, east, depth, *angles, lever, pings.beams,
+                max(its.max_range, cell_reach), MARCH, slant,
+            )  # fmt: skip
+        elif bottom is not None:
+            level = np.asarray(bottom, float)
+            level = level[around] if level.shape else np.full(n, level)
+            level_slant_kernel(plumb, depth, level, lever, pings.beams, slant)
+        velocity, mode = np.empty((3, n)), np.zeros(n)
+        own = slice(span.start - around.start, span.stop - around.start)
+        dvl_kernel(
+            ground, water, rates, plumb, depth, slant, lever, pings.beams, beam_solutions(tilt),
+            1.0 / its.ping_rate / self.dt, pings.locked, pings.factor, its.bottom_noise,
+            its.water_noise, pings.white, pings.outlier, pings.outlier_beam, its.min_range,
+            its.max_range, math.cos(its.max_beam_angle_deg * DEG), cell_reach, around.start,
+            own.start, own.stop, velocity, mode,
+        )  # fmt: skip
+        return velocity[:, own], mode[own]
 
     def _cell_current(self, truth: Signals, span: slice, current: Array) -> list[Array]:
         """Current [m/s] north, east, down averaged over the cell layer, each of shape (n,)."""
@@ -402,9 +366,8 @@ class DvlRun(SensorRun):
 
         stride = max(1, round(CELL_PERIOD / self.dt))
         at = np.arange(span.start // stride * stride, span.stop, stride)
-        north, east, depth, roll, pitch = (
-            signal(truth, f"true_{name}")[at]
-            for name in ("north", "east", "depth", "roll", "pitch")
+        north, east, depth, roll, pitch = columns(
+            truth, ("true_north", "true_east", "true_depth", *ANGLES[:2]), at
         )
         plumb = np.cos(np.deg2rad(roll)) * np.cos(np.deg2rad(pitch))
         still = np.zeros(at.size)

@@ -14,8 +14,7 @@ from twin.errors import InputError, UnknownName
 from twin.numbers import number
 from twin.records.schema import Variable, declare, variable
 from twin.records.trajectory import actuator_names
-from twin.sensors.base import Outset, Sensor, SensorRun
-from twin.sensors.checks import Signals, require_non_negative, signal
+from twin.sensors.base import Outset, Sensor, SensorRun, Signals, require_non_negative, signal
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,17 +77,10 @@ class Encoders(Sensor):
         for name in self.resolutions:
             if name not in parts:
                 raise UnknownName("part with an encoder", name, parts)
-        by_unit = {
-            "m": self.shift_resolution,
-            "degree": self.rotation_resolution_deg,
-            "cm3": self.pump_resolution,
-        }
-        return EncodersRun(
-            {
-                part: self.resolutions.get(part, by_unit.get(variable(f"true_{part}").units, 0.0))
-                for part in parts
-            }
-        )
+        steps = self.shift_resolution, self.rotation_resolution_deg, self.pump_resolution
+        by_unit = dict(zip(("m", "degree", "cm3"), steps, strict=True))
+        usual = {part: by_unit.get(variable(f"true_{part}").units, 0.0) for part in parts}
+        return EncodersRun({**usual, **self.resolutions})
 
 
 @dataclasses.dataclass
@@ -103,12 +95,7 @@ class EncodersRun(SensorRun):
         out = {}
         for part, step in self.steps.items():
             true = signal(signals, f"true_{part}")[first:last]
-            if step > 0.0:
-                reading = np.rint(true * (1.0 / step))
-                reading *= step
-                out[f"measured_{part}"] = reading
-            else:
-                out[f"measured_{part}"] = true
+            out[f"measured_{part}"] = np.rint(true * (1.0 / step)) * step if step > 0.0 else true
         return out
 
 

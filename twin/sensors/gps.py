@@ -11,17 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.numbers import Array
 from twin.records.schema import variables
-from twin.sensors.base import Outset, Sensor, SensorRun
-from twin.sensors.checks import (
+from twin.sensors.base import (
+    Outset,
+    Sensor,
+    SensorRun,
     Signals,
+    columns,
     drawn_value,
+    gauss_markov_knots,
+    normals,
     require_finite,
     require_non_negative,
     require_positive,
     signal,
 )
-from twin.sensors.noise import gauss_markov_knots, normals
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -92,7 +97,7 @@ class Gps(Sensor):
         if self.antenna_position is None:
             return np.asarray(truth["true_immersion"]) < self.max_immersion
         x, y, z = self.antenna_position
-        roll, pitch = (np.deg2rad(signal(truth, f"true_{name}")) for name in ("roll", "pitch"))
+        roll, pitch = np.deg2rad(columns(truth, ("true_roll", "true_pitch")))
         below = -np.sin(pitch) * x + np.cos(pitch) * (np.sin(roll) * y + np.cos(roll) * z)
         return signal(truth, "true_depth") + below < 0.0
 
@@ -105,27 +110,10 @@ class Gps(Sensor):
             gps=self, dt=outset.dt, rng=outset.rng, sigma=drawn_value(outset.drawn, "gps_sigma")
         )
 
-    def wait(self, rng: np.random.Generator, start: int, dt: float) -> int:
-        """Samples from the begin of a surfacing, at sample `start`, to its first fix."""
-        wait = rng.uniform(self.first_fix_min, self.first_fix_max)
-        if start == 0 and self.tracking_at_start:
-            wait = 0.0
-        return math.ceil(wait / dt)
-
-    def wander(self, rng: np.random.Generator, sigma: float, dt: float) -> Wander:
-        """Errors of the fixes of one surfacing, one every `dt` [s]."""
-        std, decay, stride = gauss_markov_knots(sigma, dt, self.correlation_time)
-        return Wander(rng=rng, std=std, decay=decay, stride=stride)
-
-    @classmethod
-    def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
-        """The true position."""
-        return signals.get(f"true_{name.removeprefix('gps_')}")
-
 
 @dataclasses.dataclass
 class Wander:
-    """Two Gauss-Markov processes, north and east [m], as `twin.sensors.noise.gauss_markov`.
+    """Two Gauss-Markov processes, north and east [m], as `twin.sensors.base.gauss_markov`.
 
     Knots are drawn when they are needed, so that no one has to know how long it goes on.
     """
@@ -135,10 +123,10 @@ class Wander:
     decay: float
     stride: int
     count: int = 0
-    knot: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(2))
-    following: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(2))
+    knot: Array = dataclasses.field(default_factory=lambda: np.zeros(2))
+    following: Array = dataclasses.field(default_factory=lambda: np.zeros(2))
 
-    def next(self) -> NDArray[np.float64]:
+    def next(self) -> Array:
         """The next errors, shape (2,)."""
         if self.count == 0:
             self.following = self.std * normals(self.rng, 2).astype(float)
@@ -178,23 +166,35 @@ class GpsRun(SensorRun):
                 out[1, k - first] = signals["true_east"][k] + error[1]
         return {"measured_gps_north": out[0], "measured_gps_east": out[1]}
 
-    def _fix(self, k: int) -> NDArray[np.float64] | None:
+    def _fix(self, k: int) -> Array | None:
         """Error [m] of the fix of a sample at the surface, (2,); None: there is no fix."""
         its = self.gps
-        stride = max(1, round(its.fix_interval / self.dt))
         if (k - self.last_dry - 1) * self.dt > its.dip_tolerance:
             self.wander = None
-            self.next_fix = k + its.wait(self.rng, k, self.dt)
+            wait = self.rng.uniform(its.first_fix_min, its.first_fix_max)
+            if k == 0 and its.tracking_at_start:
+                wait = 0.0
+            self.next_fix = k + math.ceil(wait / self.dt)
         self.last_dry = k
         error = None
         while self.next_fix <= k:  # the process went on while the antenna was under
             if self.wander is None:
-                self.wander = its.wander(self.rng, self.sigma, stride * self.dt)
+                self.wander = self._wander()
             value = self.wander.next()
             if self.next_fix == k:
                 error = value
-            self.next_fix += stride
+            self.next_fix += self._stride
         return error
+
+    @property
+    def _stride(self) -> int:
+        """Samples from fix to fix."""
+        return max(1, round(self.gps.fix_interval / self.dt))
+
+    def _wander(self) -> Wander:
+        """Errors of the fixes of one surfacing."""
+        interval, time = self._stride * self.dt, self.gps.correlation_time
+        return Wander(self.rng, *gauss_markov_knots(self.sigma, interval, time))
 
     def state(self) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -222,8 +222,7 @@ class GpsRun(SensorRun):
         self.next_fix, self.last_dry = (int(value) for value in state["surfacing"])
         self.wander = None
         if len(state["wander"]):
-            stride = max(1, round(self.gps.fix_interval / self.dt))
-            self.wander = self.gps.wander(self.rng, self.sigma, stride * self.dt)
+            self.wander = self._wander()
             values = np.asarray(state["wander"], np.float64)
             self.wander.count = int(values[0])
             self.wander.knot, self.wander.following = values[1:3], values[3:5]

@@ -18,16 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
+from twin.numbers import Array
 from twin.records.schema import variables
-from twin.sensors.base import Outset, Sensor, SensorRun
-from twin.sensors.checks import (
+from twin.sensors.base import (
+    Outset,
+    Sensor,
+    SensorRun,
     Signals,
+    columns,
     drawn_value,
+    gauss_markov_knots,
+    knot_count,
+    normals,
     require_non_negative,
     require_positive,
-    signal,
 )
-from twin.sensors.noise import gauss_markov_knots, knot_count, normals
+from twin.sensors.kernels import slow_kernel, triad_kernel
 
 DEG = math.pi / 180.0
 DEG_PER_HOUR = DEG / 3600.0
@@ -117,39 +123,22 @@ class Imu(Sensor):
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
         """The mission's constants: turn-on bias [SI], scale [1], misalignment [rad] per axis."""
         turn = self.misalignment_deg * DEG
-        spread = {
-            "gyro_bias": self.gyro_turn_on_bias,
-            "gyro_scale": self.gyro_scale,
-            "gyro_misalignment": turn,
-            "accel_bias": self.accel_turn_on_bias,
-            "accel_scale": self.accel_scale,
-            "accel_misalignment": turn,
-        }
-        unit = rng.standard_normal((len(spread), len(AXES)))
-        return {
-            f"{name}_{axis}": float(std * unit[i, j])
-            for i, (name, std) in enumerate(spread.items())
-            for j, axis in enumerate(AXES)
-        }
+        gyro = (self.gyro_turn_on_bias, self.gyro_scale, turn)
+        accel = (self.accel_turn_on_bias, self.accel_scale, turn)
+        return self.draw_normal(rng, np.repeat((*gyro, *accel), len(AXES)).tolist())
 
     def begin(self, outset: Outset) -> ImuRun:
         """Rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
-        gyro = self._triad(
-            outset, GYRO_SIGNALS, "gyro",
-            self.gyro_noise_density, self.gyro_bias_instability, self.gyro_rate_random_walk,
-        )  # fmt: skip
-        force = self._triad(
-            outset, FORCE_SIGNALS, "accel",
-            self.accel_noise_density, self.accel_bias_instability, self.accel_rate_random_walk,
-        )  # fmt: skip
-        return ImuRun(gyro, force)
+        return ImuRun(
+            self._triad(outset, GYRO_SIGNALS, "gyro"), self._triad(outset, FORCE_SIGNALS, "accel")
+        )
 
-    def _triad(
-        self, outset: Outset, names: tuple[str, ...], triad: str,
-        density: float, instability: float, walk: float,
-    ) -> TriadRun:  # fmt: skip
-        from twin.sensors.kernels import slow_kernel
-
+    def _triad(self, outset: Outset, names: tuple[str, ...], triad: str) -> TriadRun:
+        """Begin three axes of one kind, whose settings begin with `triad`."""
+        density, instability, walk = (
+            getattr(self, f"{triad}_{name}")
+            for name in ("noise_density", "bias_instability", "rate_random_walk")
+        )
         n, dt, drawn, rng = outset.samples, outset.dt, outset.drawn, outset.rng
         bias, scale, turn = (
             np.array([drawn_value(drawn, f"{triad}_{what}_{axis}") for axis in AXES])
@@ -174,24 +163,22 @@ class TriadRun(SensorRun):
     """Three axes of one kind."""
 
     names: tuple[str, ...]
-    matrix: NDArray[np.float64]
+    matrix: Array
     """scale factors and misalignment, (3, 3)"""
     white: NDArray[np.float32]
     """standard normals, (3, n)"""
     white_std: float
-    slow: NDArray[np.float64]
+    slow: Array
     """bias and what wanders, at its knots, (3, m)"""
     stride: int
     """samples from knot to knot"""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
-        from twin.sensors.kernels import triad_kernel
-
         out = np.empty((3, last - first))
         triad_kernel(
-            *(signal(signals, f"true_{name}")[first:last] for name in self.names), self.matrix,
-            self.white, self.white_std, self.slow, self.stride, first, out,
+            *columns(signals, [f"true_{name}" for name in self.names], slice(first, last)),
+            self.matrix, self.white, self.white_std, self.slow, self.stride, first, out,
         )  # fmt: skip
         return {f"measured_{name}": out[i] for i, name in enumerate(self.names)}
 
@@ -231,13 +218,7 @@ IMU_PRESETS: dict[str, Imu] = {
         accel_bias_instability=0.07441e-3 * STANDARD_GRAVITY,
         accel_rate_random_walk=_walk(0.07441e-3 * STANDARD_GRAVITY),
     ),
-    "MTi-630": Imu(
-        gyro_noise_density=0.007 * DEG,
-        accel_noise_density=60e-6 * STANDARD_GRAVITY,
-    ),
-    "MV5-AR": Imu(
-        gyro_noise_density=0.0075 * DEG,
-        accel_noise_density=85e-6 * STANDARD_GRAVITY,
-    ),
+    "MTi-630": Imu(gyro_noise_density=0.007 * DEG, accel_noise_density=60e-6 * STANDARD_GRAVITY),
+    "MV5-AR": Imu(gyro_noise_density=0.0075 * DEG, accel_noise_density=85e-6 * STANDARD_GRAVITY),
 }
 """Named IMUs. A figure that a device's source does not give is the 3DM-GX5-25's."""

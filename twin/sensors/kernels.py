@@ -1,6 +1,5 @@
-"""Compiled loops of the sensors: what is sequential in time or too small for numpy calls.
+"""Compiled loops of the sensors: recursions in time, and loops too small for numpy calls.
 
-Imported inside the devices' methods only, so that configurations load without numba.
 Vectors are contiguous float64 of shape (n,) on the mission's time grid, normals are float32.
 """
 
@@ -130,7 +129,7 @@ def turn_kernel(roll, pitch, gyro_y, gyro_z, rate):  # type: ignore[no-untyped-d
 def thermal_kernel(  # type: ignore[no-untyped-def]
     temperature, dt, lag, amplitude, time_constant, carried, thermistor, cell
 ):
-    """What a CTD's thermistor shows and how warm the water in its conductivity cell is.
+    """Temperature that a CTD's thermistor shows, and that of the water in its conductivity cell.
 
     thermistor: first-order lag [s] of the water's temperature. cell: temperature less the anomaly
     that the cell's wall makes, by the recursion of Lueck and Picklo (1990). All (n,) [deg C].

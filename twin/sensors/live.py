@@ -1,24 +1,28 @@
 """Live sensors: a suite at work in one mission, sample by sample, as a vehicle under way has it.
 
 The readings are those of `SensorSuite.measure` for the same seed and as many samples: the same
-random numbers, drawn in the same order.
+random numbers, drawn in the same order. A fault acts on a sample as soon as the sensors that it
+changes have measured it, and before a sensor that reads them, so that the vehicle is navigated by
+what the log shows.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.faults.base import Fault
+from twin.faults.base import Fault, FaultRun
 from twin.numbers import Array
-from twin.sensors.base import NOWHERE, Outset, SensorRun, Surroundings
-from twin.sensors.faulty import FaultySensors
-from twin.sensors.noise import sensor_generator
-from twin.sensors.suite import SensorSuite, is_exact
+from twin.sensors.base import NOWHERE, Outset, SensorRun, Surroundings, sensor_generator
+from twin.sensors.suite import SensorSuite, truths
+
+_STREAM = 0xFA17
+"""Branch of a mission's seed that faults draw from"""
 
 
 class LiveSuite:
@@ -37,7 +41,6 @@ class LiveSuite:
         *,
         dt: float,
         rng_seed: np.random.SeedSequence,
-        drawn: Mapping[str, float] | None = None,
         surroundings: Surroundings = NOWHERE,
         wanted: Iterable[str] | None = None,
         faults: Sequence[Fault] = (),
@@ -48,7 +51,7 @@ class LiveSuite:
           suite: the sensors.
           signals: names of the true and commanded signals that a sample has.
           samples: of the mission at most; random numbers are drawn for so many.
-          dt, rng_seed, drawn: as in `SensorSuite.measure`.
+          dt, rng_seed: as in `SensorSuite.measure`.
           surroundings: water, place and sea floor.
           wanted: measured signals; sensors that neither measure one nor are read for one stay out.
             None: all.
@@ -65,42 +68,34 @@ class LiveSuite:
                 f"a sample lacks {', '.join(missing)}: the sensors need every signal of "
                 "SensorSuite.reads"
             )
-        self.drawn = suite.draw(rng_seed) if drawn is None else dict(drawn)
+        self.drawn = suite.draw(rng_seed)
         self.count = 0
         """Samples so far."""
         self._runs: list[tuple[SensorRun | None, int, dict[str, str]]] = []
-        delays: dict[str, int] = {}
-        channels: list[str] = []
+        self._delays: dict[str, int] = {}
         order: list[tuple[Sequence[str], Sequence[str], int]] = []
         needed = _needed(suite, self.signals, wanted)
         for name, sensor in suite.items():
-            if name not in needed:
-                continue
             own = [entry.name for entry in sensor.channels(self.signals)]
-            if not own:
+            if name not in needed or not own:
                 continue
-            behind = {c: f"true_{c.removeprefix('measured_')}" for c in own}
-            known = is_exact(sensor, self.drawn)
-            truths = {c: t for c, t in behind.items() if known and t in self.signals}
-            run = None
-            if len(truths) < len(own):
+            known = truths(sensor, own, self.signals, self.drawn)
+            inputs, run = sensor.inputs(self.signals), None
+            delay = max([self._delays.get(channel, 0) for channel in inputs], default=0)
+            if len(known) < len(own):
                 run = sensor.begin(
                     Outset(
                         samples=samples, signals=self.signals, dt=dt, drawn=self.drawn,
                         rng=sensor_generator(rng_seed, name), surroundings=surroundings,
                     )
                 )  # fmt: skip
-            delay = max([delays.get(c, 0) for c in sensor.inputs(self.signals)], default=0)
-            if run is not None:
                 delay += run.delay
-            delays |= dict.fromkeys((c for c in own if c not in truths), delay)
-            channels += own
-            self._runs.append((run, delay, truths))
-            order.append((sensor.inputs(self.signals), own, delay))
+            self._delays |= dict.fromkeys((c for c in own if c not in known), delay)
+            self._runs.append((run, delay, known))
+            order.append((inputs, own, delay))
         self._faulty = FaultySensors(faults, order, dt=dt, rng_seed=rng_seed)
-        self.channels = tuple(channels)
-        """What it measures."""
-        self._delays = delays
+        self.channels = tuple(channel for _, own, _ in order for channel in own)
+        """Channels that it measures."""
         self._arrays: dict[str, Array] = {
             name: np.full(samples, np.nan) for name in (*self.signals, *self.channels)
         }
@@ -123,22 +118,19 @@ class LiveSuite:
         for name in self.signals:
             self._arrays[name][k] = sample[name]
         self.count += 1
-        for place, (run, delay, truths) in enumerate(self._runs):
-            for channel, true in truths.items():
+        for place, (run, delay, known) in enumerate(self._runs):
+            for channel, true in known.items():
                 self._arrays[channel][k] = self._arrays[true][k]
             if run is not None and k >= delay:
-                self._put(run, truths, k - delay, k - delay + 1)
+                for channel, values in run.measure(self._arrays, k - delay, k - delay + 1).items():
+                    if channel not in known:
+                        self._arrays[channel][k - delay] = values[0]
             self._faulty.act(place, self._arrays, k)
-        return {name: self._last(name) for name in self.channels}
-
-    def _put(self, run: SensorRun, truths: Mapping[str, str], first: int, last: int) -> None:
-        for channel, values in run.measure(self._arrays, first, last).items():
-            if channel not in truths:
-                self._arrays[channel][first:last] = values
-
-    def _last(self, channel: str) -> float:
-        at = self.count - 1 - self._delays.get(channel, 0)
-        return float(self._arrays[channel][at]) if at >= 0 else float("nan")
+        latest = {name: k - self._delays.get(name, 0) for name in self.channels}
+        return {
+            name: float(self._arrays[name][at]) if at >= 0 else math.nan
+            for name, at in latest.items()
+        }
 
     def measured(self) -> dict[str, Array]:
         """The readings so far, each of shape (count,).
@@ -147,15 +139,15 @@ class LiveSuite:
         afterwards gives them again, as they are then.
         """
         out = {name: self._arrays[name][: self.count].copy() for name in self.channels}
-        late = [(run, delay, truths) for run, delay, truths in self._runs if run and delay]
+        late = [(run, delay, known) for run, delay, known in self._runs if run and delay]
         if not late or not self.count:
             return out
         kept = self.state()
         ended = {name: values[: self.count] for name, values in self._arrays.items()}
-        for run, delay, truths in late:
+        for run, delay, known in late:
             first = max(self.count - delay, 0)
             for channel, values in run.finish(ended, first, self.count).items():
-                if channel not in truths:
+                if channel not in known:
                     ended[channel][first:] = values
         self._faulty.finish(ended, self.count)
         out |= {name: ended[name].copy() for name in self.channels}
@@ -163,7 +155,7 @@ class LiveSuite:
         return out
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that later readings depend on, as arrays by name; go on with `restore`."""
+        """Arrays by name on which later readings depend, for `restore`."""
         state: dict[str, NDArray[Any]] = {
             f"signal:{name}": values[: self.count].copy() for name, values in self._arrays.items()
         }
@@ -206,3 +198,96 @@ def _needed(suite: SensorSuite, signals: tuple[str, ...], wanted: Iterable[str] 
             needed.add(name)
             signals_wanted |= set(sensor.inputs(signals))
     return needed
+
+
+class _Acting(NamedTuple):
+    """A fault at work on some channels."""
+
+    run: FaultRun
+    channels: tuple[str, ...]
+    delay: int
+    """[samples] of the latest of the channels"""
+    seed: int
+
+
+class FaultySensors:
+    """The faults of one mission's sensors."""
+
+    def __init__(
+        self,
+        faults: Sequence[Fault],
+        sensors: Sequence[tuple[Sequence[str], Sequence[str], int]],
+        *,
+        dt: float,
+        rng_seed: np.random.SeedSequence,
+    ):
+        """Begin before the first sample.
+
+        Args:
+          faults: of the vehicle; those that change no reading are left out.
+          sensors: what each one reads and writes, and its delay [samples], in their order.
+          dt: [s] between samples.
+          rng_seed: of the mission; each fault has a branch of its own.
+        """
+        self._dt = dt
+        self._all: list[_Acting] = []
+        self._after: dict[int, list[_Acting]] = {}
+        tree = np.random.SeedSequence(rng_seed.entropy, spawn_key=(*rng_seed.spawn_key, _STREAM))
+        seeds = tree.generate_state(max(len(faults), 1), np.uint64)
+        channels = [name for _, writes, _ in sensors for name in writes]
+        nothing, probe = {name: np.full(1, np.nan) for name in channels}, np.random.default_rng(0)
+        for fault, seed in zip(faults, seeds, strict=False):
+            with np.errstate(all="ignore"):
+                found = fault.readings(nothing, np.array([fault.size]), 1.0, probe)
+            changed = set(found) & set(channels)
+            if not changed:
+                continue
+            writers = [k for k, (_, writes, _) in enumerate(sensors) if changed & set(writes)]
+            readers = [
+                k for k, (reads, _, _) in enumerate(sensors)
+                if k > writers[-1] and changed & set(reads)
+            ]  # fmt: skip
+            last = min(readers, default=len(sensors)) - 1
+            delay = max(sensors[k][2] for k in writers)
+            acting = _Acting(fault.begin(), tuple(sorted(changed)), delay, int(seed))
+            self._all.append(acting)
+            self._after.setdefault(last, []).append(acting)
+
+    def act(self, sensor: int, arrays: Mapping[str, Array], sample: int) -> None:
+        """Change the readings whose turn has come when a sensor has measured a sample.
+
+        Args:
+          sensor: place of the sensor in the order.
+          arrays: signals of the whole mission, shape (n,); changed in place.
+          sample: the newest one.
+        """
+        for acting in self._after.get(sensor, ()):
+            if sample >= acting.delay:
+                self._change(acting, arrays, sample - acting.delay)
+
+    def finish(self, arrays: Mapping[str, Array], count: int) -> None:
+        """Change the readings of the last samples, which came late, of a mission that ended."""
+        for acting in self._all:
+            for sample in range(max(count - acting.delay, 0), count):
+                self._change(acting, arrays, sample)
+
+    def _change(self, acting: _Acting, arrays: Mapping[str, Array], sample: int) -> None:
+        run = acting.run
+        size = run.fault.at(np.array([sample * self._dt]))
+        if not (size.any() or run.carried.size):
+            return
+        # a stream of each sample: what is drawn does not depend on how often it was asked for
+        rng = np.random.default_rng((acting.seed, sample))
+        signals = {name: values[sample : sample + 1] for name, values in arrays.items()}
+        found = run.readings(signals, size, self._dt, rng)
+        for name in acting.channels if size.any() else ():
+            arrays[name][sample] = found[name][0]
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Arrays by name on which later readings depend."""
+        return {f"fault:{k}": one.run.carried.copy() for k, one in enumerate(self._all)}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from where `state` was called."""
+        for index, one in enumerate(self._all):
+            one.run.carried = np.array(state[f"fault:{index}"], np.float64)

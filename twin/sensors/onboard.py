@@ -36,8 +36,17 @@ from numpy.typing import NDArray
 from twin.errors import InputError, unknown_name
 from twin.numbers import Array
 from twin.records.schema import variables
-from twin.sensors.base import Outset, Sensor, SensorRun
-from twin.sensors.checks import Signals, require_non_negative, require_positive, signal
+from twin.sensors.base import (
+    Outset,
+    Sensor,
+    SensorRun,
+    Signals,
+    columns,
+    require_non_negative,
+    require_positive,
+    signal,
+)
+from twin.sensors.kernels import dvl_track_kernel, onboard_kernel
 
 DEPTH_RATE, DVL = "depth-rate", "dvl"
 SPEEDS = (DEPTH_RATE, DVL)
@@ -48,7 +57,7 @@ DVL_READS = (
 
 
 class OnboardTrack(NamedTuple):
-    """What the algorithm makes of the measured signals; each of shape (n,)."""
+    """Track and currents by the measured signals; each of shape (n,)."""
 
     north: Array
     """[m] from the mission's origin"""
@@ -74,7 +83,7 @@ class Onboard(Sensor):
     unset: ClassVar[Mapping[str, Any]] = {"speed_by": DEPTH_RATE}
 
     speed_by: str = DEPTH_RATE
-    """What gives the speed: "depth-rate" or "dvl" """
+    """Source of the speed: "depth-rate" or "dvl" """
     angle_of_attack_deg: float = 3.0
     """[deg] one constant for every glide, as Spray assumes; the Sea-Wing's is 1.3 to 3 deg"""
     window: float = 20.0
@@ -103,17 +112,12 @@ class Onboard(Sensor):
 
     @classmethod
     def ideal(cls) -> Onboard:
-        """The same algorithm: it has no error of its own."""
+        """The defaults: the algorithm has no error of its own."""
         return cls()
 
     def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
         """Depth, attitude and GPS, and the Doppler log where it gives the speed."""
         return self.reads + (DVL_READS if self.speed_by == DVL else ())
-
-    @classmethod
-    def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
-        """The true position."""
-        return signals.get(f"true_{name.removeprefix('onboard_')}")
 
     def track(self, measured: Signals, *, dt: float) -> OnboardTrack:
         """The track from measured depth, pitch, heading and GPS on one time grid of step dt [s]."""
@@ -141,36 +145,28 @@ class OnboardRun(SensorRun):
 
     def rows(self, measured: Signals, first: int, last: int) -> Array:
         """The fields of `OnboardTrack` for a stretch of samples, shape (4, stretch)."""
-        from twin.sensors.kernels import onboard_kernel
-
         its, dt = self.onboard, self.dt
         out = np.empty((4, last - first))
         if its.speed_by == DVL:
-            self._by_dvl(measured, first, last, out)
+            self._by_dvl(measured, slice(first, last), out)
             return out
         onboard_kernel(
-            signal(measured, "measured_depth"), signal(measured, "measured_pitch"),
-            signal(measured, "measured_heading"), signal(measured, "measured_gps_north"),
-            signal(measured, "measured_gps_east"), dt, max(1, round(its.window / dt)),
+            *columns(measured, its.reads), dt, max(1, round(its.window / dt)),
             math.radians(its.angle_of_attack_deg), math.radians(its.min_pitch_deg),
             its.surface_depth, its.max_speed, its.min_dive_time, its.use_current, self.carried,
             first, out,
         )  # fmt: skip
         return out
 
-    def _by_dvl(self, measured: Signals, first: int, last: int, out: Array) -> None:
+    def _by_dvl(self, measured: Signals, span: slice, out: Array) -> None:
         from twin.frames import euler_to_matrix
-        from twin.sensors.kernels import dvl_track_kernel
 
-        span = slice(first, last)
-        angles = (signal(measured, f"measured_{n}")[span] for n in ("roll", "pitch", "heading"))
+        its = self.onboard
+        angles = columns(measured, ("measured_roll", "measured_pitch", "measured_heading"), span)
         to_ned = euler_to_matrix(*(np.deg2rad(angle) for angle in angles))
-        body = np.stack([signal(measured, name)[span] for name in DVL_READS[1:4]], axis=-1)
+        body = np.stack(columns(measured, DVL_READS[1:4], span), axis=-1)
         velocity = np.einsum("tij,tj->it", to_ned, body)
         dvl_track_kernel(
-            velocity[0], velocity[1],
-            *(signal(measured, name)[span] for name in (
-                "measured_dvl_mode", "measured_gps_north", "measured_gps_east"
-            )),
-            self.dt, self.onboard.min_dive_time, self.onboard.use_current, self.carried, first, out,
+            velocity[0], velocity[1], *columns(measured, (DVL_READS[4], *its.reads[3:]), span),
+            self.dt, its.min_dive_time, its.use_current, self.carried, span.start, out,
         )  # fmt: skip

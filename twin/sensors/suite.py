@@ -9,27 +9,30 @@ track uses measured depth, attitude, heading and GPS. They are measured in that 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, UnknownName, unknown_name
 from twin.records.schema import Variable, variable
+from twin.sensors.ahrs import Attitude, Compass
 from twin.sensors.altimeter import Altimeter
-from twin.sensors.attitude import Attitude
-from twin.sensors.base import SENSORS, Sensor, Surroundings
-from twin.sensors.checks import Signals
-from twin.sensors.compass import Compass
+from twin.sensors.base import (
+    DRAWN_STREAM,
+    SENSORS,
+    Drawn,
+    Sensor,
+    Signals,
+    Surroundings,
+    sensor_generator,
+)
 from twin.sensors.dvl import Dvl
 from twin.sensors.imu import Imu
-from twin.sensors.noise import DRAWN_STREAM, sensor_generator
 from twin.sensors.onboard import DVL, Onboard
-
-if TYPE_CHECKING:
-    from twin.water.density import DensityProfile
 
 PLUS = "+"
 """Adds a registered sensor to a preset by name: field+turbidity"""
@@ -144,7 +147,7 @@ class SensorSuite(Mapping[str, Sensor]):
         return f"SensorSuite({', '.join(changed)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _suite_of, (dict(self._sensors),)
+        return functools.partial(SensorSuite, **self._sensors), ()
 
     def reads(self, signals: Iterable[str]) -> tuple[str, ...]:
         """The signals of the truth that `measure` needs, of a vehicle that has `signals`."""
@@ -153,7 +156,7 @@ class SensorSuite(Mapping[str, Sensor]):
         return tuple(dict.fromkeys(name for name in needed if not name.startswith("measured_")))
 
     def writes(self, signals: Iterable[str]) -> tuple[Variable, ...]:
-        """What `measure` returns for a vehicle that has `signals`, in order."""
+        """Variables that `measure` returns for a vehicle that has `signals`, in order."""
         names = list(signals)
         return tuple(entry for sensor in self.values() for entry in sensor.channels(names))
 
@@ -198,58 +201,45 @@ class SensorSuite(Mapping[str, Sensor]):
         dt: float,
         rng_seed: np.random.SeedSequence,
         drawn: Mapping[str, float] | None = None,
-        bottom_depth: ArrayLike | None = None,
-        latitude: float = 36.8,
-        longitude: float = -121.8,
-        density: DensityProfile | None = None,
-        current: NDArray[np.float64] | None = None,
-        floor: NDArray[np.float64] | None = None,
         measured: Signals | None = None,
+        **surroundings: Any,
     ) -> dict[str, NDArray[Any]]:
         """Every array of `writes`, shape (n,), from the truth of one mission.
 
-        truth: the arrays of `reads`, shape (n,), every `dt` [s], beside others; they are not
-        changed, and a sensor without errors returns them themselves. rng_seed: the mission's seed,
-        left as it was. drawn: the mission's constants, by default `draw(rng_seed)`. bottom_depth
-        [m]: a number or shape (n,); None puts the bottom out of the DVL's reach. latitude,
-        longitude [deg].
-        density: default constant. current: compiled current field for the DVL's water cells.
-        floor: compiled sea floor for the altimeter's beam. measured: what was measured under way
-        (`LiveSuite`); only sensors without a signal in it are measured, by these and the truth.
-        Raises InputError for a missing or misshapen signal, for a wrong dt, latitude or bottom,
-        and for a sensor that does not return what it says.
+        Args:
+          truth: the arrays of `reads`, shape (n,), beside others. They are not changed, and a
+            sensor without errors returns them themselves.
+          dt: [s] between samples.
+          rng_seed: the mission's, left as it was.
+          drawn: the mission's constants, by default `draw(rng_seed)`.
+          measured: readings of `LiveSuite` under way; only sensors without a signal in it are
+            measured, by these and the truth.
+          surroundings: fields of `Surroundings`, such as latitude, density and bottom_depth.
+
+        Raises:
+          InputError: a missing or misshapen signal, a wrong dt, latitude or bottom, or a sensor
+            that does not return the channels that it declares.
         """
-        n = self._check(truth, dt, latitude, bottom_depth)
+        around = Surroundings(**surroundings)
+        n = self._check(truth, dt, around.latitude, around.bottom_depth)
         drawn = self.draw(rng_seed) if drawn is None else drawn
-        surroundings = Surroundings(
-            latitude=latitude,
-            longitude=longitude,
-            density=density,
-            bottom_depth=bottom_depth,
-            floor=floor,
-            current=current,
-        )
         signals: dict[str, NDArray[Any]] = dict(truth)
         out: dict[str, NDArray[Any]] = {}
         for name, sensor in self.items():
             channels = [entry.name for entry in sensor.channels(truth)]
-            if channels and set(channels) <= set(measured or ()):
-                for channel in channels:
-                    out[channel] = signals[channel] = np.asarray((measured or {})[channel])
-                continue
             if not channels:  # nothing that this vehicle and this sea let it measure
                 continue
-            known = _truths(channels, truth) if is_exact(sensor, drawn) else {}
-            made = known
-            if len(known) < len(channels):  # what has no truth, such as conductivity, is measured
-                made = sensor.measure(
-                    signals, dt=dt, drawn=drawn, rng=sensor_generator(rng_seed, name),
-                    surroundings=surroundings,
-                )  # fmt: skip
-                _check_made(name, made, channels, n)
-                made = {**made, **known}
+            made: Mapping[str, Any] = measured or {}
+            if not set(channels) <= set(made):
+                known = truths(sensor, channels, truth, drawn)
+                made = {}
+                if len(known) < len(channels):  # conductivity, for one, has no truth
+                    rng = sensor_generator(rng_seed, name)
+                    made = sensor.measure(signals, dt=dt, drawn=drawn, rng=rng, surroundings=around)
+                    _check_made(name, made, channels, n)
+                made = {**made, **{channel: truth[true] for channel, true in known.items()}}
             for channel in channels:
-                out[channel] = signals[channel] = made[channel]
+                out[channel] = signals[channel] = np.asarray(made[channel])
         return out
 
     def _check(
@@ -287,17 +277,18 @@ class SensorSuite(Mapping[str, Sensor]):
         return int(n[0])
 
 
-def _truths(channels: list[str], truth: Signals) -> dict[str, NDArray[Any]]:
-    """The true signals behind the channels that have one, as they are."""
+def truths(
+    sensor: Sensor, channels: Iterable[str], signals: Iterable[str], drawn: Drawn
+) -> dict[str, str]:
+    """True signals that a sensor passes on, by channel; empty where it has errors.
+
+    It has some by its settings, or by a constant that was given by hand.
+    """
+    given = any(drawn.get(constant, 0.0) for constant in sensor.draws)
+    if given or not sensor.ideal_is_truth or sensor != type(sensor).ideal():
+        return {}
     behind = {channel: f"true_{channel.removeprefix('measured_')}" for channel in channels}
-    return {c: np.asarray(truth[name]) for c, name in behind.items() if name in truth}
-
-
-def is_exact(sensor: Sensor, drawn: Mapping[str, float]) -> bool:
-    """Whether the sensor passes the truth on: no errors, and no constant given by hand."""
-    if not sensor.ideal_is_truth or sensor != type(sensor).ideal():
-        return False
-    return not any(drawn.get(constant, 0.0) for constant in sensor.draws)
+    return {channel: true for channel, true in behind.items() if true in signals}
 
 
 def _check_made(name: str, made: Any, channels: list[str], n: int) -> None:
@@ -325,7 +316,10 @@ def _in_order(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
     """The sensors so that each comes after those that it reads, otherwise in the given order."""
     waiting, ready, written = dict(sensors), {}, set[str]()
     while waiting:
-        lacking = {name: _measured_inputs(sensor) - written for name, sensor in waiting.items()}
+        lacking = {
+            name: {read for read in sensor.inputs(()) if read.startswith("measured_")} - written
+            for name, sensor in waiting.items()
+        }
         name = next((name for name, names in lacking.items() if not names), None)
         if name is None:
             name, names = next(iter(lacking.items()))
@@ -338,18 +332,10 @@ def _in_order(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
     return ready
 
 
-def _measured_inputs(sensor: Sensor) -> set[str]:
-    return {name for name in sensor.inputs(()) if name.startswith("measured_")}
-
-
-def _suite_of(sensors: dict[str, Sensor]) -> SensorSuite:
-    return SensorSuite(**sensors)
-
-
 TETHYS_DVL = Dvl(lever_arm=(-0.60, 0.0, 0.16))
 """At the station of the lrauv simulation, under the hull"""
 LEVEL_ALTIMETER = Altimeter(tilt_deg=0.0)
-"""Of vehicles that cruise level: it looks straight down"""
+"""The altimeter of vehicles that cruise level looks straight down"""
 
 SUITE_PRESETS: dict[str, SensorSuite] = {
     "ideal": SensorSuite(**{name: SENSORS[name].ideal() for name in SENSORS.shipped()}),

@@ -6,7 +6,7 @@ They draw the dataset that `twin flight` writes, so that its file can be drawn l
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -29,7 +29,6 @@ from twin.records.presence import is_flight, open_flight
 from twin.records.schema import MISSION
 from twin.records.storage.whole import whole_file
 from twin.show import style
-from twin.show.dates import LABEL, draw_dates, moment_of
 from twin.show.figures.map import Currents, MapContent, draw_content, joined
 from twin.show.figures.page_layout import MINUTES, add_caption
 from twin.show.figures.water import ocean_map
@@ -40,13 +39,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-CM = 100.0
-HOUR = 3600.0
-MOST_POINTS = 20000
-"""of a section; more than its pixels"""
+CM, HOUR = 100.0, 3600.0
+MOST_POINTS = 20000  # of a section; more than its pixels
 BINS = 60
-COVERED = 98, 99.5
-"""Percentiles of the speed that colours and the histogram's axis reach"""
+UNFLOWN = "no vertical water velocity to draw: no dive that the model can fly"
+COVERED = 98, 99.5  # percentiles of the speed that colours and the histogram's axis reach
+LEVEL_RATE = 0.03
+"""[m/s] below which a vehicle turns or flies level, as the import's phases have it"""
+PRINT_DPI = 200  # [pixel/in]
 
 
 def read_flight(path: str | Path) -> xr.Dataset:
@@ -67,15 +67,13 @@ def read_flight(path: str | Path) -> xr.Dataset:
 
 def flight_caption(flight: xr.Dataset, path: Path) -> str:
     """One line that names a flight: deployments, missions, dates, vehicle."""
-    names = []
-    if DEPLOYMENT in flight:
-        names = list(dict.fromkeys(str(name) for name in flight[DEPLOYMENT].values))
+    names = dict.fromkeys(map(str, flight[DEPLOYMENT].values)) if DEPLOYMENT in flight else ()
     count = flight.sizes[MISSION]
-    parts = [", ".join(names[:3]) or path.name, f"{count} mission{'s' if count > 1 else ''}"]
+    parts = [", ".join([*names][:3]) or path.name, f"{count} mission{'s' if count > 1 else ''}"]
     if (first := _start(flight)) is not None:
         lengths = float(flight.attrs[SAMPLE_PERIOD]) * (_samples(flight) - 1)
-        last = first + float((np.array(_starts(flight)) + lengths).max())
-        begin, end = (f"{moment_of(unix):{MINUTES}}" for unix in (first, last))
+        last = first + float((_starts(flight) + lengths).max())
+        begin, end = (f"{style.moment_of(unix):{MINUTES}}" for unix in (first, last))
         parts.append(f"{begin} to {end} UTC")
     return ", ".join([*parts, f"flight model {flight.attrs.get('vehicle', 'unknown')}"])
 
@@ -95,29 +93,26 @@ def section(flight: xr.Dataset) -> Figure:
         values.append(0.5 * (w[:-1] + w[1:]))
     segments, w = np.concatenate(pieces), np.concatenate(values)
     keep = np.isfinite(segments).all(axis=(1, 2)) & np.isfinite(w)
-    if not keep.any():
-        raise InputError("no vertical water velocity to draw: no dive that the model can fly")
+    segments, w = segments[keep], w[keep]
+    if not w.size:
+        raise InputError(UNFLOWN)
     with style.styled():
         figure = style.new_figure(width=style.PAGE_WIDTH, height=2.8)
         axes = figure.add_subplot()
-        lines = LineCollection(
-            list(segments[keep]), array=w[keep], cmap=ocean_map("vertical_velocity"),
-            linewidths=1.6,
-        )  # fmt: skip
-        largest = float(np.percentile(np.abs(w[keep]), COVERED[0]))
+        colours = ocean_map("vertical_velocity")
+        lines = LineCollection(list(segments), array=w, cmap=colours, linewidths=1.6)
+        largest = float(np.percentile(np.abs(w), COVERED[0]))
         lines.set_clim(-largest, largest)
         # the map is white at 0, as the page is: a rim shows the dives there
-        axes.add_collection(
-            LineCollection(list(segments[keep]), colors=style.GUIDE, linewidths=2.8)
-        )
+        axes.add_collection(LineCollection(list(segments), colors=style.GUIDE, linewidths=2.8))
         axes.add_collection(lines)
-        ends = segments[keep][:, :, 0]
-        axes.set_xlim(float(ends.min()), float(ends.max()))
-        style.depth_axis(axes, float(segments[keep][:, :, 1].max()))
+        time, deep = segments[:, :, 0], segments[:, :, 1]
+        axes.set_xlim(float(time.min()), float(time.max()))
+        style.depth_axis(axes, float(deep.max()))
         axes.set_xlabel("time since the first sample [h]")
         if (first := _start(flight)) is not None:
-            draw_dates(axes, first, HOUR)
-            axes.set_xlabel(LABEL)
+            style.draw_dates(axes, first, HOUR)
+            axes.set_xlabel(style.LABEL)
         label = "vertical water velocity, up [cm/s]"
         style.colour_bar(axes, lines, label, pad=0.02, aspect=22)
     return figure
@@ -128,24 +123,20 @@ def histogram(flight: xr.Dataset) -> Figure:
     w = CM * flight[W_WATER].values.ravel()
     known = np.isfinite(w)
     if not known.any():
-        raise InputError("no vertical water velocity to draw: no dive that the model can fly")
+        raise InputError(UNFLOWN)
     largest = float(np.percentile(np.abs(w[known]), COVERED[1]))
     edges = np.linspace(-largest, largest, BINS + 1)
     down, up = _ways(flight)
     with style.styled():
         figure = style.new_figure()
         axes = figure.add_subplot()
-        for label, mask, colour in (
-            ("dives", down, style.PALETTE["blue"]),
-            ("climbs", up, style.PALETTE["vermillion"]),
-        ):
+        for label, mask, colour in (("dives", down, style.TRUTH), ("climbs", up, style.ESTIMATE)):
             part = w[mask.ravel() & known]
             if not part.size:
                 continue
             text = f"{label}: mean {part.mean():.2f}, deviation {part.std():.2f} cm/s"
-            axes.hist(
-                part, list(edges), density=True, histtype="step", color=colour, lw=1.3, label=text
-            )
+            look: dict[str, Any] = {"density": True, "histtype": "step", "lw": 1.3, "label": text}
+            axes.hist(part, list(edges), color=colour, **look)
             axes.axvline(part.mean(), ymax=0.76, color=colour, lw=0.8, ls="--")
         axes.set_xlabel("vertical water velocity, up [cm/s]")
         axes.set_ylabel("share [1 per cm/s]")
@@ -173,27 +164,10 @@ def track_map(flight: xr.Dataset) -> Figure:
         rows = {int(number): row for row, number in enumerate(flight[MISSION].values)}
         period = float(flight.attrs[SAMPLE_PERIOD])
         middle = 0.5 * (flight["dac_start"].values + flight["dac_end"].values) / period
-        places = [
-            (rows[int(m)], round(k))
-            for m, k in zip(flight[DAC_MISSION].values, middle, strict=True)
-        ]
-        currents = (
-            Currents(
-                latitude=np.array([latitude[place] for place in places]),
-                longitude=np.array([longitude[place] for place in places]),
-                north=flight["dac_north"].values,
-                east=flight["dac_east"].values,
-                name=AVERAGED,
-            ),
-        )
-    return draw_content(
-        MapContent(
-            tracks=tracks,
-            name="corrected track",
-            fixes=fixes,
-            currents=currents,
-        )
-    )
+        place = ([rows[int(m)] for m in flight[DAC_MISSION].values], np.rint(middle).astype(int))
+        flow = flight["dac_north"].values, flight["dac_east"].values
+        currents = (Currents(latitude[place], longitude[place], *flow, AVERAGED),)
+    return draw_content(MapContent(tracks, "corrected track", fixes, currents))
 
 
 def _samples(flight: xr.Dataset) -> NDArray[np.int64]:
@@ -209,23 +183,18 @@ def _ways(flight: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     return rate > LEVEL_RATE, rate < -LEVEL_RATE
 
 
-LEVEL_RATE = 0.03
-"""[m/s] below which a vehicle turns or flies level, as the import's phases have it"""
-
-
 def _start(flight: xr.Dataset) -> float | None:
     """Unix time [s] of the first sample of all; None where it is not known."""
     starts = _unix(flight)
     return float(starts.min()) if starts.size and np.isfinite(starts).all() else None
 
 
-def _starts(flight: xr.Dataset) -> list[float]:
+def _starts(flight: xr.Dataset) -> Array:
     """[s] of each mission's first sample since that of the first; one after the other without."""
-    starts = _unix(flight)
-    if starts.size and np.isfinite(starts).all():
-        return [float(start) for start in starts - starts.min()]
+    if (first := _start(flight)) is not None:
+        return _unix(flight) - first
     lengths = float(flight.attrs[SAMPLE_PERIOD]) * _samples(flight)
-    return [float(end) for end in np.concatenate([[0.0], np.cumsum(lengths)[:-1]])]
+    return np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
 
 
 def _unix(flight: xr.Dataset) -> Array:
@@ -233,9 +202,8 @@ def _unix(flight: xr.Dataset) -> Array:
     starts = np.asarray(flight[START_TIME].values if START_TIME in flight else [])
     if not np.issubdtype(starts.dtype, np.datetime64):
         return starts.astype(float)
-    return np.where(
-        np.isnat(starts), np.nan, starts.astype("datetime64[ns]").astype(np.int64) / 1e9
-    )
+    nanoseconds = starts.astype("datetime64[ns]").astype(np.int64)
+    return np.where(np.isnat(starts), np.nan, nanoseconds / 1e9)
 
 
 FLIGHT_FIGURES = {"w_section": section, "w_histogram": histogram, "map": track_map}
@@ -262,7 +230,3 @@ def write_flight_figures(flight: Flight, folder: Path) -> tuple[list[Path], list
             figure.savefig(place, dpi=PRINT_DPI)
         written.append(path)
     return written, missing
-
-
-PRINT_DPI = 200
-"""[pixel/in]"""

@@ -1,4 +1,4 @@
-"""Style: one look for every figure, readable at the width of a journal column.
+"""Style: one look for every figure, readable at the width of a journal column; axes of dates.
 
 The palette is Okabe and Ito's (2008), distinguishable with every common colour blindness; the maps
 are cividis and its kin, whose lightness grows steadily. Figures are made without pyplot, so that
@@ -8,7 +8,8 @@ plotting leaves no global state and works in any thread.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import datetime
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import matplotlib
@@ -17,15 +18,19 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
+from matplotlib.dates import AutoDateLocator
 from matplotlib.figure import Figure
+from matplotlib.ticker import Formatter, Locator
 from numpy.typing import NDArray
+
+from twin.records.attributes import is_logged
+from twin.records.coordinates import START_TIME, unix_seconds
+from twin.records.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-COLUMN_WIDTH = 3.5
-"""[in] one column of a two-column journal (89 mm)"""
-PAGE_WIDTH = 7.2
-"""[in] both columns (183 mm)"""
+COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.2
+"""[in] one column of a two-column journal (89 mm), and both (183 mm)"""
 
 PALETTE = {
     "blue": "#0072B2",
@@ -38,12 +43,8 @@ PALETTE = {
     "yellow": "#F0E442",
 }
 """Okabe and Ito, "Color Universal Design" (2008); black a little softened, yellow last."""
-TRUTH, ESTIMATE, COMMAND, GUIDE = (
-    PALETTE["blue"],
-    PALETTE["vermillion"],
-    PALETTE["black"],
-    "#8A8F98",
-)
+TRUTH, ESTIMATE, COMMAND = PALETTE["blue"], PALETTE["vermillion"], PALETTE["black"]
+GUIDE = "#8A8F98"
 """Roles that keep their colour in every figure."""
 GROUND = "#C9B48A"
 """The sea floor"""
@@ -80,6 +81,14 @@ _RC: dict[Any, Any] = {
     "image.cmap": SEQUENTIAL_MAP,
     "axes.formatter.useoffset": False,
 }
+TIME_UNITS = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"), (0.0, 1.0, "s"))
+"""Longest duration first: (from this duration [s], seconds per unit, unit)."""
+OTHER_COLOURS = tuple(c for name, c in PALETTE.items() if name not in ("blue", "black"))
+"""Colours of tracks beside the truth"""
+END: dict[str, Any] = {"mfc": "white", "mec": COMMAND, "mew": 1.2, "ls": "none"}
+"""Marker of a track's start or end"""
+MINUTE, DAY = 60.0, 86400.0  # [s]
+LABEL = "time, UTC"
 
 
 @contextlib.contextmanager
@@ -94,17 +103,10 @@ def new_figure(width: float = COLUMN_WIDTH, height: float = 2.6) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-TIME_UNITS = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"), (0.0, 1.0, "s"))
-"""Longest duration first: (from this duration [s], seconds per unit, unit)."""
-
-
 def time_unit(time: Array) -> tuple[float, str]:
     """Seconds per unit and the unit's name that suit the span of `time` [s]."""
     span = float(time[-1] - time[0]) if len(time) else 0.0
-    for least, seconds, name in TIME_UNITS:
-        if span >= least:
-            return seconds, name
-    raise AssertionError("the last unit suits every span")
+    return next((seconds, name) for least, seconds, name in TIME_UNITS if span >= least)
 
 
 def length_unit(*arrays: Array) -> tuple[float, str]:
@@ -113,21 +115,12 @@ def length_unit(*arrays: Array) -> tuple[float, str]:
     return (1000.0, "km") if max(spans, default=0.0) >= 2000.0 else (1.0, "m")
 
 
-def label_time(axes: Axes, unit: str) -> None:
-    """The label of a time axis that counts from the start."""
-    axes.set_xlabel(f"time [{unit}]")
-
-
 def depth_axis(axes: Axes, deepest: float, *, label: bool = True) -> None:
     """Depth positive down from the surface at the top; `deepest` [m] sets the range."""
     bottom = max(deepest * 1.06, 1.0)
     axes.set_ylim(bottom, 0.0)
     if label:
         axes.set_ylabel("depth [m]")
-
-
-OTHER_COLOURS = tuple(c for name, c in PALETTE.items() if name not in ("blue", "black"))
-"""of tracks beside the truth"""
 
 
 def track_look(index: int) -> dict[str, Any]:
@@ -146,15 +139,10 @@ def thin(*arrays: Array, most: int = 4000) -> tuple[Array, ...]:
 
 def pad_limits(axes: Axes, *, least: float, which: str = "y") -> None:
     """Widen an axis whose data hardly vary to a span of `least`, so that noise stays small."""
-    low, high = axes.get_ylim() if which == "y" else axes.get_xlim()
+    low, high = getattr(axes, f"get_{which}lim")()
     if abs(high - low) < least:
         middle = (low + high) / 2
-        setter = axes.set_ylim if which == "y" else axes.set_xlim
-        setter(middle - least / 2, middle + least / 2)
-
-
-END: dict[str, Any] = {"mfc": "white", "mec": COMMAND, "mew": 1.2, "ls": "none"}
-"""Marker of a track's start or end"""
+        axes.set(**{f"{which}lim": (middle - least / 2, middle + least / 2)})
 
 
 def legend_above(axes: Axes, columns: int, at: float = 0.97, **look: Any) -> None:
@@ -176,3 +164,86 @@ def say_instead(axes: Axes, text: str) -> None:
     """A line of text in place of what the axes would show."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center")
     axes.set_axis_off()
+
+
+class DateLocator(Locator):
+    """Ticks at round moments on an axis that counts `seconds` each from the unix time `start`."""
+
+    def __init__(self, start: float, seconds: float, most: int = 7):
+        self._start, self._seconds = start, seconds
+        self._dates = AutoDateLocator(minticks=3, maxticks=most)
+
+    def __call__(self) -> Sequence[float]:
+        """Ticks of what the axis shows."""
+        assert self.axis is not None
+        low, high = self.axis.get_view_interval()
+        return self.tick_values(low, high)
+
+    def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
+        """Ticks between two values of the axis, with the ends where dates are rounder."""
+        ends = (moment_of(self._start + self._seconds * x) for x in sorted((vmin, vmax)))
+        days = np.asarray(self._dates.tick_values(*ends), float)
+        found: list[float] = ((days * DAY - self._start) / self._seconds).tolist()
+        return found
+
+
+class DateFormatter(Formatter):
+    """Writes such ticks: the time of day, below it the date where a day begins; or the date."""
+
+    def __init__(self, start: float, seconds: float):
+        self._start, self._seconds = start, seconds
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """One moment, as where the pointer is."""
+        return f"{moment_of(self._start + self._seconds * x):%Y-%m-%d %H:%M:%S}"
+
+    def format_ticks(self, values: Sequence[float]) -> list[str]:
+        """The texts of all ticks of the axis."""
+        moments = [moment_of(self._start + self._seconds * x) for x in values]
+        steps = np.diff([one.timestamp() for one in moments])
+        step = float(steps.min()) if len(steps) else 0.0
+        if step >= DAY - 1.0:
+            upper, lower = "%m-%d", "%Y"
+        else:
+            upper, lower = "%H:%M" if step >= MINUTE else "%H:%M:%S", "%Y-%m-%d"
+        texts, said = [], ""
+        for one in moments:
+            below = f"{one:{lower}}"
+            texts.append(f"{one:{upper}}" + (f"\n{below}" if below != said else ""))
+            said = below
+        return texts
+
+
+def moment_of(unix: float) -> datetime.datetime:
+    """The moment of a unix time [s], to the second."""
+    return datetime.datetime.fromtimestamp(round(unix), datetime.UTC)
+
+
+def draw_dates(axes: Axes, start: float, seconds: float) -> None:
+    """Make dates the ticks of a time axis.
+
+    Args:
+      start: unix time [s] at 0 of the axis.
+      seconds: of one on the axis.
+    """
+    axes.xaxis.set_major_locator(DateLocator(start, seconds))
+    axes.xaxis.set_major_formatter(DateFormatter(start, seconds))
+
+
+def label_time(axes: Axes, unit: str) -> None:
+    """The label of a time axis that counts from the start."""
+    axes.set_xlabel(f"time [{unit}]")
+
+
+def label_mission_time(axes: Axes, trajectory: Trajectory, seconds: float, unit: str) -> None:
+    """Label a time axis of a mission, of a log with dates.
+
+    Args:
+      seconds: of one on the axis, whose name is `unit`.
+    """
+    start = trajectory.provenance.get(START_TIME) if is_logged(trajectory.provenance) else None
+    if start is None:
+        label_time(axes, unit)
+        return
+    draw_dates(axes, unix_seconds(str(start)), seconds)
+    axes.set_xlabel(LABEL)

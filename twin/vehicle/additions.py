@@ -73,14 +73,14 @@ def with_part(
     response = number(lag, f"part {name!r}: lag"), number(rate, f"part {name!r}: rate")
     x, y, z = flip_vector(numeric_array(place, f"part {name!r}: place"))
     hull = file.reader.body("hull")
-    hull.insert(_first_body(hull), _element("site", name=name, pos=_text((x, y, z))))
-    file.set_text(f"{name}.kind", kind)
-    for key, value in (numbers or {}).items():
-        file.set_numeric(f"{name}.{key}", value)
+    before = next((k for k, one in enumerate(hull) if one.tag == "body"), len(hull))
+    hull.insert(before, _element("site", name=name, pos=_text((x, y, z))))
+    file.put("text", f"{name}.kind", kind)
+    file.put_numbers(numbers, f"{name}.")
     for axis in steers:
         if axis not in STEERING:
             raise InputError(f"part {name!r}: {unknown_name('steers', axis, STEERING)}")
-        file.set_text(f"steer.{axis}", name)
+        file.put("text", f"steer.{axis}", name)
     ends = _text((low, high))
     file.reader.one("actuator").append(
         _element(
@@ -115,9 +115,8 @@ def with_law(
     file = _VehicleText(vehicle)
     if kind not in LAWS:
         raise VehicleError(f"hull law: {unknown_name('hull_law', kind, LAWS)}")
-    file.set_text("hull_law", kind)
-    for name, value in (numbers or {}).items():
-        file.set_numeric(name, value)
+    file.put("text", "hull_law", kind)
+    file.put_numbers(numbers)
     return file.vehicle()
 
 
@@ -137,16 +136,16 @@ class _VehicleText:
         self.reader.root = ElementTree.fromstring(given.xml, keeping)
         self._head = given.xml[: given.xml.index("<mujoco")]
 
-    def set_text(self, name: str, value: str) -> None:
-        """Add or replace a text under <custom>."""
-        self._set("text", name, value)
-
-    def set_numeric(self, name: str, value: Values) -> None:
+    def put_numbers(self, numbers: Mapping[str, Values] | None, prefix: str = "") -> None:
         """Add or replace numbers under <custom>."""
-        values = numeric_array([value] if isinstance(value, int | float) else value, name)
-        self._set("numeric", name, _text(values))
+        for key, value in (numbers or {}).items():
+            values = numeric_array(
+                [value] if isinstance(value, int | float) else value, prefix + key
+            )
+            self.put("numeric", prefix + key, _text(values))
 
-    def _set(self, tag: str, name: str, data: str) -> None:
+    def put(self, tag: str, name: str, data: str) -> None:
+        """Add or replace an element under <custom>."""
         custom = self.reader.one("custom")
         for old in custom.findall(tag):
             if old.get("name") == name:
@@ -163,11 +162,6 @@ def _element(tag: str, **attributes: str) -> Element:
     one = Element(tag, attributes)
     one.tail = "\n    "
     return one
-
-
-def _first_body(hull: Element) -> int:
-    """Where a site stands among the elements of a body: before the bodies on it."""
-    return next((k for k, one in enumerate(hull) if one.tag == "body"), len(hull))
 
 
 def _text(values: Iterable[float]) -> str:

@@ -1,12 +1,20 @@
 """Assembly: the parts and moving masses of a vehicle file, and what guidance steers with them.
 
 Moving mass: a body that a slide or a hinge moves inside the hull, such as a battery.
+
+Allocation: how several parts of a kind share what guidance asks of one of them.
+Guidance moves one part for pitch, one for heading and one for speed. Where more of its kind can do
+the same, such as the fins of an X tail, a third rudder or a second screw, they go along: by weights
+that make the wanted moment or thrust with the least sum of squared travels, and no other moment
+(Fossen 2011, section 12.3: generalised inverse of the effectiveness matrix, weighted). The matrix
+has each part's own wrench by position at 1 m/s ahead. A part without a mate goes alone.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -136,24 +144,18 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
     masses = []
     for body in reader.moving_bodies():
         name = body.get("name", "")
-        slide: str | None = None
-        hinge: str | None = None
+        drives: dict[str, str] = {}
         for joint in body.findall("joint"):
-            part = driven.get(joint.get("name"))
+            part, kind = driven.get(joint.get("name")), joint.get("type", "hinge")
             if part is None:
                 reader.fail(f"joint {joint.get('name')!r}", "driven by an actuator of its own")
-            sliding = joint.get("type", "hinge") == "slide"
-            other = slide if sliding else hinge
-            if other is not None:
+            if kind in drives:
                 reader.fail(
                     f"the joints of body {name!r}",
-                    f"at most one slide and one hinge (type='slide', type='hinge'): {other!r} and "
-                    f"{part!r} both drive a {'slide' if sliding else 'hinge'}",
+                    f"at most one slide and one hinge (type='slide', type='hinge'): "
+                    f"{drives[kind]!r} and {part!r} both drive a {kind}",
                 )
-            if sliding:
-                slide = part
-            else:
-                hinge = part
+            drives[kind] = part
         own = reader.inertial(body, "pos")
         if not np.allclose(own[:2], 0, atol=1e-12):
             reader.fail(
@@ -171,8 +173,8 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
                 inertia=reader.inertia(body),
                 neutral_x=float(place[0]),
                 eccentricity=-float(own[2]),
-                slide=slide,
-                hinge=hinge,
+                slide=drives.get("slide"),
+                hinge=drives.get("hinge"),
             )
         )
     return tuple(masses)
@@ -183,7 +185,7 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
 
     `<text name="steer.pitch" data="PART"/>` chooses one of several, which then does it alone; else
     the first that can and does nothing else has it, and the others of its kind go along
-    (`twin.vehicle.allocation`).
+    (see `followers`).
 
     Raises:
       VehicleError: the part named does not exist or cannot do it.
@@ -191,8 +193,9 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
     steering: dict[str, str] = {}
     for control, meaning in STEERING.items():
         able = [part.name for part in parts if control in part.controls()]
-        if control == "trim":
-            able = _trims(parts, steering.get("pitch"))
+        if control == "trim":  # batteries that slide beside another part that pitches it
+            slides = [part.name for part in parts if isinstance(part, BatterySlide)]
+            able = [] if steering.get("pitch") in (None, *slides) else slides
         free = [name for name in able if name not in steering.values()]
         chosen = reader.text(f"steer.{control}", free[0] if free else "")
         if not chosen:
@@ -215,7 +218,81 @@ def named_controls(reader: MjcfReader) -> tuple[str, ...]:
     return tuple(control for control in STEERING if f"steer.{control}" in reader.texts)
 
 
-def _trims(parts: tuple[Part, ...], pitching: str | None) -> list[str]:
-    """Batteries that slide beside another part that pitches the vehicle."""
-    slides = [part.name for part in parts if isinstance(part, BatterySlide)]
-    return [] if pitching is None or pitching in slides else slides
+SHARED = {"pitch": (4, 3, 5), "heading": (5, 3, 4), "speed": (0, 4, 5)}
+"""Row of the wrench that each shared control wants, and rows that must vanish"""
+MOST_FOLLOWERS = 24
+"""in a vehicle; guidance keeps them in a table of this length"""
+NEGLIGIBLE = 1e-6
+"""Weight below which a part does not go along"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Follower:
+    """A part that goes along with the one that guidance moves."""
+
+    lead: str
+    part: str
+    weight: float
+    """its way from rest over that of the lead; from the lead's rest"""
+
+
+def followers(
+    parts: Sequence[Part], steering: Mapping[str, str], alone: Sequence[str] = ()
+) -> tuple[Follower, ...]:
+    """Who goes along with whom, by the wrenches of the parts; () where each part is alone.
+
+    Args:
+      steering: name of the part that guidance moves for each control.
+      alone: controls whose one part the file has named, which share nothing.
+
+    Raises:
+      VehicleError: there are more than MOST_FOLLOWERS.
+    """
+    found: list[Follower] = []
+    by_name = {part.name: part for part in parts}
+    for control in (c for c in SHARED if c in steering and c not in alone):
+        lead = by_name[steering[control]]
+        able = [p for p in parts if type(p) is type(lead) and control in p.controls()]
+        mates = [part for part in able if part is not lead]
+        weights = _weights(control, [lead, *mates])[1:] if mates else ()
+        found += [
+            Follower(lead=lead.name, part=part.name, weight=float(weight))
+            for part, weight in zip(mates, weights, strict=True)
+            if abs(weight) > NEGLIGIBLE
+        ]
+    if len(found) > MOST_FOLLOWERS:
+        raise VehicleError(
+            f"{len(found)} fins and screws that go along with others; at most {MOST_FOLLOWERS}: "
+            "name the part that steers by <text name='steer.pitch' data='PART'/>"
+        )
+    return tuple(found)
+
+
+def _weights(control: str, team: Sequence[Part]) -> Array:
+    """Ways of a team's parts from rest over that of its first, shape (parts,)."""
+    travel = np.array([part.high - part.low for part in team])
+    matrix = np.array([part.effectiveness() for part in team]).T[list(SHARED[control])] * travel
+    share = np.linalg.pinv(matrix, rcond=1e-9) @ np.eye(3)[0]
+    ways = share * travel
+    if abs(ways[0]) <= NEGLIGIBLE * np.abs(ways).max():
+        return np.asarray(np.eye(len(team))[0])
+    return np.asarray(ways / ways[0])
+
+
+def idle_parts(
+    parts: Sequence[Part],
+    steering: Mapping[str, str],
+    shared: Sequence[Follower],
+    alone: Sequence[str] = (),
+) -> dict[str, str]:
+    """Parts that guidance leaves at rest, and the part that does what each could do.
+
+    A part beside one that the file has named for the control is not idle but not wanted.
+    """
+    busy = {*steering.values(), *(follower.part for follower in shared)}
+    found = {}
+    for part in parts:
+        able = [c for c in part.controls() if c in steering and c not in alone]
+        if able and part.name not in busy:
+            found[part.name] = steering[able[0]]
+    return found

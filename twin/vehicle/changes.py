@@ -8,6 +8,7 @@ Uncertainty: a number of a vehicle that its file cannot say exactly, and how far
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -120,3 +121,26 @@ def coefficient(name: str, what: str, *, field: str | None = None) -> Uncertaint
         why="of the vehicle file; +-10 % is our guess of how well it is known",
         field=field,
     )
+
+
+def encoder_zero(
+    part: str, *, name: str, unit: str, scale: float, spread: str, why: str
+) -> Uncertainty:
+    """Zero error of a part's encoder, in `unit`, which is `scale` of the part's own."""
+    return Uncertainty(
+        name=name,
+        unit=unit,
+        scale=scale,
+        certain=0.0,
+        spread=spread,
+        long_name=f"zero error of the encoder of the {part}",
+        why=why,
+    )
+
+
+def turned_encoder(part: str, what: str) -> Uncertainty:
+    """Zero error [degree] of the encoder of what turns: a battery or a fin."""
+    return encoder_zero(
+        part, name="offset_deg", unit="degree", scale=math.pi / 180.0, spread="uniform(-2, 2)",
+        why=f"{what} turned from where it says",
+    )  # fmt: skip

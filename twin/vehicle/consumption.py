@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -27,57 +26,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError, UnknownName, VehicleError
 from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.parts.base import Losses, Move
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
 HOTEL = "hotel"
-"""What the share of the electronics is called beside the names of the parts"""
+"""Name of the share of the electronics beside the names of the parts"""
 AFLOAT = 1.5
 """[m] above which a vehicle is at the surface, as imports have it"""
 ENERGY = "true_energy_"
 """Begins the names of signals of energy; `true_energy_pump` is that of the part `pump`"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Consumption:
+class Consumption(Losses):
     """Losses of the parts and power of the electronics."""
-
-    hotel_power: float = 0.3
-    """[W] electronics and sensors, all the time: 0.29 in that dive"""
-    surface_power: float = 0.0
-    """[W] beside it at the surface: radio, GPS, air pump"""
-    payload_power: float = 0.0
-    """[W] of sensors while they sample; a simulated vehicle's always do"""
-    pump_efficiency: float = 0.36
-    """hydraulic over electrical power of the pump: 0.36 in that dive"""
-    hull_vacuum: float = 3e4
-    """[Pa] below the sea-level pressure inside the hull; the pump works against it too"""
-    pump_loss: float = 0.0
-    """[Pa] energy over the volume that is pumped out, at any depth: motor and gear"""
-    pump_return: float = 0.0
-    """[Pa] energy over the volume that is let in: valve, or the motor that holds it back"""
-    screw_efficiency: float = 0.4
-    """mechanical over electrical power of the battery's drives"""
-    rail_friction: float = 0.1
-    """friction over weight of the sliding battery"""
-    bearing_torque: float = 0.2
-    """[N m] friction of the turning battery"""
-    propeller_efficiency: float = 0.7
-    """mechanical over electrical power of a propeller's motor and gear"""
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"consumption: {field.name} = {value} must be 0 or more")
-        for name in ("pump_efficiency", "screw_efficiency", "propeller_efficiency"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise InputError(f"consumption: {name} must be above 0 and at most 1")
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Consumption:
-        """That of a vehicle: its file's `<numeric>` of a field's name, else the default.
+        """Consumption of a vehicle: its file's `<numeric>` of a field's name, else the default.
 
         Raises:
           VehicleError: such a number cannot be used.
@@ -106,29 +72,9 @@ class Consumption:
         power = self.hotel_power + self.payload_power + self.surface_power * afloat
         shares = {HOTEL: np.broadcast_to(power * np.asarray(duration), after.shape[:-1])}
         for i, part in enumerate(vehicle.parts):
-            advance: dict[str, Any] = {"speed": speed} if part.spins else {}
-            shares[part.name] = np.asarray(
-                part.energy(
-                    vehicle, before[..., i], after[..., i], self,
-                    depth=depth, pitch=pitch, duration=duration, **advance,
-                )
-            )  # fmt: skip
+            move = Move(before[..., i], after[..., i], depth, pitch, duration, speed)
+            shares[part.name] = np.asarray(part.energy(vehicle, move, self))
         return shares
-
-    def energy(
-        self,
-        vehicle: Vehicle,
-        before: Array,
-        after: Array,
-        *,
-        depth: float,
-        pitch: float,
-        duration: float,
-        speed: float = 0.0,
-    ) -> float:
-        """Energy [J] of one short move, electronics and parts together; as `shares`."""
-        at = {"depth": depth, "pitch": pitch, "duration": duration, "speed": speed}
-        return float(sum(self.shares(vehicle, before, after, **at).values()))
 
     def signals(
         self, vehicle: Vehicle, signals: Mapping[str, Array], time: Array
@@ -157,9 +103,8 @@ class Consumption:
         def middle(values: Array) -> Array:
             return np.asarray(0.5 * (values[1:] + values[:-1]))
 
-        positions = np.zeros((len(time), len(vehicle.parts)))
-        for i, part in enumerate(vehicle.parts):
-            positions[:, i] = read(part.name) / part.quantity.scale
+        columns = [read(part.name) / part.quantity.scale for part in vehicle.parts]
+        positions = np.stack([np.zeros(len(time)), *columns], axis=1)[:, 1:]
         shares = self.shares(
             vehicle, positions[:-1], positions[1:],
             depth=middle(read("depth")), pitch=middle(np.deg2rad(read("pitch"))),
@@ -185,7 +130,7 @@ def needed_signals(vehicle: Vehicle) -> list[str]:
 @functools.lru_cache(maxsize=16)
 def _of_file(xml: str, path: Path) -> Consumption:
     reader = MjcfReader(xml, path)
-    fields = [field.name for field in dataclasses.fields(Consumption)]
+    fields = [field.name for field in dataclasses.fields(Losses)]
     said = {name: reader.number(name) for name in fields if name in reader.numerics}
     try:
         return Consumption(**said)

@@ -54,7 +54,7 @@ below a spheroid's 2/3"""
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Dimensions:
-    """What one can measure on the quay, in m, kg and m2."""
+    """Sizes that one can measure on the quay, in m, kg and m2."""
 
     length: float
     diameter: float
@@ -76,10 +76,11 @@ class Dimensions:
             if not 0.0 < getattr(self, field) < math.inf:
                 raise InputError(f"dimensions: {field} must be above 0")
         low, high = SLENDER
-        if not low <= self.length / self.diameter <= high:
+        slender = self.length / self.diameter
+        if not low <= slender <= high:
             raise InputError(
-                f"dimensions: length over diameter is {self.length / self.diameter:.1f}; the laws "
-                f"of slender hulls hold from {low:g} to {high:g}"
+                f"dimensions: length over diameter is {slender:.1f}; the laws of slender hulls "
+                f"hold from {low:g} to {high:g}"
             )
         if not 950.0 <= self.density <= 1100.0:
             raise InputError(f"dimensions: water has 950 to 1100 kg/m3, not {self.density:g}")
@@ -112,10 +113,10 @@ class Dimensions:
         Raises:
           InputError: an unknown name, or one of length, diameter and mass is missing or impossible.
         """
-        fields = {field.name: field for field in dataclasses.fields(cls)}
+        fields = [field.name for field in dataclasses.fields(cls)]
         for name in numbers:
             if name not in fields:
-                raise InputError(unknown_name("dimension", name, list(fields)))
+                raise InputError(unknown_name("dimension", name, fields))
         missing = [name for name in ("length", "diameter", "mass") if name not in numbers]
         if missing:
             raise InputError(
@@ -140,7 +141,7 @@ class Dimensions:
         return self.mass * np.diag(parts)
 
     def derivatives(self) -> dict[str, float]:
-        """Of the hull with its fins at rest, without the added mass's own coupling; SI."""
+        """Derivatives of the hull, fins at rest, without the added mass's own coupling; SI."""
         length, wide, pressure = self.length, self.diameter, 0.5 * self.density
         lift = pressure * wide**2 * HULL_LIFT * length / wide
         fin = pressure * FIN_LIFT * self._fin_area
@@ -188,14 +189,16 @@ class Dimensions:
             numbers |= {f"{fin}.lift_slope": FIN_LIFT, f"{fin}.stall_angle": 1.5}
         rows = "\n".join(" ".join(f"{x:.10g}" for x in row) for row in self.added_mass())
         said = " ".join(f"{n}={x:g}" for n, x in dataclasses.asdict(self).items() if x)
-        lines = [f'<numeric name="added_mass" data="\n{rows}"/>']
-        for name, value in numbers.items():
-            data = value if isinstance(value, str) else f"{value:.10g}"
-            lines.append(f'<numeric name="{name}" data="{data}"/>')
-        custom = "\n".join(f"    {line}" for line in lines)
-        sites = {"cb": "0 0 0", "imu": "0 0 0", "gps": f"0 0 {self.diameter:.6g}"}
-        sites |= {"propeller": f"{-0.5 * long - 0.1 * screw:.6g} 0 0"}
-        sites |= {"rudder": f"{at:.6g} 0 0", "elevator": f"{at:.6g} 0 0"}
+        numbers = {"added_mass": f"\n{rows}", **numbers}
+        custom = "\n".join(
+            f'    <numeric name="{name}" data="{x if isinstance(x, str) else f"{x:.10g}"}"/>'
+            for name, x in numbers.items()
+        )
+        sites = {
+            "cb": "0 0 0", "imu": "0 0 0", "gps": f"0 0 {self.diameter:.6g}",
+            "propeller": f"{-0.5 * long - 0.1 * screw:.6g} 0 0",
+            "rudder": f"{at:.6g} 0 0", "elevator": f"{at:.6g} 0 0",
+        }  # fmt: skip
         placed = "\n".join(f'      <site name="{n}" pos="{p}"/>' for n, p in sites.items())
         thick = f"{0.5 * long:.6g} {radius:.6g} {radius:.6g}"
         return _FILE.format(

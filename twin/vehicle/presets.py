@@ -24,8 +24,7 @@ from xml.etree.ElementTree import Element
 
 from twin.bounded import read_text
 from twin.errors import InputError, VehicleError, unknown_name
-from twin.vehicle.file_limits import MOST_XML
-from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.mjcf import MOST_XML, MjcfReader
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PLACES = (_PACKAGE / "assets", _PACKAGE.parent / "assets")
@@ -98,7 +97,7 @@ def unknown_vehicle(name: str) -> str:
 PRESETS = "presets"
 """Name of the `<text>` that lists the sets of a file"""
 WITHOUT = "without"
-"""What follows the colon where a set leaves elements out"""
+"""Word after the colon where a set leaves elements out"""
 SEPARATOR = ":"
 """Between a vehicle's name or path and its set, and between a set and what it changes"""
 _ATTRIBUTE = re.compile(r"(?P<tag>\w+)/(?P<name>[^/@]+)(?:/(?P<child>\w+))?@(?P<attribute>\w+)")
@@ -118,11 +117,7 @@ def preset_names(xml: str, path: Path) -> tuple[str, ...]:
     Raises:
       VehicleError: the file is not MJCF.
     """
-    return _names(MjcfReader(xml, path))
-
-
-def _names(reader: MjcfReader) -> tuple[str, ...]:
-    return tuple(reader.text(PRESETS, "").split())
+    return tuple(MjcfReader(xml, path).text(PRESETS, "").split())
 
 
 def apply_preset(xml: str, path: Path, preset: str) -> str:
@@ -133,8 +128,7 @@ def apply_preset(xml: str, path: Path, preset: str) -> str:
     Raises:
       VehicleError: no set has this name (the nearest is offered), or what it changes is not there.
     """
-    reader = MjcfReader(xml, path)
-    names = _names(reader)
+    reader, names = MjcfReader(xml, path), preset_names(xml, path)
     if not names:
         raise VehicleError(
             f"vehicle file {path} has no presets, so {preset!r} cannot be chosen: leave "
@@ -149,7 +143,14 @@ def apply_preset(xml: str, path: Path, preset: str) -> str:
     own = {(e.tag, e.get("name", "")): e for e in custom}
     for name, element in changes.items():
         if name == WITHOUT:
-            _leave_out(reader, preset, custom, element)
+            present = {e.get("name", ""): e for e in custom}
+            for left in element.get("data", "").split():
+                if left not in present:
+                    raise VehicleError(
+                        f"vehicle file {path}: <text name='{preset}:{WITHOUT}'>: "
+                        f"{unknown_name('element', left, present)}"
+                    )
+                custom.remove(present[left])
         elif "@" in name:
             _set_attribute(reader, preset, name, element)
         else:
@@ -184,17 +185,6 @@ def _taken_out(
         changes[preset][name] = element
         custom.remove(element)
     return changes
-
-
-def _leave_out(reader: MjcfReader, preset: str, custom: Element, element: Element) -> None:
-    own = {e.get("name", ""): e for e in custom}
-    for name in element.get("data", "").split():
-        if name not in own:
-            what = unknown_name("element", name, own)
-            raise VehicleError(
-                f"vehicle file {reader.path}: <text name='{preset}:{WITHOUT}'>: {what}"
-            )
-        custom.remove(own[name])
 
 
 def _set_attribute(reader: MjcfReader, preset: str, place: str, element: Element) -> None:

@@ -22,17 +22,13 @@ if TYPE_CHECKING:
 
 STRAIGHT_TURN_RATE = 1e-8
 """[rad/s] below this the track is called straight: the radius would exceed 10 000 km."""
-
 RESIDUAL_TOLERANCE = 1e-9
 """[m/s2, rad/s2] largest acceleration that still counts as steady; a glider that kept it for
 an hour would change its speed by 4 micrometres per second."""
-
 DISTINCT_ROOTS = 1e-6
 """Two roots closer than this in every unknown are the same motion."""
-
 NEUTRAL = 1e-9
 """[kg] a net mass below this drives no glide"""
-
 LIMIT_SLACK = 1e-9
 """Part of an actuator's travel by which a value may exceed it through rounding."""
 
@@ -116,37 +112,32 @@ def trim_positions(
     Raises:
       InputError: outside the travel of a part, or of a part that the vehicle has not.
     """
-    wanted = vehicle.rest
+    wanted, names = vehicle.rest, vehicle.part_names
     slide = vehicle.steered("pitch")
-    for name, value, there, what in (
-        ("shift", shift, isinstance(slide, BatterySlide), "battery slide"),
-        ("rotation", rotation, vehicle.steered("heading") is not None, "part that turns it"),
-        ("net mass", net_mass, vehicle.steered("buoyancy") is not None, "pump"),
+    for name, value, part, what, unit in (
+        ("shift", shift, slide if isinstance(slide, BatterySlide) else None, "battery slide", "m"),
+        ("rotation", rotation, vehicle.steered("heading"), "part that turns it", "deg"),
+        ("net mass", net_mass, vehicle.steered("buoyancy"), "pump", "kg"),
     ):
-        if value and not there:
-            raise InputError(
-                f"{name} {value:g}: vehicle {vehicle.name!r} has no {what}; its parts: "
-                f"{', '.join(vehicle.part_names)}"
-            )
-    if isinstance(slide, BatterySlide):
-        _check_reach(vehicle, "shift", shift, slide.low, slide.high, "m", 1.0)
-        wanted[vehicle.part_names.index(slide.name)] = shift
-    turning, pump = vehicle.steered("heading"), vehicle.steered("buoyancy")
-    if turning is not None:
-        degrees = math.degrees(1.0)
-        _check_reach(vehicle, "rotation", rotation, turning.low, turning.high, "deg", degrees)
-        wanted[vehicle.part_names.index(turning.name)] = rotation
-    if pump is not None:
-        low, high = (vehicle.net_mass_for_pump(end) for end in (pump.high, pump.low))
-        _check_reach(vehicle, "net mass", net_mass, low, high, "kg", 1.0)
-        wanted[vehicle.part_names.index(pump.name)] = vehicle.pump_for_net_mass(net_mass)
+        if part is None:
+            if value:
+                raise InputError(
+                    f"{name} {value:g}: vehicle {vehicle.name!r} has no {what}; its parts: "
+                    f"{', '.join(names)}"
+                )
+            continue
+        ends, position = (part.low, part.high), value
+        if unit == "kg":
+            ends = (vehicle.net_mass_for_pump(part.high), vehicle.net_mass_for_pump(part.low))
+            position = vehicle.pump_for_net_mass(value)
+        _check_reach(vehicle, name, value, *ends, unit)
+        wanted[names.index(part.name)] = position
     for name, value in (positions or {}).items():
-        if name not in vehicle.part_names:
-            what = f"part of vehicle {vehicle.name!r}"
-            raise InputError(unknown_name(what, name, vehicle.part_names))
+        if name not in names:
+            raise InputError(unknown_name(f"part of vehicle {vehicle.name!r}", name, names))
         part = vehicle.part(name)
-        _check_reach(vehicle, name, value, part.low, part.high, part.unit, 1.0)
-        wanted[vehicle.part_names.index(name)] = value
+        _check_reach(vehicle, name, value, part.low, part.high, part.unit)
+        wanted[names.index(name)] = value
     return wanted
 
 
@@ -184,10 +175,8 @@ def positions_text(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
 
 
 def advice(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
-    """What to change when `positions` of the parts, shape (parts,), give no steady motion."""
-    slides: list[str] = []
-    turned: list[str] = []
-    resting: list[str] = []
+    """Advice for `positions` of the parts, shape (parts,), that give no steady motion."""
+    slides, turned, resting = list[str](), list[str](), list[str]()
     for part, position, rest in zip(vehicle.parts, positions, vehicle.rest, strict=True):
         if isinstance(part, BatterySlide):
             slides.append(part.name)
@@ -207,8 +196,9 @@ def advice(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
 
 
 def _check_reach(
-    vehicle: Vehicle, name: str, value: float, low: float, high: float, unit: str, scale: float
+    vehicle: Vehicle, name: str, value: float, low: float, high: float, unit: str
 ) -> None:
+    scale = math.degrees(1.0) if unit == "deg" else 1.0
     in_unit, low, high = float(value) * scale, float(low) * scale, float(high) * scale
     slack = LIMIT_SLACK * (high - low)
     if not low - slack <= in_unit <= high + slack:

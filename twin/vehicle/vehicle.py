@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError, unknown_name
 from twin.frames import flip_vector
-from twin.vehicle.allocation import Follower, followers, idle_parts
 from twin.vehicle.assembly import (
+    Follower,
     MovingMass,
+    followers,
+    idle_parts,
     named_controls,
     read_masses,
     read_parts,
@@ -33,7 +35,7 @@ from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.vehicle.mjcf import USER, MjcfReader
 from twin.vehicle.parts import Part, Pump
-from twin.vehicle.parts.base import LOSSES
+from twin.vehicle.parts.base import Losses
 from twin.vehicle.parts.pump import CUBIC_CM
 from twin.vehicle.presets import (
     PRESETS,
@@ -48,16 +50,12 @@ from twin.vehicle.presets import (
 from twin.version import PHYSICS_VERSION
 
 Array = NDArray[np.float64]
-
 USUAL_GLIDE = (math.radians(30.0), 0.3)
 """[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
-
 LEVEL = 1e-6
 """[m] that rounding may put the centre of gravity above the centre of buoyancy"""
-
 IDENTIFIED = ("hull_and_water", "sensor_errors", "identification", "pump_position")
 """Names of what `twin identify` writes into a vehicle file for itself"""
-
 SPREAD = "spread."
 """Begins the names of the `<text>` elements that say what the factory draws for the vehicle."""
 
@@ -67,7 +65,7 @@ class Vehicle:
     """A hull, the masses that move in it and its parts; SI units, body axes FRD about the CB."""
 
     name: str
-    """That of its file."""
+    """Name of its file."""
     path: Path
     xml: str
     """The MJCF text that everything below was read from."""
@@ -107,9 +105,9 @@ class Vehicle:
     """[m], shape (3,)"""
     gps_position: Array
     """[m], shape (3,)"""
-    pitch_pid: tuple[float, float, float]
+    pitch_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Position of the pitching part per pitch error: gain, over s, times s; per rad."""
-    heading_pid: tuple[float, float, float]
+    heading_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Position of the turning part per heading error: gain, over s, times s; per rad."""
     trim_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Position of a battery beside an elevator per pitch error in a hover, likewise."""
@@ -126,7 +124,7 @@ class Vehicle:
     """Name of the part that guidance uses for what it steers: the words of
     `twin.vehicle.assembly.STEERING` that the vehicle has a part for."""
     followers: tuple[Follower, ...] = ()
-    """Parts that go along with those of `steering`: `twin.vehicle.allocation`."""
+    """Parts that go along with those of `steering`: `twin.vehicle.assembly.followers`."""
     idle: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Parts that guidance leaves at rest, and the part that does what each could do."""
     usual_glide: tuple[float, float] = USUAL_GLIDE
@@ -137,34 +135,34 @@ class Vehicle:
     usual_mission: str = ""
     """Shipped mission for it when nobody names one; empty: by its parts."""
     summary: str = ""
-    """What it is, in one line."""
+    """Description in one line."""
     source: str = ""
     """Where its numbers are from, in one line."""
     spreads: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """What the factory draws for this vehicle in place of its table: "PAPER; FIELD" by parameter"""
+    """Distributions of the factory in place of its table: "PAPER; FIELD" by parameter"""
 
     def __post_init__(self) -> None:
-        for name in ("reference_density", "hull_length", "hull_diameter", "static_mass"):
-            self._require(getattr(self, name) > 0, name, "positive")
-        for mass in self.masses:
-            self._require(mass.mass > 0, f"mass of body {mass.name!r}", "positive")
-        self._require(self.control_period > 0, "control_period", "positive")
-        self._require(self.gravity > 0, "gravity", "downward along MuJoCo's z axis")
         steep, net_mass = self.usual_glide
+        names = (
+            "reference_density", "hull_length", "hull_diameter", "static_mass", "control_period",
+            "hull_thermal_lag",
+        )  # fmt: skip
+        positive = {name: getattr(self, name) for name in names}
+        positive |= {f"mass of body {mass.name!r}": mass.mass for mass in self.masses}
+        positive |= {"usual_glide: net mass": net_mass}
+        positive |= {} if self.rated_depth is None else {"rated_depth": self.rated_depth}
+        for name, value in positive.items():
+            self._require(value > 0, name, "positive")
+        self._require(self.gravity > 0, "gravity", "downward along MuJoCo's z axis")
         self._require(0.0 < steep < math.pi / 2, "usual_glide: pitch", "between 0 and pi/2 rad")
-        self._require(net_mass > 0.0, "usual_glide: net mass", "positive")
         for name, most, unit in (
             ("hull_compressibility", 1e-8, "1/Pa, a hull has some 5e-10"),
             ("hull_thermal_expansion", 1e-3, "1/K, a hull has some 7e-5"),
         ):
             rule = f"from 0 to {most:g} {unit}"
             self._require(0 <= getattr(self, name) <= most, name, rule)
-        self._require(self.hull_thermal_lag > 0, "hull_thermal_lag", "positive")
-        self._require(self.rated_depth is None or self.rated_depth > 0, "rated_depth", "positive")
-        for part in self.parts:
-            for name, rule in part.problems():
-                self._require(False, f"{part.name}: {name}", rule)
-        for name, rule in self.law.problems():
+        wrong = [(f"{p.name}: {name}", rule) for p in self.parts for name, rule in p.problems()]
+        for name, rule in (*wrong, *self.law.problems()):
             self._require(False, name, rule)
         symmetric = np.allclose(self.added_mass, self.added_mass.T, rtol=1e-9, atol=1e-12)
         self._require(symmetric, "added_mass", "a symmetric 6x6 matrix")
@@ -381,22 +379,17 @@ class Vehicle:
         return self.replace(law=law, **({} if mass is None else {"added_mass": mass}))
 
     def changes(self) -> dict[str, Any]:
-        """What differs from the MJCF text, as JSON-able numbers, lists and mappings."""
-        original = parse_vehicle(self.xml, self.path)
-        if self.law.kind != original.law.kind:
-            original = original.with_law(self.law.kind)
+        """Differences from the MJCF text, as JSON-able numbers, lists and mappings."""
+        of_file = parse_vehicle(self.xml, self.path)
+        original = of_file.with_law(self.law.kind)
         found = differences(self, original, leave=("name", "path", "xml", "law", "parts", "masses"))
-        if self.law.kind != parse_vehicle(self.xml, self.path).law.kind:
+        if original is not of_file:
             found["hull_law"] = self.law.kind
         found.update(differences(self.law, original.law))
-        for mine, theirs in zip(self.parts, original.parts, strict=True):
-            differing = differences(mine, theirs)
-            if differing:
-                found[mine.name] = differing
-        for mass, other in zip(self.masses, original.masses, strict=True):
-            differing = differences(mass, other)
-            if differing:
-                found["battery"] = differing
+        moved: tuple[Any, ...] = (*self.parts, *self.masses)
+        for mine, theirs in zip(moved, (*original.parts, *original.masses), strict=True):
+            if differing := differences(mine, theirs):
+                found["battery" if isinstance(mine, MovingMass) else mine.name] = differing
         return found
 
     def with_changes(self, changes: Mapping[str, Any]) -> Vehicle:
@@ -452,18 +445,28 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
     steering = read_steering(reader, parts)
     alone = named_controls(reader)
     shared = followers(parts, steering, alone)
+    fields: dict[str, Any] = {
+        f"{axis}_pid": numeric(f"{axis}_pid", 3)
+        for axis in ("pitch", "heading", "trim")
+        if axis in steering
+    }
+    for name, size in (("depth_pid", 3), ("buoyancy_pid", 3), ("usual_glide", 2)):
+        if name in reader.numerics:
+            fields[name] = numeric(name, size)
+    if "rated_depth" in reader.numerics:
+        fields["rated_depth"] = number("rated_depth")
+    for name in ("hull_length", "hull_diameter", "hull_compressibility", "control_period"):
+        fields[name] = number(name)
+    for name in ("hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature"):
+        fields[name] = number(name, default=getattr(Vehicle, name))
+    for name in ("usual_mission", "summary", "source"):
+        fields[name] = reader.text(name, "")
     vehicle = Vehicle(
         name=path.stem,
         path=path,
         xml=xml,
         gravity=-float(gravity[2]),
         reference_density=reference_density,
-        hull_length=number("hull_length"),
-        hull_diameter=number("hull_diameter"),
-        hull_compressibility=number("hull_compressibility"),
-        hull_thermal_expansion=number("hull_thermal_expansion", default=0.0),
-        hull_thermal_lag=number("hull_thermal_lag", default=200.0),
-        hull_reference_temperature=number("hull_reference_temperature", default=10.0),
         static_mass=float(reader.inertial(hull, "mass")[0]),
         static_cg=flip_vector(reader.inertial(hull, "pos")),
         static_inertia=reader.inertia(hull),
@@ -474,26 +477,16 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         added_mass_coupling=number("added_mass_coupling", default=1.0) != 0.0,
         imu_position=reader.place("imu"),
         gps_position=reader.place("gps"),
-        pitch_pid=numeric("pitch_pid", 3) if "pitch" in steering else (0.0, 0.0, 0.0),
-        heading_pid=numeric("heading_pid", 3) if "heading" in steering else (0.0, 0.0, 0.0),
-        trim_pid=numeric("trim_pid", 3) if "trim" in steering else (0.0, 0.0, 0.0),
-        depth_pid=numeric("depth_pid", 3) if "depth_pid" in reader.numerics else None,
-        buoyancy_pid=numeric("buoyancy_pid", 3) if "buoyancy_pid" in reader.numerics else None,
-        control_period=number("control_period"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
         followers=shared,
         idle=idle_parts(parts, steering, shared, alone),
-        usual_glide=numeric("usual_glide", 2) if "usual_glide" in reader.numerics else USUAL_GLIDE,
-        rated_depth=number("rated_depth") if "rated_depth" in reader.numerics else None,
-        usual_mission=reader.text("usual_mission", ""),
-        summary=reader.text("summary", ""),
-        source=reader.text("source", ""),
         spreads={
             name.removeprefix(SPREAD): element.get("data", "")
             for name, element in reader.texts.items()
             if name.startswith(SPREAD)
         },
+        **fields,
     )
     _refuse_unknown(reader)
     if vehicle.metacentric_height < -LEVEL:
@@ -513,5 +506,6 @@ def _refuse_unknown(reader: MjcfReader) -> None:
     others = [name for law in LAWS.values() for name in law.names()]
     loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid")
     known = ("added_mass", "cruise_speed", "rated_depth", "usual_glide", PRESETS)
-    right = (*known, *loops, *IDENTIFIED, *LOSSES, *others)
+    losses = [field.name for field in dataclasses.fields(Losses)]
+    right = (*known, *loops, *IDENTIFIED, *losses, *others)
     reader.refuse_unknown(right, (SPREAD, SEPARATOR, USER))

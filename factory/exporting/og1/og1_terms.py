@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from factory.exporting.metadata import Metadata, with_metadata
 from factory.generation.generated_store import GeneratedStore, StoredFlight
-from factory.sampling.mission_water import mission_place
+from factory.sampling.conditions import mission_place
 from twin.bounded import file_names
 from twin.errors import StoreError
 from twin.records.attributes import made_at

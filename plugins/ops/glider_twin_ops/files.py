@@ -30,14 +30,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from twin import Vehicle
+from twin import Mission, Vehicle, Waypoint
 from twin.bounded import read_text
 from twin.errors import MissionError, unknown_name
-from twin.mission import Mission, SteadyGlide, degrees, degrees_minutes, steady_glide, waypoints_of
-from twin.mission.segments import Waypoint
+from twin.mission import SteadyGlide, degrees, degrees_minutes, steady_glide, waypoints_of
 
 TARGETS = "targets"
 TARGET_KEYS = ("lat", "lon", "radius", "goto")
@@ -60,7 +59,7 @@ class SeagliderTarget:
 
 
 def targets_of(mission: Mission) -> tuple[SeagliderTarget, ...]:
-    """The places of a mission to waypoints, T1, T2, ...; it stays at the last.
+    """Places of a mission to waypoints, T1, T2, ...; it stays at the last.
 
     Raises:
       MissionError: another kind of mission, or places that are given from the start.
@@ -80,7 +79,7 @@ def targets_of(mission: Mission) -> tuple[SeagliderTarget, ...]:
 
 
 def targets_text(targets: Sequence[SeagliderTarget]) -> str:
-    """The text of the file."""
+    """Text of the file."""
     return "".join(
         f"{one.name} lat={degrees_minutes(one.latitude)} lon={degrees_minutes(one.longitude)} "
         f"radius={one.radius_m:.0f} goto={one.goto}\n"
@@ -102,27 +101,31 @@ def radius_of(targets: Sequence[SeagliderTarget]) -> float:
     return found[0]
 
 
+def _lines(path: str | Path, what: str) -> Iterator[tuple[str, str]]:
+    """Place and text of each line of a file that is no comment."""
+    lines = read_text(Path(path), what, MissionError).splitlines()
+    for number, line in enumerate(lines, start=1):
+        said = line.strip()
+        if said and not said.startswith("/"):
+            yield f"{Path(path).name} line {number}", said
+
+
 def read_targets(path: str | Path) -> tuple[SeagliderTarget, ...]:
-    """The places of a file, in its order.
+    """Read the places of a file, in its order.
 
     Raises:
       MissionError: it cannot be read, a line lacks a key or has one that is not known, a place is
         no DDMM.mmmm, or `goto` names no place of the file.
     """
-    path = Path(path)
-    found: list[SeagliderTarget] = []
-    for number, line in enumerate(read_text(path, "targets", MissionError).splitlines(), start=1):
-        said = line.strip()
-        if not said or said.startswith("/"):
-            continue
-        found.append(_target(f"{path.name} line {number}", said))
+    name = Path(path).name
+    found = tuple(_target(where, said) for where, said in _lines(path, TARGETS))
     if not found:
-        raise MissionError(f"{path.name} has no target: a line is NAME lat= lon= radius= goto=")
+        raise MissionError(f"{name} has no target: a line is NAME lat= lon= radius= goto=")
     names = [one.name for one in found]
     for one in found:
         if one.goto not in names:
-            raise MissionError(f"{path.name}: {one.name} goes to {one.goto}, which is not in it")
-    return tuple(found)
+            raise MissionError(f"{name}: {one.name} goes to {one.goto}, which is not in it")
+    return found
 
 
 def _target(where: str, line: str) -> SeagliderTarget:
@@ -169,7 +172,7 @@ _HALVINGS = 40
 
 
 def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
-    """The parameters of the dives of a mission to waypoints.
+    """Parameters of the dives of a mission to waypoints.
 
     Raises:
       MissionError: another kind of mission, a climb that differs from the dive, a glide that the
@@ -187,7 +190,7 @@ def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
     found = {
         "D_TGT": round(segment.max_depth_m, 1),
         "T_DIVE": minutes,
-        "T_MISSION": round(_given_up(minutes)),
+        "T_MISSION": round(LATER * minutes + TURN),
         "MAX_BUOY": round(mass * GRAMS, 1),
         "GLIDE_SLOPE": float(math.ceil(_slope(glide, segment.pitch_deg))),
     }
@@ -197,26 +200,22 @@ def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
 
 
 def commands_text(commands: Mapping[str, float], directive: str = GO) -> str:
-    """The text of the file."""
+    """Text of the file."""
     return "".join(f"${name},{value:g}\n" for name, value in commands.items()) + directive + "\n"
 
 
 def read_commands(path: str | Path) -> dict[str, float]:
-    """The parameters of a file by their names, of every name; the directive is read, and left out.
+    """Read the parameters of a file by their names, of every name; the directive is left out.
 
     Raises:
       MissionError: it cannot be read, a line is neither a parameter nor a directive, a value is no
         number or beyond its limits, or there is no directive.
     """
-    path = Path(path)
     found: dict[str, float] = {}
-    directive = ""
-    for number, line in enumerate(read_text(path, CMDFILE, MissionError).splitlines(), start=1):
-        said, where = line.strip(), f"{path.name} line {number}"
-        if not said or said.startswith("/"):
-            continue
+    directed = False
+    for where, said in _lines(path, CMDFILE):
         if said in DIRECTIVES:
-            directive = said
+            directed = True
             continue
         name, comma, text = said.partition(",")
         if not (name.startswith("$") and comma):
@@ -227,15 +226,15 @@ def read_commands(path: str | Path) -> dict[str, float]:
             raise MissionError(f"{where}: {name},{text} must be a number") from None
         _check(where, name[1:], value)
         found[name[1:]] = value
-    if not directive:
-        raise MissionError(f"{path.name} has no directive: end it with {GO}")
+    if not directed:
+        raise MissionError(f"{Path(path).name} has no directive: end it with {GO}")
     return found
 
 
 def commanded(
     commands: Mapping[str, float], targets: Sequence[SeagliderTarget], vehicle: Vehicle
 ) -> Mission:
-    """The mission that commands and targets say: a dive from surfacing to surfacing.
+    """Mission that commands and targets say: a dive from surfacing to surfacing.
 
     Raises:
       MissionError: a parameter of the dive is missing, or the vehicle has no such glide.
@@ -257,16 +256,11 @@ def commanded(
         max_depth_m=depth,
         pitch_deg=pitch,
         net_mass_kg=mass,
-        surface_after_s=commands.get("T_MISSION", _given_up(commands["T_DIVE"])) * MINUTE,
+        surface_after_s=commands.get("T_MISSION", LATER * commands["T_DIVE"] + TURN) * MINUTE,
         surface_after_yos=1.0,
         arrival_radius_m=radius_of(targets),
     )
     return Mission(name=CMDFILE, segments=(segment,))
-
-
-def _given_up(minutes: float) -> float:
-    """[min] after which a dive of a $T_DIVE is given up."""
-    return LATER * minutes + TURN
 
 
 def _slope(glide: SteadyGlide, pitch_deg: float) -> float:
@@ -319,36 +313,31 @@ class ScienceLayer:
     """Whether the file names its values"""
 
     def line(self) -> str:
-        """As the file has it."""
+        """Line of the file."""
         values = {"seconds": f"{self.seconds:g}", "sensors": self.sensors, "gc": self.gc}
         values |= self.more
-        said = [f"{name}={value}" for name, value in values.items()]
-        return " ".join([self.depth, *(said if self.named else list(values.values()))])
+        said = (f"{name}={value}" for name, value in values.items())
+        return " ".join([self.depth, *(said if self.named else values.values())])
 
 
 def read_science(path: str | Path) -> tuple[ScienceLayer, ...]:
-    """The layers of a file, from the surface down.
+    """Read the layers of a file, from the surface down.
 
     Raises:
       MissionError: it cannot be read, holds no layer, or a line is none.
     """
-    path = Path(path)
-    found: list[ScienceLayer] = []
-    for number, line in enumerate(read_text(path, SCIENCE, MissionError).splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("/"):
-            continue
-        found.append(_layer(f"{path.name} line {number}", words))
+    name = Path(path).name
+    found = tuple(_layer(where, said.split()) for where, said in _lines(path, SCIENCE))
     if not found:
-        raise MissionError(f"{path.name} has no layer: a line is DEPTH SECONDS SENSORS GC")
+        raise MissionError(f"{name} has no layer: a line is DEPTH SECONDS SENSORS GC")
     depths = [float(one.depth) for one in found if one.depth != "loiter"]
     if depths != sorted(depths):
-        raise MissionError(f"{path.name}: depths must grow from line to line")
-    return tuple(found)
+        raise MissionError(f"{name}: depths must grow from line to line")
+    return found
 
 
 def sparser(layers: Sequence[ScienceLayer], part: float) -> tuple[ScienceLayer, ...]:
-    """The same layers with a part of the samples, to the second.
+    """Layers with a part of the samples, to the second.
 
     Raises:
       MissionError: a part that leaves nothing, or that no sensor follows.
@@ -363,7 +352,7 @@ def sparser(layers: Sequence[ScienceLayer], part: float) -> tuple[ScienceLayer, 
 
 
 def science_text(layers: Sequence[ScienceLayer]) -> str:
-    """The text of the file."""
+    """Text of the file."""
     return "".join(one.line() + "\n" for one in layers)
 
 

@@ -19,18 +19,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from factory.importing import Tally, sniff
 from factory.importing.netcdf import as_array, seconds_of
-from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
+from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, Array, ModelledLog, modelled
 from twin.errors import InputError
 from twin.logs import DAC, EPOCH, OF_DIVES, PER_DIVE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 CLOCKS = ("TIME", "time")
 """Names of the times of the measurements"""

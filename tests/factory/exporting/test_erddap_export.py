@@ -15,7 +15,7 @@ from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.generation.generated_store import open_missions
 from factory.importing import import_logs
-from glider_twin_ops.watching.sources.erddap import fetch_days
+from glider_twin_ops.watching.sources import fetch_days
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 

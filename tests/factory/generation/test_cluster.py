@@ -1,13 +1,9 @@
 """A dask cluster makes the bytes that one process makes, also when a worker is lost."""
 
-from __future__ import annotations
-
 import concurrent.futures
 import contextlib
 import os
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from clusters import dask_cluster, free_port, worker
@@ -15,29 +11,24 @@ from patience import HANG_S
 from trees import contents
 
 import factory
-from factory.description import unfinished
 from factory.generation import executors as cluster
 from factory.generation.executors import dask_executor
 from factory.generation.generation import generate
 from factory.generation.job import Job
 from factory.generation.shard import fly_shard
-from factory.sampling.recipe import Recipe
+from factory.generation.target import unfinished
 from twin.errors import InputError, StoreError, TwinError
 
 pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
 
-Recipes = Callable[..., Recipe]
-
 
 @pytest.fixture
-def address() -> Iterator[str]:
+def address():
     with dask_cluster() as found:
         yield found
 
 
-def test_a_lost_worker_and_one_that_joins_change_no_byte(
-    tmp_path: Path, recipe: Recipes, address: str
-) -> None:
+def test_a_lost_worker_and_one_that_joins_change_no_byte(tmp_path, recipe, address):
     made = recipe(hours=2.0)  # some forty missions, eight shards
     generate(made, tmp_path / "one.zarr", workers=1)
     store = tmp_path / "cluster.zarr"
@@ -46,7 +37,7 @@ def test_a_lost_worker_and_one_that_joins_change_no_byte(
         with dask_executor(address) as executor:
             lost: list[int] = []
 
-            def watch(hours: float, failures: int) -> None:
+            def watch(hours, failures):
                 begun = unfinished(store)
                 if not lost and begun is not None and begun.missions_kept >= 4:
                     workers[0].kill()
@@ -62,7 +53,7 @@ def test_a_lost_worker_and_one_that_joins_change_no_byte(
     assert contents(store) == contents(tmp_path / "one.zarr")
 
 
-def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nobody_at_the_address_is_told(monkeypatch):
     monkeypatch.setattr("factory.generation.executors.TIMEOUT_S", 0.5)
     for address in (f"tcp://127.0.0.1:{free_port()}", "nonsense://x", "tcp://"):
         with (
@@ -72,7 +63,7 @@ def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
             pass
 
 
-def test_a_task_that_ends_its_workers_is_told() -> None:
+def test_a_task_that_ends_its_workers_is_told():
     """Too little memory does so."""
     allowed = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
     with (
@@ -84,8 +75,8 @@ def test_a_task_that_ends_its_workers_is_told() -> None:
     assert "\n" not in str(told.value)
 
 
-def test_a_scheduler_that_ends_is_told() -> None:
-    def work() -> None:
+def test_a_scheduler_that_ends_is_told():
+    def work():
         with contextlib.ExitStack() as cluster:
             address = cluster.enter_context(dask_cluster(1))
             with dask_executor(address) as executor:
@@ -98,9 +89,7 @@ def test_a_scheduler_that_ends_is_told() -> None:
         work()
 
 
-def test_workers_of_another_version_are_told_before_they_fly(
-    address: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_workers_of_another_version_are_told_before_they_fly(address, monkeypatch, tmp_path):
     monkeypatch.setattr(cluster, "WORKERS_S", 0.1)
     monkeypatch.setattr(cluster, "__version__", "99.0")
     with (
@@ -110,7 +99,7 @@ def test_workers_of_another_version_are_told_before_they_fly(
         factory.generate(tmp_path / "missions.zarr", scheduler=address)
 
 
-def test_a_worker_that_does_not_see_the_folder_says_so(recipe: Recipes, tmp_path: Path) -> None:
+def test_a_worker_that_does_not_see_the_folder_says_so(recipe, tmp_path):
     made = recipe()
     with pytest.raises(StoreError, match=r"does not see .*missions\.zarr\.generating"):
         fly_shard(Job(made, tmp_path / "missions.zarr"), 0)

@@ -1,10 +1,7 @@
 """Time and place in stores of the factory: real coordinates, from the true track and the draws."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from pathlib import Path
 
 import gsw
 import numpy as np
@@ -22,7 +19,7 @@ from twin.records.coordinates import COORDINATES, NO_TIME, PLACE
 OFF_MONTEREY = (36.8, -122.4)
 
 
-def test_they_are_coordinates_and_carry_cf_attributes(field_store: Path) -> None:
+def test_they_are_coordinates_and_carry_cf_attributes(field_store):
     data = xr.open_zarr(field_store)
     assert {*COORDINATES, *PLACE} <= set(data.coords)
     assert {*COORDINATES} <= set(data["true_depth"].coords)
@@ -40,7 +37,7 @@ def test_they_are_coordinates_and_carry_cf_attributes(field_store: Path) -> None
     assert {data[name].attrs["axis"] for name in COORDINATES} == {"T", "Y", "X"}
 
 
-def test_a_sample_is_where_and_when_the_vehicle_was(field_store: Path) -> None:
+def test_a_sample_is_where_and_when_the_vehicle_was(field_store):
     data = xr.open_zarr(field_store)
     raw = zarr.open_group(field_store, mode="r")["datetime"]
     for mission in range(data.sizes["mission"]):
@@ -59,7 +56,7 @@ def test_a_sample_is_where_and_when_the_vehicle_was(field_store: Path) -> None:
         assert (np.asarray(raw[mission])[samples:] == NO_TIME).all()
 
 
-def test_field_missions_are_in_the_open_atlantic_on_any_day_of_a_year(field_store: Path) -> None:
+def test_field_missions_are_in_the_open_atlantic_on_any_day_of_a_year(field_store):
     run = GeneratedStore(field_store)
     for mission in range(len(run)):
         drawn = run.parameters(mission)
@@ -70,14 +67,14 @@ def test_field_missions_are_in_the_open_atlantic_on_any_day_of_a_year(field_stor
     assert len(set(run.array("start_time"))) == len(run)
 
 
-def test_paper_missions_are_off_monterey_bay(paper_store: Path) -> None:
+def test_paper_missions_are_off_monterey_bay(paper_store):
     data = xr.open_zarr(paper_store)
     starts = np.stack([data["start_latitude"], data["start_longitude"]], axis=1)
     assert (starts == OFF_MONTEREY).all()
     assert (data["start_time"].values == np.datetime64("2020-01-01")).all()
 
 
-def test_a_gridded_current_says_where_it_is(tmp_path: Path) -> None:
+def test_a_gridded_current_says_where_it_is(tmp_path):
     days = np.array(["2003-08-01", "2003-08-04"], "datetime64[ns]")
     latitude, longitude = np.arange(47.0, 52.0), np.arange(-18.0, -13.0)
     flow = (("time", "lat", "lon"), np.full((2, 5, 5), 0.1))
@@ -100,7 +97,7 @@ def test_a_gridded_current_says_where_it_is(tmp_path: Path) -> None:
     assert (data["start_time"].values == np.datetime64("2003-08-02")).all()
 
 
-def test_a_store_without_them_still_opens_and_replays(paper_store: Path, tmp_path: Path) -> None:
+def test_a_store_without_them_still_opens_and_replays(paper_store, tmp_path):
     """As stores were before: no coordinates, and parameters that did not exist."""
     old = tmp_path / "old.zarr"
     shutil.copytree(paper_store, old)
@@ -124,9 +121,7 @@ def test_a_store_without_them_still_opens_and_replays(paper_store: Path, tmp_pat
         assert replay_mission(run, 0).identical
 
 
-def test_the_density_is_that_of_temperature_and_salinity_where_the_mission_is(
-    field_store: Path,
-) -> None:
+def test_the_density_is_that_of_temperature_and_salinity_where_the_mission_is(field_store):
     """TEOS-10 with the composition of the salt at the mission's own place."""
     data = xr.open_zarr(field_store)
     for mission in range(data.sizes["mission"]):

@@ -5,15 +5,11 @@ happened before, the name has an old store whole or the new one, and the next ru
 `python -m benchmarks.histories` does the same with processes that are killed.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from clusters import Here
@@ -22,10 +18,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
 from trees import contents
 
-import factory.generation.attempts
-from factory.description import unfinished
+import factory.generation.shard
 from factory.generation import StorePart, finish, generate, generate_part
-from factory.sampling import Recipe, make_recipe
+from factory.generation.target import unfinished
+from factory.sampling import make_recipe
 from factory.store_check import check_files
 from twin.errors import StoreError
 from twin.records.presence import generating
@@ -55,11 +51,11 @@ class Killed(BaseException):
 class Operations:
     """Changes of files below a folder, which are counted, and from one on refused."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.folder, self.count, self.left = "", 0, 0
         sys.addaudithook(self._hear)
 
-    def _hear(self, event: str, given: tuple[Any, ...]) -> None:
+    def _hear(self, event, given):
         if not self.folder or not (event == "open" or event in CHANGES):
             return
         if event == "open" and not (given[2] or 0) & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
@@ -71,37 +67,37 @@ class Operations:
         if self.count > self.left:
             raise Killed
 
-    def watch(self, folder: Path | None, left: int = sys.maxsize) -> None:
+    def watch(self, folder, left=sys.maxsize):
         """Count below a folder from now on, and refuse all but `left`; None: do no more."""
         self.folder, self.count, self.left = str(folder or ""), 0, left
 
 
 @pytest.fixture(scope="module")
-def operations() -> Operations:
+def operations():
     return Operations()
 
 
 @pytest.fixture(scope="module")
-def recipes() -> list[Recipe]:
+def recipes():
     return [make_recipe(hours=MISSIONS_H, seed=seed, changes=SHORT) for seed in (0, 1)]
 
 
 @pytest.fixture
-def flown(monkeypatch: pytest.MonkeyPatch) -> None:
+def flown(monkeypatch):
     """Each mission is flown once: what is made of it is tested here."""
-    fly, known = factory.generation.attempts.fly_abreast, {}
+    fly, known = factory.generation.shard.fly_abreast, {}
 
-    def remembered(draws: list[Any], *given: Any, **named: Any) -> Iterator[tuple[int, Any]]:
+    def remembered(draws, *given, **named):
         for index, draw in enumerate(draws):
             name = repr(draw.sensor_seed)
             if name not in known:
                 ((_, known[name]),) = fly([draw], *given, **named)
             yield index, known[name]
 
-    monkeypatch.setattr(factory.generation.attempts, "fly_abreast", remembered)
+    monkeypatch.setattr(factory.generation.shard, "fly_abreast", remembered)
 
 
-def undisturbed(recipe: Recipe, operations: Operations) -> tuple[dict[str, bytes], int]:
+def undisturbed(recipe, operations):
     """Bytes of the files of a store, and the operations that it takes."""
     with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
         store = Path(folder) / "missions.zarr"
@@ -112,12 +108,12 @@ def undisturbed(recipe: Recipe, operations: Operations) -> tuple[dict[str, bytes
         return contents(store), count
 
 
-def machine(recipes: list[Recipe], operations: Operations) -> type[RuleBasedStateMachine]:
+def machine(recipes, operations):
     """The histories of a store of either recipe."""
     expected, counts = zip(*(undisturbed(one, operations) for one in recipes), strict=True)
 
     class Histories(RuleBasedStateMachine):
-        def __init__(self) -> None:
+        def __init__(self):
             super().__init__()
             self.folder = Path(tempfile.mkdtemp(dir=MEMORY))
             self.store = self.folder / "missions.zarr"
@@ -125,28 +121,28 @@ def machine(recipes: list[Recipe], operations: Operations) -> type[RuleBasedStat
             """whose store has the name"""
 
         @rule(seed=SEED, moment=MOMENT, overwrite=st.booleans())
-        def make(self, seed: int, moment: float | None, overwrite: bool) -> None:
-            def work() -> None:
+        def make(self, seed, moment, overwrite):
+            def work():
                 recipe = recipes[seed]
                 generate(recipe, self.store, executor=Here(), resume=True, overwrite=overwrite)
 
             self.attempt(work, seed, moment)
 
         @rule(seed=SEED, part=st.integers(0, PARTS - 1), moment=MOMENT)
-        def make_part(self, seed: int, part: int, moment: float | None) -> None:
-            def work() -> None:
+        def make_part(self, seed, part, moment):
+            def work():
                 generate_part(recipes[seed], self.store, StorePart(part, PARTS))
 
             self.attempt(work, self.now, moment)
 
         @rule(moment=MOMENT)
-        def complete(self, moment: float | None) -> None:
+        def complete(self, moment):
             begun = unfinished(self.store)
             seed = self.now if begun is None else begun.settings["seed"]
             self.attempt(lambda: finish(self.store), seed, moment)
 
         @rule(which=st.integers(0), cut=st.booleans())
-        def spoil(self, which: int, cut: bool) -> None:
+        def spoil(self, which, cut):
             place = generating(self.store)
             assert isinstance(place, Path)
             found = sorted(p for p in place.rglob("*") if p.is_file() and p.name not in KEPT)
@@ -155,7 +151,7 @@ def machine(recipes: list[Recipe], operations: Operations) -> type[RuleBasedStat
                 os.truncate(path, path.stat().st_size // 2) if cut else path.unlink()
 
         @rule(which=st.integers(0), bit=st.integers(0))
-        def flip(self, which: int, bit: int) -> None:
+        def flip(self, which, bit):
             if self.now is None:
                 return
             name = sorted(expected[self.now])[which % len(expected[self.now])]
@@ -165,7 +161,7 @@ def machine(recipes: list[Recipe], operations: Operations) -> type[RuleBasedStat
             assert any(one.startswith(f"{name} is ") for one in check_files(self.store).problems)
             (self.store / name).write_bytes(expected[self.now][name])
 
-        def attempt(self, work: Any, seed: int | None, moment: float | None) -> None:
+        def attempt(self, work, seed, moment):
             """Do something that may make the store of a seed, up to a moment."""
             most = max(counts)
             operations.watch(self.folder, sys.maxsize if moment is None else int(moment * most))
@@ -185,7 +181,7 @@ def machine(recipes: list[Recipe], operations: Operations) -> type[RuleBasedStat
                 self.now = seed
             assert not done or here == (None if seed is None else expected[seed])
 
-        def teardown(self) -> None:
+        def teardown(self):
             again = {"executor": Here(), "overwrite": True}
             try:
                 generate(recipes[0], self.store, resume=True, **again)
@@ -200,7 +196,7 @@ def machine(recipes: list[Recipe], operations: Operations) -> type[RuleBasedStat
 
 
 @pytest.mark.usefixtures("flown")
-def test_no_history_loses_anything(recipes: list[Recipe], operations: Operations) -> None:
+def test_no_history_loses_anything(recipes, operations):
     run_state_machine_as_test(
         machine(recipes, operations),
         settings=settings(

@@ -1,32 +1,25 @@
 """What lies in the folder of an unfinished store is read within limits, whatever it holds."""
 
-from __future__ import annotations
-
 import hashlib
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import factory.sampling.fly
 from factory.__main__ import PROGRAM
-from factory.generation.attempts import fly_missions
-from factory.generation.job import Job, missions_kept
+from factory.generation.job import Job, Marker, missions_kept, read_marker
 from factory.generation.parts import ARRAY, StorePart, generate_part
-from factory.generation.shard import Marker, read_marker
+from factory.generation.shard import fly_missions
 from factory.generation.target import recipe_begun
-from factory.sampling.recipe import Recipe
 from twin.errors import FloorError, NoSteadyState, StoreError
 from twin.records.presence import read_attributes
-from twin.records.storage.stored_files import Files, GiantFile
+from twin.records.storage.store_path import Files, GiantFile
 from twin.records.store import open_store
 
-Recipes = Callable[..., Recipe]
 GIANT = 200 * 2**20
 
 
-def sparse(path: Path, size: int = GIANT) -> Path:
+def sparse(path, size=GIANT):
     """A file that declares many bytes and has none."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
@@ -34,7 +27,7 @@ def sparse(path: Path, size: int = GIANT) -> Path:
     return path
 
 
-def test_a_giant_file_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_giant_file_is_not_read(tmp_path, monkeypatch):
     store, recipe = tmp_path / "store.zarr", tmp_path / "recipe"
     sparse(store / "zarr.json")
     sparse(recipe / "recipe.json")
@@ -50,14 +43,14 @@ def test_a_giant_file_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("version", ["1e999", '"x"', "null", "[]"])
-def test_a_version_that_is_none_is_refused(tmp_path: Path, version: str) -> None:
+def test_a_version_that_is_none_is_refused(tmp_path, version):
     text = '{"zarr_format": 3, "node_type": "group", "attributes": {"schema_version": %s}}'
     (tmp_path / "zarr.json").write_text(text % version)
     with pytest.raises(StoreError, match="does not say its schema_version"):
         open_store(tmp_path)
 
 
-def test_missions_kept_are_those_that_markers_name(tmp_path: Path, recipe: Recipes) -> None:
+def test_missions_kept_are_those_that_markers_name(tmp_path, recipe):
     job = Job(recipe(), tmp_path / "missions.zarr")
     names = ("0000000-0000003", "0000004-0000007", "0000009-999999999999", "0000005-0000002", "x")
     for name in names:
@@ -66,7 +59,7 @@ def test_missions_kept_are_those_that_markers_name(tmp_path: Path, recipe: Recip
 
 
 @pytest.mark.parametrize("text", ["{}", '{"first": 0, "count": 0}', "[]", "[" * 100_000])
-def test_a_damaged_count_of_parts_is_told(tmp_path: Path, recipe: Recipes, text: str) -> None:
+def test_a_damaged_count_of_parts_is_told(tmp_path, recipe, text):
     made, store = recipe(), tmp_path / "missions.zarr"
     generate_part(made, store, StorePart(0, 4))
     Job(made, store).files.write(ARRAY, text.encode())
@@ -74,7 +67,7 @@ def test_a_damaged_count_of_parts_is_told(tmp_path: Path, recipe: Recipes, text:
         generate_part(made, store, StorePart(1, 4))
 
 
-def test_a_damaged_marker_is_none(tmp_path: Path, recipe: Recipes) -> None:
+def test_a_damaged_marker_is_none(tmp_path, recipe):
     job = Job(recipe(), tmp_path / "missions.zarr")
     rows = {"attempt": np.zeros(3, np.int16), "speed": np.array([[1.5, np.nan]])}
     marker = Marker(number=0, recipe=job.digest, files={}, failures=[], versions={}, rows=rows)
@@ -93,16 +86,14 @@ def test_a_damaged_marker_is_none(tmp_path: Path, recipe: Recipes) -> None:
 
 
 @pytest.mark.parametrize("error", [FloorError("the floor is too near"), NoSteadyState("it spins")])
-def test_what_cannot_be_flown_is_replaced(
-    recipe: Recipes, monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
+def test_what_cannot_be_flown_is_replaced(recipe, monkeypatch, error):
     real, tried = factory.sampling.fly.build_scenario, []
 
-    def build(*words: object) -> object:
+    def build(*words):
         tried.append(words)
         if len(tried) == 1:
             raise error
-        return real(*words)  # type: ignore[arg-type]
+        return real(*words)
 
     monkeypatch.setattr(factory.sampling.fly, "build_scenario", build)
     ((flown, _),) = fly_missions(recipe(), [0])
@@ -112,13 +103,7 @@ def test_what_cannot_be_flown_is_replaced(
 
 @pytest.mark.parametrize("command", ["verify", "finish"])
 @pytest.mark.parametrize("place", [".", "..", "/"])
-def test_a_folder_without_its_name_is_answered(
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    command: str,
-    place: str,
-) -> None:
+def test_a_folder_without_its_name_is_answered(capsys, tmp_path, monkeypatch, command, place):
     (tmp_path / "within").mkdir()
     monkeypatch.chdir(tmp_path / "within")
     assert PROGRAM.main([command, place]) == 2

@@ -1,11 +1,7 @@
 """Missions go into any zarr store that a program has opened."""
 
-from __future__ import annotations
-
 import asyncio
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +10,10 @@ from zarr.storage import MemoryStore
 
 import factory
 from factory.generation.generation import generate_into
-from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
 
-Recipes = Callable[..., Recipe]
 
-
-def test_a_store_in_memory_has_every_byte(recipe: Recipes, paper_store: Path) -> None:
+def test_a_store_in_memory_has_every_byte(recipe, paper_store):
     kept: dict = {}
     store = MemoryStore(kept)
     made = recipe()
@@ -38,7 +31,7 @@ def test_a_store_in_memory_has_every_byte(recipe: Recipes, paper_store: Path) ->
         generate_into(recipe(), MemoryStore(read_only=True), workers=1)
 
 
-def test_a_store_and_a_path_exclude_each_other(tmp_path: Path) -> None:
+def test_a_store_and_a_path_exclude_each_other(tmp_path):
     for settings in ({}, {"out": tmp_path / "a.zarr", "store": MemoryStore()}):
         with pytest.raises(InputError, match="give either out, a path or an address, or store"):
             factory.generate(**settings)
@@ -48,7 +41,7 @@ def test_a_store_and_a_path_exclude_each_other(tmp_path: Path) -> None:
         factory.generate(store=MemoryStore(), scheduler="tcp://x", executor=ThreadPoolExecutor())
 
 
-def test_icechunk_keeps_it_in_one_commit(recipe: Recipes, paper_store: Path) -> None:
+def test_icechunk_keeps_it_in_one_commit(recipe, paper_store):
     icechunk = pytest.importorskip("icechunk", reason='needs pip install "glider-twin[icechunk]"')
     repository = icechunk.Repository.create(icechunk.in_memory_storage())
     session = repository.writable_session("main")

@@ -1,9 +1,6 @@
 """A store in an object storage has the bytes of one in a folder, and is read as one."""
 
-from __future__ import annotations
-
 import pickle
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,27 +9,24 @@ from clusters import dask_cluster
 from s3 import s3_server
 
 from factory.__main__ import main
-from factory.description import unfinished
 from factory.generation.executors import dask_executor
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.generation.parts import StorePart, finish, generate_part
-from factory.sampling.recipe import Recipe
+from factory.generation.target import unfinished
 from factory.store_check import check_files
 from learn.data.dataset import load_missions
 from twin.errors import InputError, StoreError, WriteError
 from twin.records.storage.checksums import content_hash, store_hash
-from twin.records.storage.object_storage import ObjectFiles, files_at
-from twin.records.storage.store_path import Url, store_path
+from twin.records.storage.object_storage import ObjectFiles
+from twin.records.storage.store_path import Url, files_at, store_path
 from twin.records.storage.whole import check_folder_target
 from twin.records.store import open_store
 from twin.records.windows import Windows
 
-Recipes = Callable[..., Recipe]
-
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[None]:
+def server():
     with pytest.MonkeyPatch.context() as patch, s3_server() as environment:
         for name, text in environment.items():
             patch.setenv(name, text)
@@ -40,24 +34,24 @@ def server() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def stored(server: None, recipe: Recipes) -> str:
+def stored(server, recipe):
     generate(recipe(), "s3://bucket/made/missions.zarr", workers=2)
     return "s3://bucket/made/missions.zarr"
 
 
-def contents(place: str | Path) -> dict[str, bytes]:
+def contents(place):
     files = files_at(place)
     return {key: files.read(key) for key in files.all_keys()}
 
 
-def test_every_object_is_the_file_of_a_folder(stored: str, paper_store: Path) -> None:
+def test_every_object_is_the_file_of_a_folder(stored, paper_store):
     assert contents(stored) == contents(paper_store)
     assert not contents(stored + ".generating")
     (line,) = contents(stored + ".log").values()
     assert b'"recipe"' in line
 
 
-def test_windows_are_read_from_there(stored: str, paper_store: Path) -> None:
+def test_windows_are_read_from_there(stored, paper_store):
     there, here = (
         Windows(place, ["measured_pitch", "true_surge"], length=20, memory=6e3)
         for place in (stored, paper_store)
@@ -67,14 +61,10 @@ def test_windows_are_read_from_there(stored: str, paper_store: Path) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_parts_and_finish_make_the_same_objects(
-    server: None, recipe: Recipes, paper_store: Path
-) -> None:
+def test_parts_and_finish_make_the_same_objects(server, recipe, paper_store):
     made, store = recipe(), "s3://bucket/parts/missions.zarr"
     generate_part(made, store, StorePart(1, 2))
-    begun = unfinished(store_path(store))
-    assert begun is not None
-    assert 0 < begun.missions_kept < len(made.plan)
+    assert 0 < unfinished(store_path(store)).missions_kept < len(made.plan)
     with pytest.raises(StoreError, match=r"run these parts of 2 again: --array=0"):
         finish(store)
     with pytest.raises(StoreError, match=r"is incomplete: the `factory generate` command"):
@@ -86,11 +76,11 @@ def test_parts_and_finish_make_the_same_objects(
 
 
 def test_the_metadata_of_the_store_come_last_and_a_kill_before_loses_nothing(
-    server: None, recipe: Recipes, paper_store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    server, recipe, paper_store, monkeypatch
+):
     store, write = "s3://bucket/killed/missions.zarr", ObjectFiles.write
 
-    def killed(files: ObjectFiles, key: str, data: bytes, *, safe: bool = False) -> None:
+    def killed(files, key, data, *, safe=False):
         if key == "zarr.json":
             raise KeyboardInterrupt
         write(files, key, data, safe=safe)
@@ -108,9 +98,7 @@ def test_the_metadata_of_the_store_come_last_and_a_kill_before_loses_nothing(
     assert contents(store) == contents(paper_store)
 
 
-def test_workers_of_a_dask_cluster_write_there(
-    server: None, recipe: Recipes, paper_store: Path
-) -> None:
+def test_workers_of_a_dask_cluster_write_there(server, recipe, paper_store):
     pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
     store = "s3://bucket/cluster/missions.zarr"
     with dask_cluster(2) as address, dask_executor(address) as executor:
@@ -119,7 +107,7 @@ def test_workers_of_a_dask_cluster_write_there(
     assert contents(store) == contents(paper_store)
 
 
-def test_nothing_is_replaced(stored: str, recipe: Recipes) -> None:
+def test_nothing_is_replaced(stored, recipe):
     with pytest.raises(StoreError, match="already exists"):
         generate(recipe(), stored)
     with pytest.raises(StoreError, match=r"cannot replace .*choose another --out, or remove"):
@@ -129,7 +117,7 @@ def test_nothing_is_replaced(stored: str, recipe: Recipes) -> None:
     assert generate(recipe(), stored, resume=True).flown == 0
 
 
-def test_it_is_read_as_a_folder_is(stored: str, paper_store: Path) -> None:
+def test_it_is_read_as_a_folder_is(stored, paper_store):
     here, there = GeneratedStore(paper_store), GeneratedStore(stored)
     assert there.path == Url(stored)
     assert repr(there.parameters(1)) == repr(here.parameters(1))  # with NaN
@@ -144,7 +132,7 @@ def test_it_is_read_as_a_folder_is(stored: str, paper_store: Path) -> None:
         np.testing.assert_array_equal(one.signals["true_surge"], other.signals["true_surge"])
 
 
-def test_damage_is_found(server: None, paper_store: Path) -> None:
+def test_damage_is_found(server, paper_store):
     files = files_at("s3://bucket/damaged/missions.zarr")
     for key, data in contents(paper_store).items():
         files.write(key, data)
@@ -161,9 +149,7 @@ def test_damage_is_found(server: None, paper_store: Path) -> None:
     ]
 
 
-def test_commands_keep_the_address(
-    stored: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_commands_keep_the_address(stored, capsys, tmp_path):
     for words in (["info", stored], ["verify", stored]):
         assert main_with(words) == 0
         assert "s3://bucket/made/missions.zarr" in capsys.readouterr().out
@@ -171,9 +157,7 @@ def test_commands_keep_the_address(
     assert len(list((tmp_path / "og1").glob("*.nc"))) == len(GeneratedStore(stored))
 
 
-def test_what_cannot_be_written_there_is_refused(
-    stored: str, paper_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_written_there_is_refused(stored, paper_store, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for out in ("s3://bucket/og1", Path("s3://bucket/og1")):
         with pytest.raises(
@@ -187,13 +171,13 @@ def test_what_cannot_be_written_there_is_refused(
     assert [path.name for path in tmp_path.iterdir()] == ["missions.png"]
 
 
-def main_with(words: list[str]) -> int:
+def main_with(words):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.argv", ["factory", *words])
         return main()
 
 
-def test_what_cannot_be_reached_is_told(server: None, recipe: Recipes) -> None:
+def test_what_cannot_be_reached_is_told(server, recipe):
     with pytest.raises(StoreError, match=r"no store at s3://bucket/none\.zarr"):
         open_store("s3://bucket/none.zarr")
     with pytest.raises(StoreError, match=r"^cannot write s3://absent: the storage has no bucket"):
@@ -204,7 +188,7 @@ def test_what_cannot_be_reached_is_told(server: None, recipe: Recipes) -> None:
         open_store("s3://bucket")
 
 
-def test_addresses_have_the_names_of_paths() -> None:
+def test_addresses_have_the_names_of_paths():
     url = store_path("s3://bucket/folder/missions.zarr")
     assert str(url) == "s3://bucket/folder/missions.zarr"
     assert str(url.with_name("b.zarr") / "c") == "s3://bucket/folder/b.zarr/c"
@@ -212,4 +196,3 @@ def test_addresses_have_the_names_of_paths() -> None:
     assert pickle.loads(pickle.dumps(url)) == url
     with pytest.raises(TypeError, match="not a path of this machine"):
         open(url)  # noqa: PTH123, SIM115
-    assert store_path("a/b.zarr") == Path("a/b.zarr")

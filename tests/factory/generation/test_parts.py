@@ -1,36 +1,22 @@
 """Parts of a job array: one hash of the tree however many commands make it, in whatever order."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from patience import HANG_S
 from trees import contents
 
-from factory.generation.generation import generate
 from factory.generation.job import Job, Layout
-from factory.generation.parts import (
-    StorePart,
-    finish,
-    generate_part,
-    parse_part,
-    slurm_part,
-)
-from factory.sampling.recipe import Recipe
+from factory.generation.parts import StorePart, finish, generate_part, parse_part, slurm_part
 from twin.errors import InputError, StoreError
 from twin.records.store import open_store
-
-Recipes = Callable[..., Recipe]
 
 
 @pytest.mark.parametrize("abreast", [1, 64])
 @pytest.mark.parametrize("missions", [1, 3, 13, 64, 65, 1333, 13_333, 1_000_000])
-def test_shards_fill_the_store(missions: int, abreast: int) -> None:
+def test_shards_fill_the_store(missions, abreast):
     layout = Layout(missions, abreast)
     spans = [layout.missions_of(shard) for shard in layout.shards]
     assert spans[0].start == 0
@@ -42,9 +28,7 @@ def test_shards_fill_the_store(missions: int, abreast: int) -> None:
     assert signals * len(layout.shards) + rows * chunks + signals + rows < 20_000
 
 
-def test_parts_in_any_order_make_the_store(
-    tmp_path: Path, recipe: Recipes, paper_store: Path
-) -> None:
+def test_parts_in_any_order_make_the_store(tmp_path, recipe, paper_store):
     made, store = recipe(), tmp_path / "missions.zarr"
     for index in (2, 0):
         assert generate_part(made, store, StorePart(index, 3))[0] > 0
@@ -65,9 +49,7 @@ def test_parts_in_any_order_make_the_store(
     assert generate_part(made, store, StorePart(0, 3)) == (0, 0)
 
 
-def test_eight_commands_at_once_make_the_same_bytes(
-    tmp_path: Path, recipe: Recipes, paper_store: Path
-) -> None:
+def test_eight_commands_at_once_make_the_same_bytes(tmp_path, recipe, paper_store):
     store = tmp_path / "missions.zarr"
     changes = [f"{name}={text}" for name, text in recipe().changes.items()]
     command = [sys.executable, "-m", "factory", "generate", "--hours", "0.2", "--out", str(store)]
@@ -84,20 +66,10 @@ def test_eight_commands_at_once_make_the_same_bytes(
     assert log.count("--shard") == len(commands)
 
 
-def test_a_whole_run_goes_on_from_parts(tmp_path: Path, recipe: Recipes, paper_store: Path) -> None:
-    made, store = recipe(), tmp_path / "missions.zarr"
-    generate_part(made, store, StorePart(0, 2))
-    summary = generate(made, store, workers=1, resume=True)
-    assert 0 < summary.flown < len(made.plan)
-    assert contents(store) == contents(paper_store)
-
-
-def test_slurm_counts_parts_as_the_first_array_did(
-    tmp_path: Path, recipe: Recipes, paper_store: Path
-) -> None:
+def test_slurm_counts_parts_as_the_first_array_did(tmp_path, recipe, paper_store):
     """Tasks that run again are an array of their own, with another count."""
 
-    def part(task: int, count: int, first: int) -> StorePart:
+    def part(task, count, first):
         names = ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN")
         found = slurm_part(dict(zip(names, map(str, (task, count, first)), strict=True)))
         assert found is not None
@@ -116,7 +88,7 @@ def test_slurm_counts_parts_as_the_first_array_did(
         slurm_part({"SLURM_ARRAY_TASK_ID": "3"})
 
 
-def test_a_part_that_there_is_not_is_refused(tmp_path: Path, recipe: Recipes) -> None:
+def test_a_part_that_there_is_not_is_refused(tmp_path, recipe):
     made, store = recipe(), tmp_path / "missions.zarr"
     with pytest.raises(StoreError, match="was not begun"):
         finish(store)
@@ -129,7 +101,7 @@ def test_a_part_that_there_is_not_is_refused(tmp_path: Path, recipe: Recipes) ->
 
 
 @pytest.mark.parametrize("text", ["3", "8/8", "-1/4", "1/0", "a/b", "1/2/3", ""])
-def test_a_wrong_part_is_refused(text: str) -> None:
+def test_a_wrong_part_is_refused(text):
     with pytest.raises(InputError, match=r"--shard"):
         parse_part(text)
     assert parse_part("0/8") == StorePart(0, 8)

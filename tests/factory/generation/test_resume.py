@@ -1,7 +1,5 @@
 """What a resumed run says that it flew, and what the workers of a killed run leave behind."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import pickle
@@ -9,28 +7,26 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from patience import HANG_S
+from stores import missions_kept
 from trees import contents
 
 import factory.generation.generation
-from factory.description import unfinished
 from factory.generation.generation import generate
 from factory.generation.job import MOST_IN_SHARD, Job, locked
 from factory.generation.parts import StorePart, finish, generate_part
-from factory.sampling.recipe import Recipe
+from factory.generation.target import unfinished
 from twin.errors import StoreError
 from twin.records.presence import generating
 
-Recipes = Callable[..., Recipe]
 FLOWN_AGAIN = (0, 2)
 """missions whose markers are lost before the resume"""
 
 
-def test_a_job_travels_without_what_its_process_has_opened(tmp_path: Path, recipe: Recipes) -> None:
+def test_a_job_travels_without_what_its_process_has_opened(tmp_path, recipe):
     """A pool's thread pickles it while the process that flies opens its files."""
     job = Job(recipe(), tmp_path / "missions.zarr")
     assert job.files
@@ -41,19 +37,19 @@ def test_a_job_travels_without_what_its_process_has_opened(tmp_path: Path, recip
     assert copy.recipe is job.recipe  # of a process that has it
 
 
-def test_a_resumed_run_counts_only_what_it_flew_itself(
-    tmp_path: Path, recipe: Recipes, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_resumed_run_counts_only_what_it_flew_itself(tmp_path, recipe, monkeypatch):
     made, store = recipe(), tmp_path / "missions.zarr"
 
-    def stop(*_: object) -> None:
+    def stop(*_):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
         patch.setattr(factory.generation.generation, "complete", stop)
         with pytest.raises(KeyboardInterrupt):
             generate(made, store, workers=1)
-    markers = sorted((Job(made, store).folder / "done").iterdir())  # type: ignore[union-attr]
+    with pytest.raises(StoreError, match="is incomplete: --resume completes it"):
+        generate(made, store, workers=1)
+    markers = sorted((Job(made, store).folder / "done").iterdir())
     assert len(markers) == len(made.plan) > len(FLOWN_AGAIN)
     for mission in FLOWN_AGAIN:
         markers[mission].unlink()
@@ -77,17 +73,22 @@ def test_a_resumed_run_counts_only_what_it_flew_itself(
     assert again.missions == len(made.plan)
 
 
-def test_what_an_older_program_began_is_refused(
-    tmp_path: Path, recipe: Recipes, paper_store: Path
-) -> None:
+def test_what_a_run_of_another_recipe_left_as_it_began_goes(tmp_path, recipe):
+    store = tmp_path / "missions.zarr"
+    left = Job(recipe(seed=1), store).folder
+    left.mkdir(parents=True)
+    (left / ".recipe.json.writing-0123abcd").touch()
+    generate(recipe(), store, workers=1)
+    assert not generating(store).exists()
+
+
+def test_what_an_older_program_began_is_refused(tmp_path, recipe, paper_store):
     """It kept blocks of missions, which nothing reads any more."""
     made, store = recipe(), tmp_path / "missions.zarr"
     job = Job(made, store)
     job.begin()
     job.files.write("blocks/000000.json", b"{}")
-    begun = unfinished(store)
-    assert begun is not None
-    assert begun.missions_kept == 0
+    assert unfinished(store).missions_kept == 0
     for work in (
         lambda: generate(made, store, workers=1, resume=True),
         lambda: generate(made, store, workers=1),
@@ -100,25 +101,19 @@ def test_what_an_older_program_began_is_refused(
     assert contents(store) == contents(paper_store)
 
 
-def missions_kept(store: Path) -> int:
-    """Missions that an unfinished store has."""
-    begun = unfinished(store) if generating(store).is_dir() else None
-    return begun.missions_kept if begun else 0
-
-
-def workers_of(process: int) -> list[int]:
+def workers_of(process):
     """Process numbers of its children."""
     return [int(n) for n in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
 
 
-def lives(process: int) -> bool:
+def lives(process):
     """Whether it runs; one that has ended and waits to be collected does not."""
     with contextlib.suppress(OSError):
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     return False
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = HANG_S) -> None:
+def wait_until(condition, seconds=HANG_S):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
@@ -126,7 +121,7 @@ def wait_until(condition: Callable[[], bool], seconds: float = HANG_S) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="reads /proc, which Linux has")
-def test_workers_whose_run_is_killed_end_and_never_hold_the_store(tmp_path: Path) -> None:
+def test_workers_whose_run_is_killed_end_and_never_hold_the_store(tmp_path):
     """A stopped worker outlives its parent; the store is free all the same, and then it ends."""
     store = tmp_path / "missions.zarr"
     command = [sys.executable, "-m", "factory", "generate", "--hours", "100", "--workers", "2"]

@@ -6,10 +6,6 @@ each are compared by `python -m benchmarks.unchanged_arrays`. Another version of
 numpy may change last bits; with the pinned ones a difference is a changed simulation.
 """
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from unchanged import PRESETS, SEED, differences, expected_hashes
 
@@ -19,13 +15,13 @@ from twin.records.storage.checksums import array_checksums
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_an_hour_has_the_same_arrays(tmp_path: Path, preset: str) -> None:
+def test_an_hour_has_the_same_arrays(tmp_path, preset):
     store = tmp_path / "missions.zarr"
     generate(make_recipe(preset=preset, hours=1.0, seed=SEED), store, workers=2)
     assert differences(array_checksums(store), expected_hashes(1, preset)) == []
 
 
-def test_a_changed_array_is_named() -> None:
+def test_a_changed_array_is_named():
     kept = expected_hashes(1, "paper")
     assert differences({**kept, "true_surge": "other"}, kept) == ["true_surge"]
     assert differences({**kept, "new": "x"}, kept) == ["new"]

@@ -1,11 +1,8 @@
 """Printed names: what stands in a log, or is a file's name, moves no cursor of who reads it."""
 
-from types import SimpleNamespace
-
 from logs import Flight, write_slocum
 
 from factory.__main__ import PROGRAM
-from glider_twin_ops.pages.morning_page import summary
 from twin.show.figures.page_layout import Page
 
 MARKS = "\x1b]0;owned\x07\x9b2J\u202e"
@@ -37,17 +34,6 @@ def test_names_of_files_and_deployments_are_shown_and_do_nothing(tmp_path, capsy
         assert readable(said.out)
         assert readable(said.err)
         assert "\\x1b]0;owned\\x07\\x9b2J\\u202e" in said.out + said.err
-
-
-def test_the_mail_of_a_watch_is_lines_that_can_be_read():
-    said = SimpleNamespace(
-        verdict=f"attention{MARKS}\nall is well", dives=(), legs=(), last_fix=None, dialogue=None,
-        surfacings=None, used=None, missing=[f"file{MARKS}.dbd: cut"], deployment="x",
-    )  # fmt: skip
-    text = summary(said, [f"new: {MARKS}"])  # type: ignore[arg-type]
-    assert readable(text)
-    assert text.splitlines()[0] == "attention\\x1b]0;owned\\x07\\x9b2J\\u202e all is well"
-    assert len(text.splitlines()) == 3
 
 
 def test_a_page_and_what_lies_beside_it_show_the_marks(tmp_path):

@@ -1,7 +1,5 @@
 """Distributions: their text form, what they draw, and what they refuse."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -37,18 +35,18 @@ distributions: st.SearchStrategy[Distribution] = st.one_of(
 
 
 @given(distributions)
-def test_the_text_is_read_back_as_the_same_distribution(distribution: Distribution) -> None:
+def test_the_text_is_read_back_as_the_same_distribution(distribution):
     assert parse_distribution(distribution.text()) == distribution
 
 
 @given(distributions, st.integers(0, 2**32))
-def test_every_draw_is_allowed(distribution: Distribution, seed: int) -> None:
+def test_every_draw_is_allowed(distribution, seed):
     rng = np.random.default_rng(seed)
     for _ in range(5):
         assert distribution.allows(distribution.draw(rng))
 
 
-def test_none_is_a_fixed_nan_and_a_number_is_itself() -> None:
+def test_none_is_a_fixed_nan_and_a_number_is_itself():
     none = parse_distribution("none")
     assert isinstance(none, Fixed)
     assert isinstance(none.value, float)
@@ -59,11 +57,11 @@ def test_none_is_a_fixed_nan_and_a_number_is_itself() -> None:
     assert parse_distribution("M2") == Fixed("M2")
 
 
-def test_moments_are_the_declared_ones() -> None:
+def test_moments_are_the_declared_ones():
     rng = np.random.default_rng(7)
     n = 20_000
 
-    def sample(text: str) -> np.ndarray:
+    def sample(text):
         distribution = parse_distribution(text)
         return np.array([distribution.draw(rng) for _ in range(n)], float)
 
@@ -93,6 +91,9 @@ def test_moments_are_the_declared_ones() -> None:
         ("uniform(1)", r"\(1\) must hold two numbers"),
         ("uniform(1, x)", "must hold two numbers"),
         ("uniform(0, 1) except (0, 1)", "leave nothing to draw"),
+        ("uniform(0, 10) except (-1, 11)", "leave nothing to draw"),
+        ("uniform(0, 10) except (0, 9.995)", "leave nothing to draw"),
+        ("uniform(0, 10) except (0, 5) (5, 10)", "leave nothing to draw"),  # each leaves half
         ("uniform(0, 1) except (1, 0)", "is empty"),
         ("loguniform(0, 2)", "above 0"),
         ("normal(0, 0)", "positive deviation"),
@@ -101,6 +102,7 @@ def test_moments_are_the_declared_ones() -> None:
         ("choice(a, a)", "differ"),
         ("choice(a: x)", "the weight of 'a' is 'x'"),
         ("choice(a: -1, b)", "not be negative"),
+        ("choice(saw-tooth: 0, spiral: 0)", "nor all 0"),
         ("1..2", "not a distribution"),
         ("uniform(1, 2", "not a distribution"),
         ("inf", "finite"),
@@ -108,9 +110,55 @@ def test_moments_are_the_declared_ones() -> None:
         ([1, 2], "give a number or a text"),
     ],
 )
-def test_bad_texts_name_the_parameter_and_the_fault(text: object, message: str) -> None:
+def test_bad_texts_name_the_parameter_and_the_fault(text, message):
     with pytest.raises(InputError, match=message) as caught:
-        parse_distribution(text, "mission.pitch_deg")  # type: ignore[arg-type]
+        parse_distribution(text, "mission.pitch_deg")
     assert "\n" not in str(caught.value)
     if isinstance(text, str) and "uniform" in text:
         assert "mission.pitch_deg" in str(caught.value)
+
+
+DRAWS = 400
+
+
+def drawn(text):
+    """Draws of the distribution that `text` describes."""
+    rng, distribution = np.random.default_rng(3), parse_distribution(text)
+    return [distribution.draw(rng) for _ in range(DRAWS)]
+
+
+@pytest.mark.parametrize("left", [0.5, 0.15, 0.01])
+def test_exclusions_may_leave_a_small_part(left):
+    """15 % and even 1 % of the range can be drawn; every draw lies there, evenly."""
+    edge = 10.0 * (1.0 - left)
+    values = np.array(drawn(f"uniform(0, 10) except (0, {edge})"))
+    assert values.min() >= edge
+    assert values.max() < 10.0
+    # five standard errors of the mean of an even spread
+    middle, width = (edge + 10.0) / 2, 10.0 - edge
+    assert abs(values.mean() - middle) < 5 * width / np.sqrt(12 * DRAWS)
+
+
+def test_an_exclusion_outside_the_range_costs_nothing():
+    assert np.mean(drawn("uniform(0, 10) except (20, 400)")) == pytest.approx(5.0, abs=0.8)
+
+
+def test_a_logarithmic_range_that_is_all_excluded_is_told_when_it_is_drawn():
+    everything = parse_distribution("loguniform(1, 10) except (0.5, 20)")
+    with pytest.raises(InputError, match="leave almost nothing to draw"):
+        everything.draw(np.random.default_rng(0))
+
+
+def test_an_option_of_weight_0_is_known_and_never_drawn():
+    choice = parse_distribution("choice(saw-tooth: 0, spiral: 0.5, hold)")
+    assert choice.text() == "choice(saw-tooth: 0, spiral: 0.5, hold)"
+    assert not choice.allows("saw-tooth")
+    assert choice.allows("spiral")
+    found = drawn(choice.text())
+    assert set(found) == {"spiral", "hold"}
+    # a third and two thirds
+    assert found.count("spiral") / DRAWS == pytest.approx(1 / 3, abs=0.12)
+
+
+def test_a_single_option_may_have_any_weight_above_0():
+    assert set(drawn("choice(spiral: 0.001)")) == {"spiral"}

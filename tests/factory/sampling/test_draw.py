@@ -1,17 +1,15 @@
 """Draws: what missions are drawn against what is declared."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 
 import numpy as np
 import pytest
+from stores import drawn
 
+from factory.sampling.conditions import build_current, build_density
 from factory.sampling.distribution import Choice, Fixed, LogUniform, Uniform, number
-from factory.sampling.draw import SURFACE, Parameters, draw_parameters
-from factory.sampling.drawn_plan import TEST
-from factory.sampling.mission_water import build_current, build_density
+from factory.sampling.draw import SURFACE, TEST
 from factory.sampling.parameters import declared, override, parameter_table
 from factory.sampling.presets import (
     CURRENTS,
@@ -30,41 +28,24 @@ TABLE = parameter_table(VEHICLE)
 MISSIONS = 300
 
 
-def draw(spread: str, mission: int, attempt: int = 0, seed: int = 0, **changes: str) -> Parameters:
-    distributions = override(
-        declared(spread, TABLE), {name.replace("__", "."): text for name, text in changes.items()}
-    )
-    return draw_parameters(
-        TABLE,
-        distributions,
-        seed=seed,
-        mission=mission,
-        attempt=attempt,
-        duration_s=3600.0,
-        vehicle=VEHICLE,
-    )
-
-
 @pytest.fixture(scope="module", params=["paper", "field"])
-def many(request: pytest.FixtureRequest) -> tuple[str, list[Parameters]]:
-    return request.param, [draw(request.param, mission) for mission in range(MISSIONS)]
+def many(request):
+    return request.param, [drawn(request.param, mission) for mission in range(MISSIONS)]
 
 
-def test_every_value_follows_its_declared_distribution(
-    many: tuple[str, list[Parameters]],
-) -> None:
+def test_every_value_follows_its_declared_distribution(many):
     spread, missions = many
-    drawn: dict[str, list[float | str]] = defaultdict(list)
+    found: dict[str, list[float | str]] = defaultdict(list)
     for parameters in missions:
         for name, value in parameters.values.items():
-            drawn[name].append(value)
+            found[name].append(value)
         for segment in parameters.segments:
             for name, value in segment.items():
                 surface = segment["mission.kind"] == SURFACE.name
                 if value == value and not (surface and name == "mission.kind"):
-                    drawn[name].append(value)
+                    found[name].append(value)
     for name, distribution in declared(spread, TABLE).items():
-        values = drawn[name]
+        values = found[name]
         if isinstance(distribution, Fixed):
             continue
         if name == "mission.duration_h":
@@ -73,8 +54,8 @@ def test_every_value_follows_its_declared_distribution(
         if isinstance(distribution, Choice):
             for option, weight in zip(distribution.options, distribution.weights, strict=True):
                 share = weight / sum(distribution.weights)
-                found = np.mean([value == option for value in values])
-                assert abs(found - share) < 4.5 * math.sqrt(share * (1 - share) / len(values)), name
+                seen = np.mean([value == option for value in values])
+                assert abs(seen - share) < 4.5 * math.sqrt(share * (1 - share) / len(values)), name
         elif isinstance(distribution, Uniform | LogUniform) and not distribution.excluded:
             numbers = np.sort(np.array(values, float))
             low, high = distribution.low, distribution.high
@@ -86,7 +67,7 @@ def test_every_value_follows_its_declared_distribution(
             assert gap < 2.23 / math.sqrt(len(position)) + 1 / len(position), name
 
 
-def test_the_table_says_unit_and_name_of_everything() -> None:
+def test_the_table_says_unit_and_name_of_everything():
     for name, parameter in TABLE.items():
         assert parameter.name == name
         assert parameter.unit
@@ -95,7 +76,7 @@ def test_the_table_says_unit_and_name_of_everything() -> None:
         assert parameter.name.split(".")[0] in ("mission", "vehicle", "current", "water")
 
 
-def test_field_spreads_at_least_what_it_promises() -> None:
+def test_field_spreads_at_least_what_it_promises():
     field = declared("field", TABLE)
     coefficients = [n for n in field if n.startswith(("vehicle.k_", "vehicle.added_mass_"))]
     assert len(coefficients) == 12 + 8
@@ -116,35 +97,31 @@ def test_field_spreads_at_least_what_it_promises() -> None:
         assert weight.high > 0.0
 
 
-def test_a_mission_does_not_depend_on_the_others_and_an_override_only_on_itself() -> None:
-    one, again = draw("field", 7), draw("field", 7)
+def test_a_mission_does_not_depend_on_the_others_and_an_override_only_on_itself():
+    one, again = drawn("field", 7), drawn("field", 7)
     assert one == again
-    assert draw("field", 8).values != one.values
-    assert draw("field", 7, attempt=1).values != one.values
-    assert draw("field", 7, seed=1).values != one.values
-    changed = draw("field", 7, vehicle__k_m="uniform(0.5, 0.6)")
+    assert drawn("field", 8).values != one.values
+    assert drawn("field", 7, attempt=1).values != one.values
+    assert drawn("field", 7, seed=1).values != one.values
+    changed = drawn("field", 7, vehicle__k_m="uniform(0.5, 0.6)")
     differing = {name for name in one.values if one.values[name] != changed.values[name]}
     assert differing == {"vehicle.k_m"}
     assert one.segments == changed.segments
 
 
-def test_family_draws_hulls_far_from_their_file_and_else_what_field_draws() -> None:
+def test_family_draws_hulls_far_from_their_file_and_else_what_field_draws():
     family, field = PRESETS["family"].distributions(TABLE), declared("field", TABLE)
     differing = {name for name in field if family[name].text() != field[name].text()}
     assert differing == set(FAMILY)
-    drawn = [
-        draw_parameters(
-            TABLE, family, seed=0, mission=k, attempt=0, duration_s=3600.0, vehicle=VEHICLE
-        ).values["vehicle.k_d0"]
-        for k in range(MISSIONS)
-    ]
-    assert 0.7 <= min(drawn) < 0.75
-    assert 1.55 < max(drawn) <= 1.6
+    hulls = [drawn("field", k, vehicle__k_d0=FAMILY["vehicle.k_d0"]) for k in range(MISSIONS)]
+    drags = [parameters.values["vehicle.k_d0"] for parameters in hulls]
+    assert 0.7 <= min(drags) < 0.75
+    assert 1.55 < max(drags) <= 1.6
     propelled = parameter_table(load_vehicle("remus"))  # its law has no such coefficients
     assert PRESETS["family"].distributions(propelled).keys() == propelled.keys()
 
 
-def test_training_never_commands_the_settings_of_the_paper_test() -> None:
+def test_training_never_commands_the_settings_of_the_paper_test():
     """The exclusion zones of preset paper hold around what preset paper-test flies."""
     distributions = declared("paper", TABLE)
     plan = paper_test_plan()
@@ -168,7 +145,7 @@ def test_training_never_commands_the_settings_of_the_paper_test() -> None:
     assert (spirals, level) == (6, 3)
 
 
-def test_the_paper_test_has_the_low_current_as_printed_and_two_stronger_ones() -> None:
+def test_the_paper_test_has_the_low_current_as_printed_and_two_stronger_ones():
     recipe = make_recipe(preset="paper-test")
     speeds = []
     for index, (north, east) in enumerate(CURRENTS.values()):
@@ -182,11 +159,11 @@ def test_the_paper_test_has_the_low_current_as_printed_and_two_stronger_ones() -
     assert speeds[0] < speeds[1] < speeds[2] <= 0.3
 
 
-def test_no_field_current_is_faster_than_its_declared_speed() -> None:
+def test_no_field_current_is_faster_than_its_declared_speed():
     rng = np.random.default_rng(0)
     kinds = set()
     for mission in range(25):
-        parameters = draw("field", mission)
+        parameters = drawn("field", mission)
         current = build_current(parameters)
         assert current is not None
         kinds |= {part["kind"] for part in current.describe().get("parts", [])}
@@ -201,15 +178,15 @@ def test_no_field_current_is_faster_than_its_declared_speed() -> None:
     }  # fmt: skip
 
 
-def test_still_water_and_constant_density_where_nothing_is_declared() -> None:
-    assert build_current(draw("paper", 0, current__speed="0")) is None
-    assert build_density(draw("paper", 0)) is None
-    density = build_density(draw("field", 0))
+def test_still_water_and_constant_density_where_nothing_is_declared():
+    assert build_current(drawn("paper", 0, current__speed="0")) is None
+    assert build_density(drawn("paper", 0)) is None
+    density = build_density(drawn("field", 0))
     assert density is not None
     assert np.all(np.diff(density.values) > 0)  # a stable column
 
 
-def test_an_unknown_parameter_is_named_with_the_nearest() -> None:
+def test_an_unknown_parameter_is_named_with_the_nearest():
     with pytest.raises(InputError, match=r"mission.pich_deg.*did you mean 'mission.pitch_deg'"):
         override(declared("paper", TABLE), {"mission.pich_deg": 3})
 
@@ -223,29 +200,27 @@ def test_an_unknown_parameter_is_named_with_the_nearest() -> None:
         ({"mission__segment_duration_s": "0.5"}, "more than 100 segments"),
     ],
 )
-def test_values_that_make_no_mission_are_refused(changes: dict[str, str], message: str) -> None:
+def test_values_that_make_no_mission_are_refused(changes, message):
     with pytest.raises(InputError, match=message):
-        _ = draw("paper", 0, **changes).deepest_m
+        _ = drawn("paper", 0, **changes).deepest_m
 
 
 @pytest.mark.parametrize("preset", ["paper", "field"])
 @pytest.mark.parametrize("vehicle", ["glider", "graver-2005", "rogue"])
-def test_a_shipped_preset_draws_what_the_pump_of_a_shipped_vehicle_reaches(
-    preset: str, vehicle: str
-) -> None:
+def test_a_shipped_preset_draws_what_the_pump_of_a_shipped_vehicle_reaches(preset, vehicle):
     recipe = make_recipe(preset=preset, vehicle=vehicle)
     for name, end in (("net_mass_kg", "low"), ("climb_net_mass_kg", "high")):
         reach = abs(recipe.vehicle.net_mass_for_pump(getattr(recipe.vehicle.part("pump"), end)))
-        drawn = recipe.distributions[f"mission.{name}"]
-        assert isinstance(drawn, Uniform)
-        assert 0.8 * reach < drawn.high <= reach
+        weight = recipe.distributions[f"mission.{name}"]
+        assert isinstance(weight, Uniform)
+        assert 0.8 * reach < weight.high <= reach
     sea_wings = declared(preset, TABLE)
     changed = {n for n, d in recipe.distributions.items() if d.text() != sea_wings[n].text()}
     weights = {"mission.net_mass_kg", "mission.climb_net_mass_kg"}
     assert changed == (weights if vehicle == "graver-2005" else set())
 
 
-def test_a_net_mass_that_the_user_gives_is_taken_as_it_is() -> None:
+def test_a_net_mass_that_the_user_gives_is_taken_as_it_is():
     recipe = make_recipe(
         preset="field", vehicle="graver-2005", changes={"mission.net_mass_kg": "uniform(0.1, 0.4)"}
     )
@@ -253,7 +228,7 @@ def test_a_net_mass_that_the_user_gives_is_taken_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("name", ["slocum-200", "slocum-1000", "seaglider", "seaexplorer", "spray"])
-def test_missions_of_a_glider_in_use_hold_its_usual_glide(name: str) -> None:
+def test_missions_of_a_glider_in_use_hold_its_usual_glide(name):
     vehicle = load_vehicle(name)
     pitch, net_mass = vehicle.usual_glide
     usual = {"pitch_deg": math.degrees(pitch), "net_mass_kg": net_mass}
@@ -261,5 +236,5 @@ def test_missions_of_a_glider_in_use_hold_its_usual_glide(name: str) -> None:
         rows = declared(preset, parameter_table(vehicle))
         for what, value in usual.items():
             for climb in ("", "climb_"):
-                drawn = rows[f"mission.{climb}{what}"]
-                assert drawn.low <= value <= drawn.high, (preset, climb, what)
+                row = rows[f"mission.{climb}{what}"]
+                assert row.low <= value <= row.high, (preset, climb, what)

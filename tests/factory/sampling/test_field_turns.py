@@ -1,7 +1,5 @@
 """Missions of preset `field` turn as the gliders of real logs do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +13,13 @@ HOURS = 4.0
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> GeneratedStore:
+def store(tmp_path_factory):
     path: Path = tmp_path_factory.mktemp("turns") / "field.zarr"
     generate(make_recipe(preset="field", hours=HOURS, seed=5), path, workers=2)
     return GeneratedStore(path)
 
 
-def flown(store: GeneratedStore, *names: str) -> list[np.ndarray]:
+def flown(store, *names):
     """Signals of all missions one after the other."""
     return [
         np.concatenate([store.row(name, m)[: int(store.samples[m])] for m in range(len(store))])
@@ -29,9 +27,7 @@ def flown(store: GeneratedStore, *names: str) -> list[np.ndarray]:
     ]
 
 
-def test_turn_rate_follows_the_battery_one_way_in_dives_and_the_other_in_climbs(
-    store: GeneratedStore,
-) -> None:
+def test_turn_rate_follows_the_battery_one_way_in_dives_and_the_other_in_climbs(store):
     """In 7 of 7 Seagliders and a SeaExplorer it does."""
     names = ("true_yaw_rate", "true_rotation", "true_roll", "true_pump", "true_depth")
     turn, rotation, roll, pump, depth = flown(store, *names)
@@ -43,7 +39,7 @@ def test_turn_rate_follows_the_battery_one_way_in_dives_and_the_other_in_climbs(
         assert np.corrcoef(roll[under], rotation[under])[0, 1] < -0.5
 
 
-def test_guidance_knows_which_way_its_vehicle_turns(store: GeneratedStore) -> None:
+def test_guidance_knows_which_way_its_vehicle_turns(store):
     """So a heading is held in climbs as in dives, though the real vehicle is another."""
     heading, wanted, pump, depth = flown(
         store, "true_heading", "commanded_heading", "true_pump", "true_depth"

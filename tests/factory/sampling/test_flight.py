@@ -1,23 +1,19 @@
 """Flights: the physics is the twin's, and what is drawn reaches it."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
+from stores import drawn
 
-from factory.sampling.draw import Parameters, draw_parameters, sensor_seed
-from factory.sampling.drawn_plan import plan_missions
+from factory.sampling.conditions import spread_vehicle
+from factory.sampling.draw import plan_missions, sensor_seed
 from factory.sampling.fly import build_mission, build_scenario, fly
-from factory.sampling.parameters import declared, override, parameter_table
+from factory.sampling.parameters import ADDED_MASS, declared, parameter_table
 from factory.sampling.recipe import make_recipe
-from factory.sampling.vehicle_errors import spread_vehicle
-from factory.sampling.vehicle_parameters import ADDED_MASS
 from twin.mission import Mission, load_mission
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation, simulate
-from twin.records.trajectory import Trajectory
 from twin.sensors import SensorSuite
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current import Uniform
@@ -27,16 +23,11 @@ TABLE = parameter_table(VEHICLE)
 SECONDS = 300.0
 
 
-def parameters(duration: float = SECONDS, **changes: float | str) -> Parameters:
-    distributions = override(
-        declared("paper", TABLE), {name.replace("__", "."): text for name, text in changes.items()}
-    )
-    return draw_parameters(
-        TABLE, distributions, seed=5, mission=0, attempt=0, duration_s=duration, vehicle=VEHICLE
-    )
+def parameters(duration=SECONDS, **changes):
+    return drawn("paper", seed=5, duration=duration, **changes)
 
 
-def flown(**changes: float | str) -> Trajectory:
+def flown(**changes):
     dive = {
         "mission__kind": "saw-tooth",
         "mission__pitch_deg": 35,
@@ -49,12 +40,12 @@ def flown(**changes: float | str) -> Trajectory:
     return fly(made, VEHICLE, SensorSuite.preset("ideal"), sensor_seed(5, 0, 0)).trajectory
 
 
-def steady(trajectory: Trajectory, name: str) -> float:
+def steady(trajectory, name):
     """Mean over the last half."""
     return float(trajectory[name][len(trajectory.time) // 2 :].mean())
 
 
-def test_preset_paper_is_the_twin_itself() -> None:
+def test_preset_paper_is_the_twin_itself():
     """Without spreads, a flight is what `twin simulate` makes of the same mission."""
     made = parameters()
     plan = build_mission(made, VEHICLE)
@@ -66,7 +57,7 @@ def test_preset_paper_is_the_twin_itself() -> None:
     np.testing.assert_array_equal(factory.states, twin.states)
 
 
-def test_the_paper_test_flies_the_shipped_mission() -> None:
+def test_the_paper_test_flies_the_shipped_mission():
     recipe = make_recipe(preset="paper-test")
     made = dataclasses.replace(recipe.parameters(0, 0), duration_s=4000.0)
     mission = load_mission("spiral-level-spiral")
@@ -77,7 +68,7 @@ def test_the_paper_test_flies_the_shipped_mission() -> None:
     np.testing.assert_allclose(factory.position, twin.position, atol=1e-6)
 
 
-def test_every_spread_coefficient_reaches_the_vehicle() -> None:
+def test_every_spread_coefficient_reaches_the_vehicle():
     names = {
         "k_d0": ("drag", 0), "k_d": ("drag", 1), "k_l0": ("lift", 0), "k_alpha": ("lift", 1),
         "k_beta": ("side_force", 0), "k_mr": ("roll_moment", 0), "k_p": ("roll_moment", 1),
@@ -105,14 +96,14 @@ def test_every_spread_coefficient_reaches_the_vehicle() -> None:
         assert spread.actuator_rate[index] == pytest.approx(0.8 * VEHICLE.actuator_rate[index])
 
 
-def test_a_ballast_error_is_a_net_mass_that_the_pump_does_not_know() -> None:
+def test_a_ballast_error_is_a_net_mass_that_the_pump_does_not_know():
     exact, heavy = flown(), flown(vehicle__ballast_g=20)
     assert steady(heavy, "true_net_mass") - steady(exact, "true_net_mass") == pytest.approx(0.02)
     np.testing.assert_array_equal(heavy["commanded_pump"], exact["commanded_pump"])
     assert steady(heavy, "true_velocity_down") > steady(exact, "true_velocity_down")
 
 
-def test_a_shift_offset_is_taken_up_by_the_pitch_loop() -> None:
+def test_a_shift_offset_is_taken_up_by_the_pitch_loop():
     """The battery sits 1 mm further forward than its encoder says, so the loop puts it back."""
     exact, ahead = flown(), flown(vehicle__shift_offset_mm=1)
     gap = ahead["true_shift"][-200:].mean() - exact["true_shift"][-200:].mean()
@@ -120,7 +111,7 @@ def test_a_shift_offset_is_taken_up_by_the_pitch_loop() -> None:
     assert steady(ahead, "true_pitch") == pytest.approx(steady(exact, "true_pitch"), abs=0.2)
 
 
-def test_a_rotation_offset_rolls_the_glider_like_the_rotation_itself() -> None:
+def test_a_rotation_offset_rolls_the_glider_like_the_rotation_itself():
     spiral = {"mission__kind": "spiral", "mission__rotation_deg": 10}
     turned = flown(**spiral, vehicle__rotation_offset_deg=2)
     commanded = flown(**{**spiral, "mission__rotation_deg": 12})
@@ -128,7 +119,7 @@ def test_a_rotation_offset_rolls_the_glider_like_the_rotation_itself() -> None:
     assert steady(turned, "true_rotation") == pytest.approx(10.0, abs=1e-6)
 
 
-def test_a_compressible_hull_in_stratified_water_is_neutral_at_half_its_depth() -> None:
+def test_a_compressible_hull_in_stratified_water_is_neutral_at_half_its_depth():
     made = parameters(
         water__stratified=1, vehicle__compressibility=5e-10, mission__max_depth_m=200,
         mission__net_mass_kg=0.3, mission__kind="saw-tooth", current__speed=0, duration=900.0,
@@ -144,7 +135,7 @@ def test_a_compressible_hull_in_stratified_water_is_neutral_at_half_its_depth() 
     assert abs(truth["true_net_mass"][dive][40] - 0.3) > 0.01  # and not elsewhere
 
 
-def test_the_guidance_does_not_know_the_spread_vehicle() -> None:
+def test_the_guidance_does_not_know_the_spread_vehicle():
     made = parameters(vehicle__k_m=1.1, vehicle__k_alpha=0.9)
     mission, scenario = build_mission(made, VEHICLE), build_scenario(made, VEHICLE)
     nominal_table, nominal_gains = mission.compile(VEHICLE)
@@ -156,7 +147,7 @@ def test_the_guidance_does_not_know_the_spread_vehicle() -> None:
     assert scenario.vehicle.flow_frame.pitch_moment != VEHICLE.flow_frame.pitch_moment
 
 
-def test_zero_errors_leave_the_compiled_model_as_it_is() -> None:
+def test_zero_errors_leave_the_compiled_model_as_it_is():
     scenario = build_scenario(parameters(), VEHICLE)
     assert scenario.ballast.heavy == 0.0
     assert set(scenario.encoder_zeros.values()) == {0.0}
@@ -166,7 +157,7 @@ def test_zero_errors_leave_the_compiled_model_as_it_is() -> None:
     np.testing.assert_array_equal(plain.model.numeric_data, touched.model.numeric_data)
 
 
-def test_a_given_current_replaces_the_drawn_ones() -> None:
+def test_a_given_current_replaces_the_drawn_ones():
     recipe = make_recipe(hours=0.2, current="uniform:0.1,-0.2")
     made = recipe.parameters(0, 0)
     flight = fly(
@@ -177,13 +168,7 @@ def test_a_given_current_replaces_the_drawn_ones() -> None:
     assert made.values["current.speed"] != made.values["current.speed"]  # NaN: not used
 
 
-def test_missions_of_one_plan_differ() -> None:
-    distributions = declared("paper", TABLE)
-    plan = plan_missions(distributions["mission.duration_h"], hours=4.0, seed=0)
-    pitches = {
-        draw_parameters(
-            TABLE, distributions, seed=0, mission=m, attempt=0, duration_s=600.0, vehicle=VEHICLE
-        ).segments[0]["mission.pitch_deg"]
-        for m in range(len(plan))
-    }
-    assert len(pitches) == len(plan)
+def test_missions_of_one_plan_differ():
+    plan = plan_missions(declared("paper", TABLE)["mission.duration_h"], hours=4.0, seed=0)
+    missions = [drawn("paper", mission, duration=600.0) for mission in range(len(plan))]
+    assert len({one.segments[0]["mission.pitch_deg"] for one in missions}) == len(plan)

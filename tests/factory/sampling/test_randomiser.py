@@ -1,7 +1,5 @@
 """Vehicles and water of control tasks, drawn from the table of parameters."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest
@@ -85,7 +83,7 @@ class Heavier:
     """Draws ballast alone."""
 
     def draw(self, random):
-        from twin.physics.ballast import Ballast
+        from twin.physics.start import Ballast
 
         return Conditions(ballast=Ballast(depth=50.0, heavy=random.uniform(0.01, 0.02)))
 

@@ -1,11 +1,9 @@
 """Draws that no vehicle can fly are replaced or refused in a line, never a traceback."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from factory.generation import attempts
+from factory.generation import shard
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, VehicleError
 from twin.physics.mujoco_model import compile_model
@@ -22,10 +20,10 @@ from twin.vehicle.vehicle import load_vehicle
     ],
 )
 def test_what_nothing_can_fly_is_refused_by_name(name, text, monkeypatch):
-    monkeypatch.setattr(attempts, "MAX_ATTEMPTS", 2)
+    monkeypatch.setattr(shard, "MAX_ATTEMPTS", 2)
     vehicle = load_vehicle("glider")
     with pytest.raises(InputError, match=name.replace(".", r"\.")) as raised:
-        attempts.fly_missions(Recipe(changes={name: text}, vehicle=vehicle, hours=0.1), [0])
+        shard.fly_missions(Recipe(changes={name: text}, vehicle=vehicle, hours=0.1), [0])
     assert "\n" not in str(raised.value)
 
 

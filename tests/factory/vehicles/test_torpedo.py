@@ -1,7 +1,5 @@
 """The factory with a vehicle of other parts: a torpedo with a propeller, a rudder, an elevator."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path
@@ -12,19 +10,18 @@ import xarray as xr
 
 import factory
 from factory.__main__ import PROGRAM
-from factory.description import drawn_rows
+from factory.commands.stored import drawn_rows
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.missions_page import store_page
+from factory.sampling.conditions import encoder_zeros, spread_vehicle
 from factory.sampling.draw import draw_parameters
 from factory.sampling.fly import build_scenario
-from factory.sampling.parameters import declared, parameter_table
+from factory.sampling.parameters import ADDED_MASS, declared, parameter_table
 from factory.sampling.recipe import make_recipe
-from factory.sampling.vehicle_errors import encoder_zeros, spread_vehicle
-from factory.sampling.vehicle_parameters import ADDED_MASS
 from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError, VehicleError
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 FILE = Path(__file__).parents[2] / "vehicles" / "torpedo.xml"
 PARTS = ("propeller", "rudder", "elevator")
@@ -32,24 +29,24 @@ SHORT = {"mission.duration_h": "uniform(0.03, 0.06)", "mission.max_depth_m": "un
 
 
 @pytest.fixture(scope="module")
-def torpedo() -> Vehicle:
+def torpedo():
     return load_vehicle(FILE)
 
 
 @pytest.fixture(scope="module", params=["paper", "field"])
-def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> GeneratedStore:
+def run(request, tmp_path_factory):
     out = tmp_path_factory.mktemp("torpedo") / f"{request.param}.zarr"
     recipe = make_recipe(preset=request.param, hours=0.2, changes=SHORT, vehicle=str(FILE))
     generate(recipe, out, workers=1)
     return GeneratedStore(out)
 
 
-def changed(torpedo: Vehicle, old: str, new: str) -> Vehicle:
+def changed(torpedo, old, new):
     assert old in torpedo.xml
     return parse_vehicle(torpedo.xml.replace(old, new), FILE)
 
 
-def test_its_store_is_sound_and_replays_to_the_byte(run: GeneratedStore) -> None:
+def test_its_store_is_sound_and_replays_to_the_byte(run):
     report = verify_store(run)
     assert report.ok, [check.problems for check in report.checks]
     assert not run.failures()
@@ -57,7 +54,7 @@ def test_its_store_is_sound_and_replays_to_the_byte(run: GeneratedStore) -> None
         assert replay_mission(run, mission).identical
 
 
-def test_signals_carry_the_parts_own_names_and_none_of_a_gliders(run: GeneratedStore) -> None:
+def test_signals_carry_the_parts_own_names_and_none_of_a_gliders(run):
     data = xr.open_zarr(run.path)
     for part, unit in zip(PARTS, ("rad s-1", "degree", "degree"), strict=True):
         for kind in ("true", "measured", "commanded"):
@@ -68,7 +65,7 @@ def test_signals_carry_the_parts_own_names_and_none_of_a_gliders(run: GeneratedS
     assert np.nanmax(np.abs(data["commanded_rudder"].values)) <= math.degrees(0.3) * (1 + 1e-6)
 
 
-def test_what_is_drawn_follows_from_its_parts(torpedo: Vehicle) -> None:
+def test_what_is_drawn_follows_from_its_parts(torpedo):
     table = parameter_table(torpedo)
     assert "mission.speed_m_s" in table
     glider_only = {"mission.net_mass_kg", "vehicle.ballast_g", "vehicle.k_d0", "vehicle.shift_lag"}
@@ -82,7 +79,7 @@ def test_what_is_drawn_follows_from_its_parts(torpedo: Vehicle) -> None:
     assert not rotation.allows(0.0)
 
 
-def test_every_drawn_number_reaches_the_vehicle_and_nothing_else(torpedo: Vehicle) -> None:
+def test_every_drawn_number_reaches_the_vehicle_and_nothing_else(torpedo):
     table = parameter_table(torpedo)
     nominal = draw_parameters(
         table, declared("paper", table), seed=1, mission=0, attempt=0, duration_s=600.0,
@@ -90,7 +87,7 @@ def test_every_drawn_number_reaches_the_vehicle_and_nothing_else(torpedo: Vehicl
     )  # fmt: skip
     assert spread_vehicle(torpedo, nominal).changes() == {}
 
-    def spread(name: str, value: float) -> Vehicle:
+    def spread(name, value):
         values = {**nominal.values, f"vehicle.{name}": value}
         return spread_vehicle(torpedo, dataclasses.replace(nominal, values=values))
 
@@ -113,13 +110,13 @@ def test_every_drawn_number_reaches_the_vehicle_and_nothing_else(torpedo: Vehicl
     assert zeros == pytest.approx({"rudder": math.radians(2.0), "elevator": 0.0})
 
 
-def test_the_guidance_flies_the_drawn_speed(torpedo: Vehicle) -> None:
+def test_the_guidance_flies_the_drawn_speed(torpedo):
     recipe = make_recipe(hours=0.2, changes={**SHORT, "mission.speed_m_s": 1.0}, vehicle=str(FILE))
     plan = build_scenario(recipe.parameters(0, 0), torpedo).mission
     assert {segment.speed_m_s for segment in plan.segments} == {1.0}
 
 
-def test_a_vehicle_that_nothing_turns_never_spirals(torpedo: Vehicle) -> None:
+def test_a_vehicle_that_nothing_turns_never_spirals(torpedo):
     still = dataclasses.replace(torpedo, steering={"pitch": "elevator", "speed": "propeller"})
     table = parameter_table(still)
     assert table["mission.kind"].paper == table["mission.kind"].field == "saw-tooth"
@@ -135,14 +132,12 @@ def test_a_vehicle_that_nothing_turns_never_spirals(torpedo: Vehicle) -> None:
         ("loguniform(20, 90); uniform(20, 90)", "uniform(9, 2); 5", r"spread\.mission"),
     ],
 )
-def test_a_spread_that_no_mission_can_draw_is_refused(
-    torpedo: Vehicle, old: str, new: str, message: str
-) -> None:
+def test_a_spread_that_no_mission_can_draw_is_refused(torpedo, old, new, message):
     with pytest.raises(VehicleError, match=message):
         parameter_table(changed(torpedo, old, new))
 
 
-def test_a_part_with_the_name_of_a_signal_is_refused(torpedo: Vehicle) -> None:
+def test_a_part_with_the_name_of_a_signal_is_refused(torpedo):
     from twin.physics.true_signals import declare_parts
 
     elevator = dataclasses.replace(torpedo.part("elevator"), name="pitch")
@@ -154,12 +149,12 @@ def test_a_part_with_the_name_of_a_signal_is_refused(torpedo: Vehicle) -> None:
         declare_parts(dataclasses.replace(torpedo, parts=(shift,), steering={}))
 
 
-def test_the_papers_test_mission_is_a_gliders() -> None:
+def test_the_papers_test_mission_is_a_gliders():
     with pytest.raises(InputError, match=r"paper-test.*has no pump.*choose preset paper"):
         make_recipe(preset="paper-test", vehicle=str(FILE))
 
 
-def test_info_page_and_exports_show_its_parts(run: GeneratedStore, tmp_path: Path) -> None:
+def test_info_page_and_exports_show_its_parts(run, tmp_path):
     names = {row["parameter"] for row in drawn_rows(run)}
     assert "mission.speed_m_s" in names
     labels = {axes.get_xlabel() for axes in store_page(run).axes}
@@ -176,7 +171,7 @@ def test_info_page_and_exports_show_its_parts(run: GeneratedStore, tmp_path: Pat
         assert "PUMPED_VOLUME" not in written
 
 
-def test_distributions_of_a_vehicle_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_distributions_of_a_vehicle_file(capsys):
     assert PROGRAM.main(["distributions", "--vehicle", str(FILE), "--preset", "field"]) == 0
     out = capsys.readouterr().out
     assert "vehicle.elevator_lift_slope" in out

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from twin.__main__ import PROGRAM
-from twin.cli.completion import SHELLS, completion
+from twin.cli.parsing import SHELLS, completion
 from twin.errors import InputError
 
 INSTALLED = [one for one in PROGRAM.commands if one.installed]

@@ -23,11 +23,9 @@ import tyro
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
-from twin.cli.console import Console, JsonOption, to_json
-from twin.cli.mistakes import number_kind, option_names
-from twin.cli.options import parse_options
+from twin.cli.console import Console, JsonOption, Progress, format_duration, to_json
+from twin.cli.parsing import number_kind, option_names, parse_options
 from twin.cli.program import Program, ProgramCommand
-from twin.cli.progress import Progress, format_duration
 from twin.cli.text_table import (
     WIDEST,
     counted,

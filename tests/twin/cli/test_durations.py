@@ -9,8 +9,8 @@ import pytest
 from factory.commands.generate import Generate
 from glider_twin_ops.commands.forecast import ForecastSurfacings
 from glider_twin_protocols.serve_command import Serve
-from twin.cli.durations import duration
-from twin.cli.options import parse_options
+from twin.cli.options import duration
+from twin.cli.parsing import parse_options
 from twin.commands.simulate import Simulate
 from twin.errors import InputError
 

@@ -16,8 +16,7 @@ import pytest
 from patience import HANG_S
 
 from twin.__main__ import PROGRAM as TWIN
-from twin.cli.endings import Endings, interruption
-from twin.cli.program import Program, ProgramCommand
+from twin.cli.program import Endings, Program, ProgramCommand, interruption
 from twin.errors import WriteError
 
 COMMAND = """
@@ -155,7 +154,7 @@ def test_an_interruption_in_compiled_code_is_told_as_one(monkeypatch, capsys, er
                 signal.raise_signal(signal.SIGTERM)
             raise error
 
-    monkeypatch.setattr("twin.cli.options.parse_options", lambda *_, **__: Fly())
+    monkeypatch.setattr("twin.cli.parsing.parse_options", lambda *_, **__: Fly())
     command = ProgramCommand(name="fly", summary="", loader="builtins:object")
     assert Program(name="twin", summary="", commands=(command,)).main(["fly"]) == code
     lines = capsys.readouterr().err.splitlines()
@@ -211,6 +210,6 @@ def test_a_read_only_disk_is_bad_input_in_every_command(capsys, monkeypatch):
     def refuse(*_, **__):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS), "/there/x")
 
-    monkeypatch.setattr("twin.commands.version.Version.run", refuse)
+    monkeypatch.setattr("twin.commands.machine.Version.run", refuse)
     assert TWIN.main(["version"]) == 2
     assert capsys.readouterr().err == "twin: error: /there/x: Read-only file system\n"

@@ -94,7 +94,10 @@ def test_a_stranger_s_command_is_found_though_no_table_names_it(capsys, tmp_path
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_leaves_out_what_is_not_installed(capsys, shell):
-    own = {"trim": ("TrimVehicle", "a steady glide"), "version": ("Version", "versions")}
+    own = {
+        "trim": ("TrimVehicle", "a steady glide"),
+        "version": ("twin.commands.machine:Version", "versions"),
+    }
     moor = {"moor": ("plugins/moorings", "keep a vehicle in place")}
     program = Program(name="twin", summary="", commands=commands_of("twin.commands", own | moor))
     assert program.main(["--completion", shell]) == 0

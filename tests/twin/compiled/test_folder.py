@@ -90,27 +90,6 @@ def test_no_name_in_a_shared_folder_is_a_place(monkeypatch, tmp_path):
     assert not any(tmp_path in place.parents for place in folder.candidates())
 
 
-def test_without_a_trusted_place_a_fresh_folder_serves_one_process(monkeypatch, tmp_path):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(folder, "candidates", lambda: iter(()))
-    ended = []
-    monkeypatch.setattr(folder.atexit, "register", ended.append)
-    with pytest.warns(RuntimeWarning, match="every start compiles again"):
-        first = folder.cache_root.__wrapped__()
-    with pytest.warns(RuntimeWarning):
-        second = folder.cache_root.__wrapped__()
-    assert first != second
-    assert {first.parent, second.parent} == {tmp_path.resolve()}
-    assert first.stat().st_mode & 0o777 == 0o700
-    monkeypatch.setattr(os, "getpid", lambda: -1)
-    ended[0]()  # in a forked process: the folder stays
-    assert first.exists()
-    monkeypatch.undo()
-    for remove in ended:
-        remove()
-    assert not first.exists()
-
-
 @pytest.mark.parametrize("left", ["link", "open", "file"])
 def test_what_others_left_in_the_folder_is_never_read(tmp_path, left):
     """A version's folder from a time when its root was open to others."""

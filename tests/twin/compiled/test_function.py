@@ -1,14 +1,22 @@
-"""Compiled functions: one for compiled code, one for Python, made when they are first used."""
+"""Compiled functions: for Python and for compiled code, with borrowed arrays, and generated."""
 
 from __future__ import annotations
 
 import logging
-import os
-import subprocess
+import math
 import sys
-import uuid
 
-from twin.compiled import folder, inline, jit
+import numba
+import numpy as np
+import pytest
+from numba import cfunc as plain_cfunc
+from numba.core.errors import TypingError
+from trees import own_module
+
+from twin.compiled import borrowing, cfunc, changed, dispatch, folder, generate, inline, jit
+from twin.compiled.portable import widest_vectors
+
+SCALE = 2.0
 
 
 @jit
@@ -59,28 +67,19 @@ def test_python_can_call_it_all_the_same():
 
 def test_both_are_kept_and_not_mixed_up(tmp_path):
     """The one without a way in would end the process that calls it."""
-    name = f"module_{uuid.uuid4().hex}"
-    module = tmp_path / f"{name}.py"
-    module.write_text(
+    run = own_module(
+        tmp_path,
         "from twin.compiled import jit\n\n@jit\ndef low(x):\n    return x + x\n\n"
-        "@jit\ndef high(x):\n    return 3.0 * low(x)\n"
+        "@jit\ndef high(x):\n    return 3.0 * low(x)\n",
     )
-    os.utime(module, (1e9, 1e9))  # what was written after the process began is not kept
-    show = "print(value, [sum(f.stats.cache_hits.values()) for f in {0}])"
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    hits = "print(value, [sum(f.stats.cache_hits.values()) for f in {0}])"
 
-    def run(calls: str, asked: str) -> str:
-        script = f"from {name} import high, low; value = {calls}; " + show.format(asked)
-        words = [sys.executable, "-c", script]
-        environment = {**os.environ, "PYTHONPATH": path}
-        return subprocess.run(
-            words, env=environment, capture_output=True, text=True, check=True
-        ).stdout.strip()
+    def kept(calls: str, asked: str) -> str:
+        return run(f"high, low; value = {calls}; {hits.format(asked)}")
 
-    assert run("high(1.0)", "[high.dispatcher]") == "6.0 [0]"
-    assert run("low(1.0)", "[low.dispatcher]") == "2.0 [0]"
-    both = "[high.dispatcher, low.dispatcher]"
-    assert run("high(1.0) + low(1.0)", both) == "8.0 [1, 1]"
+    assert kept("high(1.0)", "[high.dispatcher]") == "6.0 [0]"
+    assert kept("low(1.0)", "[low.dispatcher]") == "2.0 [0]"
+    assert kept("high(1.0) + low(1.0)", "[high.dispatcher, low.dispatcher]") == "8.0 [1, 1]"
 
 
 def test_the_first_compiling_of_all_says_so_once(monkeypatch, caplog, tmp_path):
@@ -95,3 +94,141 @@ def test_the_first_compiling_of_all_says_so_once(monkeypatch, caplog, tmp_path):
     (tmp_path / "kept" / "version").mkdir()
     folder.cache_root.__wrapped__()
     assert not folder._seldom.first
+
+
+# --- borrowed arrays and vectors --------------------------------------------------------------
+
+
+@borrowing
+def _last(array):
+    return array[-1]
+
+
+@borrowing
+def _sum_of_ends(array, count):
+    total = 0.0
+    for k in range(count):
+        total += _last(array[: k + 1])
+    array[0] = total
+    return total
+
+
+@borrowing
+def _of_its_own(count):
+    return np.zeros(count).sum()
+
+
+@borrowing
+def _widely(a, b):
+    widest_vectors()
+    for k in range(64):
+        b[k] = 2.0 * a[k]
+
+
+@jit
+def _as_usual(a, b):
+    for k in range(64):
+        b[k] = 2.0 * a[k]
+
+
+def text(function, *arguments):
+    """LLVM's text of a function that is compiled anew: what is kept between processes has none."""
+    options = {k: v for k, v in function.targetoptions.items() if k != "nopython"}
+    fresh = numba.njit(**options)(function.py_func)
+    fresh(*arguments)
+    return "\n".join(fresh.inspect_llvm().values())
+
+
+def test_a_borrowed_array_is_the_same_memory_and_its_references_are_not_counted():
+    array = np.arange(8.0)
+    before = sys.getrefcount(array)
+    assert _sum_of_ends(array, 8) == 28.0
+    assert array[0] == 28.0
+    assert sys.getrefcount(array) == before
+    inside = text(_sum_of_ends, np.arange(8.0), 8).partition("\n}")[0]
+    assert "NRT_incref" not in inside
+    assert "NRT_decref" not in inside
+    with pytest.raises(TypingError):  # a function that makes an array does not borrow
+        _of_its_own(3)
+
+
+def test_the_widest_vectors_are_asked_for_where_a_function_says_so_and_nowhere_else():
+    a, b, c = np.arange(64.0), np.zeros(64), np.zeros(64)
+    asked = '"prefer-vector-width"="512"'
+    assert asked in text(_widely, a, b)
+    assert asked not in text(_as_usual, a, c)
+    assert (b == c).all()
+
+
+# --- generated functions ----------------------------------------------------------------------
+
+
+@jit
+def first(x, y):
+    return x + y, SCALE * x
+
+
+@jit(inline="always")
+def second(x, y):
+    return x * y, 0.0
+
+
+@jit
+def opposite(x, y):
+    return -x, -y
+
+
+growing = {1: first, 4: second}
+table = dispatch("table", ("x", "y"), lambda: growing, (math.nan, 0.0), module=__name__)
+
+
+@jit
+def total(code, x, y):
+    a, b = table(code, x, y)
+    return a + b
+
+
+def test_each_code_runs_its_kernel_and_an_unknown_one_gives_the_fallback():
+    assert table(1, 3.0, 5.0) == (8.0, 6.0)
+    assert table(4.0, 3.0, 5.0) == (15.0, 0.0)
+    for unknown in (2, math.nan):
+        found = table(unknown, 3.0, 5.0)
+        assert math.isnan(found[0])
+        assert found[1] == 0.0
+
+
+@pytest.mark.parametrize("decorator", [cfunc, plain_cfunc])
+def test_it_runs_in_a_c_callback_of_either_decorator(decorator):
+    @decorator("float64(int64, float64)")
+    def callback(code, x):
+        return table(code, x, 5.0)[0]
+
+    assert callback.ctypes(1, 3.0) == 8.0
+    assert callback.ctypes(4, 3.0) == 15.0
+    assert math.isnan(callback.ctypes(9, 3.0))
+
+
+def test_a_growing_table_reaches_what_was_compiled_before(monkeypatch):
+    assert math.isnan(total(7, 3.0, 5.0))
+    monkeypatch.setitem(growing, 7, opposite)
+    changed()
+    assert total(7, 3.0, 5.0) == -8.0
+    monkeypatch.delitem(growing, 7)
+    changed()
+    assert math.isnan(total(7, 3.0, 5.0))
+
+
+def test_what_cannot_be_generated_is_refused():
+    bad = dispatch("bad", ("x",), lambda: {3: lambda x: (x,)}, (0.0,), module=__name__)
+    with pytest.raises(TypeError, match=r"_kernel_3 is .*; decorate it with twin.compiled.jit"):
+        bad(3, 1.0)
+    with pytest.raises(ValueError, match="has a generated function 'table' already"):
+        generate("table", ("x",), lambda: ("return x", {}), module=__name__)
+
+
+def test_a_generated_function_uses_the_names_it_is_given():
+    names = {"kernel": first, "c": 0.5}
+    doubled = generate(
+        "doubled", ("x",), lambda: ("a, b = kernel(x, x)\nreturn a + c", names), module=__name__
+    )
+    assert doubled(1.0) == 2.5

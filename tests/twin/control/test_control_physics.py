@@ -65,14 +65,14 @@ def placed(start=PUSHED, current=SHEARED, **options) -> Physics:
     return physics
 
 
-def flown(physics, count=TICKS, seed=0):
+def flown(physics, count=TICKS, seed=0, steps=STEPS_PER_TICK):
     """qpos, qvel, act and ctrl before each control step, shape (count, 23)."""
     rows = []
-    for command in commands(count, seed):
+    for command in commands(seed=seed)[:count]:
         physics.set_control(command)
         data = physics.data
         rows.append(np.concatenate([data.qpos, data.qvel, data.act, data.ctrl]))
-        physics.step(STEPS_PER_TICK)
+        physics.step(steps)
     return np.array(rows)
 
 
@@ -94,15 +94,9 @@ def simulated(share=1.0, **changes) -> Simulation:
 )
 def test_a_trajectory_is_the_batchs_bit_for_bit(integrator, hydrodynamics, timestep, count):
     options = {"integrator": integrator, "hydrodynamics": hydrodynamics, "timestep": timestep}
-    physics = placed(**options)
-    rows = []
-    for command in commands()[:count]:
-        physics.set_control(command)
-        data = physics.data
-        rows.append(np.concatenate([data.qpos, data.qvel, data.act, data.ctrl]))
-        physics.step(round(VEHICLE.control_period / timestep))
+    rows = flown(placed(**options), count, steps=round(VEHICLE.control_period / timestep))
     trajectory = simulated(duration=count * VEHICLE.control_period, **options).run()
-    np.testing.assert_array_equal(np.array(rows), trajectory.states[:count])
+    np.testing.assert_array_equal(rows, trajectory.states[:count])
 
 
 def test_a_trajectory_is_plain_mj_steps_bit_for_bit():
@@ -153,7 +147,11 @@ def test_measurements_are_the_trajectorys():
 
 
 def test_every_measurement_is_there_by_name_and_finite():
-    values = placed().measurements()
+    physics = placed()
+    low, high = physics.actuator_range()
+    fractions = 2.0 * (np.array(PUSHED.actuators) - low) / (high - low) - 1.0
+    np.testing.assert_allclose(physics.actuators(), fractions)
+    values = physics.measurements()
     assert set(values) == {*MEASUREMENTS, *VEHICLE.part_names}
     assert all(math.isfinite(value) for value in values.values())
     assert values["speed"] == pytest.approx(np.linalg.norm(PUSHED.v_rel), rel=0.02)
@@ -169,14 +167,6 @@ def test_a_uniform_current_moves_the_ground_and_not_the_water():
     np.testing.assert_allclose(here, drifting.velocity_through_water(), atol=1e-9)
     over_ground = drifting.velocity_over_ground() - still.velocity_over_ground()
     np.testing.assert_allclose(over_ground, [0.3, -0.2, 0.0], atol=1e-9)
-
-
-def test_actuators_read_as_fractions_of_their_travel():
-    physics = placed()
-    low, high = physics.actuator_range()
-    np.testing.assert_allclose(
-        physics.actuators(), 2.0 * (np.array(PUSHED.actuators) - low) / (high - low) - 1.0
-    )
 
 
 def test_a_copy_flies_on_alone():

@@ -187,9 +187,9 @@ MOVE = st.tuples(st.floats(-0.05, 0.05), st.floats(-1.5, 1.5), st.floats(-480.0,
 def test_no_move_costs_less_than_the_hotel_load(before, after, depth, pitch):
     losses = Consumption()
     settings = {"depth": depth, "pitch": pitch, "duration": 0.5}
-    there = losses.energy(VEHICLE, np.array(before), np.array(after), **settings)
-    back = losses.energy(VEHICLE, np.array(after), np.array(before), **settings)
-    assert min(there, back) >= 0.5 * losses.hotel_power
+    for way in ((before, after), (after, before)):
+        shares = losses.shares(VEHICLE, *map(np.array, way), **settings)
+        assert sum(shares.values()) >= 0.5 * losses.hotel_power
 
 
 def test_moves_against_pressure_and_gravity_cost_their_work():
@@ -204,7 +204,8 @@ def test_moves_against_pressure_and_gravity_cost_their_work():
 
     def cost(shift=0.0, rotation=0.0, pump=0.0, pitch=0.0):
         move = np.array([shift, rotation, pump])
-        return ideal.energy(VEHICLE, NOTHING, move, depth=100.0, pitch=pitch, duration=1.0)
+        found = ideal.shares(VEHICLE, NOTHING, move, depth=100.0, pitch=pitch, duration=1.0)
+        return sum(found.values())
 
     pressure = VEHICLE.reference_density * VEHICLE.gravity * 100.0
     weight = VEHICLE.battery.mass * VEHICLE.gravity

@@ -84,30 +84,24 @@ def test_a_gauge_that_reads_too_deep_turns_it_as_much_higher(way, dbar):
     for run, off in ((sound, 0.0), (wrong, metres)):
         gap = run["measured_depth"] - run["true_depth"]
         np.testing.assert_allclose(gap, off, atol=0.02 * abs(off) + 1e-9)
-    lower = [run["true_depth"].max() for run in (sound, wrong)]
+    lower, upper = zip(*(turns(run["true_depth"]) for run in (sound, wrong)), strict=True)
     assert lower[1] - lower[0] == pytest.approx(-metres, abs=0.4)
-    upper = [upper_turn(run["true_depth"]) for run in (sound, wrong)]
     assert upper[1] - upper[0] == pytest.approx(-metres, abs=0.4)
 
 
-def upper_turn(depth):
-    """Depth [m] of the turn between two dives."""
-    first = int(np.argmax(depth > 40.0))
-    climbing = first + int(np.argmax(depth[first:] < 30.0))
-    return float(depth[climbing : climbing + int(np.argmax(depth[climbing:] > 40.0))].min())
+def turns(depth):
+    """Depths [m] of the lowest turn, and of the one between two dives."""
+    climbing = depth[np.argmax(depth > 40.0) :]
+    climbing = climbing[np.argmax(climbing < 30.0) :]
+    return depth.max(), climbing[: np.argmax(climbing > 40.0)].min()
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_gauge_that_never_reads_the_surface_does_not_keep_it_there(way):
     fault = FAULTS["pressure_drift"](per_day=2.0, start=-10.0 * DAY)
-    plan = twin.Mission(
-        name="plan", at_end="surface",
-        segments=[
-            twin.SawTooth(max_depth_m=50.0, min_depth_m=12.0, pitch_deg=26.0, yos=2),
-            twin.Surface(duration_s=60.0),
-            twin.SawTooth(max_depth_m=40.0, min_depth_m=12.0, pitch_deg=26.0, yos=1),
-        ],
-    )  # fmt: skip
+    (deep,), (shallow,) = saw_tooth(yos=2).segments, saw_tooth(max_depth_m=40.0).segments
+    segments = [deep, twin.Surface(duration_s=60.0), shallow]
+    plan = twin.Mission(name="plan", at_end="surface", segments=segments)
     run = flown(way, plan, fault)
     depth = run["true_depth"]
     below = depth > 10.0
@@ -121,17 +115,13 @@ def test_a_gauge_that_never_reads_the_surface_does_not_keep_it_there(way):
 def test_a_blind_altimeter_does_not_turn_it_above_the_floor(way):
     plan = saw_tooth(max_depth_m=56.0, min_altitude_m=25.0)
     floor = twin.parse_floor("depth:60")
-    deepest = {
-        part: flown(way, plan, *faults, floor=floor)["true_depth"].max()
-        for part, faults in (
-            (0.0, ()),
-            (0.5, (FAULTS["altimeter_blind"](part=0.5),)),
-            (1.0, (FAULTS["altimeter_blind"](part=1.0),)),
-        )
-    }
-    assert deepest[0.0] == pytest.approx(35.0, abs=1.5)
-    assert 0.0 <= deepest[0.5] - deepest[0.0] < 3.0  # an echo now and then is enough
-    assert deepest[1.0] == pytest.approx(56.0, abs=1.5)
+    sound, half, blind = (
+        flown(way, plan, *faults, floor=floor)["true_depth"].max()
+        for faults in ((), *((FAULTS["altimeter_blind"](part=part),) for part in (0.5, 1.0)))
+    )
+    assert sound == pytest.approx(35.0, abs=1.5)
+    assert 0.0 <= half - sound < 3.0  # an echo now and then is enough
+    assert blind == pytest.approx(56.0, abs=1.5)
 
 
 def test_an_altimeter_that_goes_blind_holds_its_last_echo_for_a_while():

@@ -82,13 +82,10 @@ def test_mass_matrix_is_that_of_two_blocks(model):
         nu = random_nu(rng)
         linear, omega = nu[:3], nu[3:]
         energy = 0.0
+        turned = turn @ v.battery.inertia @ turn.T
         for mass, r, own in (
             (v.static_mass, v.static_cg, v.static_inertia),
-            (
-                v.battery.mass,
-                v.battery.position(shift, rotation),
-                turn @ v.battery.inertia @ turn.T,
-            ),
+            (v.battery.mass, v.battery.position(shift, rotation), turned),
         ):
             velocity = linear + np.cross(omega, r)
             energy += 0.5 * mass * velocity @ velocity + 0.5 * omega @ own @ omega
@@ -171,75 +168,21 @@ def test_the_weight_of_the_whole_sphere_is_exact_at_both_ends(model):
     assert beyond_identified(-middle, law.linear_angle, law.blend_angle) == pytest.approx(0.5)
 
 
-def test_wrench_in_the_identified_range_by_hand(model):
+def test_wrench_at_the_edge_of_the_identified_range_by_hand(model):
     """Zhang et al. (2013) spelt out with rotations about y and z instead of R_BC's entries."""
     p = model.parameters
-    nu = np.array([0.4, -0.02, 0.03, 0.01, -0.02, 0.03])
-    speed = np.linalg.norm(nu[:3])
-    alpha, beta = math.atan2(nu[2], nu[0]), math.asin(nu[1] / speed)
-    force = np.array(
-        [
-            -(7.19 + 386.29 * alpha**2),
-            -115.65 * beta,
-            -(-0.36 + 440.99 * alpha),
-        ]
-    )
-    moment = np.array(
-        [
-            -58.27 * beta - 19.83 * nu[3],
-            0.28 - 65.84 * alpha - 205.64 * nu[4],
-            34.10 * beta - 389.30 * nu[5],
-        ]
-    )
+    alpha, beta, speed = math.radians(9.9), math.radians(-9.9), 0.5
+    ahead = np.array([math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha)])
+    nu = np.array([*(speed * ahead * [1.0, 1.0, math.cos(beta)]), 0.01, -0.02, 0.03])
+    force = -np.array([7.19 + 386.29 * alpha**2, 115.65 * beta, -0.36 + 440.99 * alpha])
+    moment = np.array([-58.27 * beta, 0.28 - 65.84 * alpha, 34.10 * beta])
+    moment -= np.array([19.83, 205.64, 389.30]) * nu[3:]
     about_y = quaternion_to_matrix(euler_to_quaternion(0.0, -alpha, 0.0))
     about_z = quaternion_to_matrix(euler_to_quaternion(0.0, 0.0, beta))
     to_body = about_y @ about_z
     np.testing.assert_allclose(to_body @ [speed, 0.0, 0.0], nu[:3], atol=1e-15)
     expected = speed**2 * np.concatenate((to_body @ force, to_body @ moment))
     np.testing.assert_allclose(damping_wrench(p, nu, p.reference_density), expected, rtol=1e-12)
-
-
-def test_hydrodynamic_power(model):
-    rng = np.random.default_rng(5)
-    p = model.parameters
-    for _ in range(3000):
-        speed = rng.uniform(0.1, 1.0)
-        alpha, beta = rng.uniform(-1, 1, 2) * math.radians(10)
-        direction = np.array(
-            [
-                math.cos(alpha) * math.cos(beta),
-                math.sin(beta),
-                math.sin(alpha) * math.cos(beta),
-            ]
-        )
-        nu = np.concatenate((speed * direction, rng.uniform(-0.05, 0.05, 3)))
-        assert damping_wrench(p, nu, p.reference_density) @ nu <= 0.0
-    for _ in range(3000):  # drag power on the whole sphere of flow directions
-        nu = np.concatenate((rng.normal(size=3), rng.normal(size=3)))
-        assert damping_wrench(p, nu, p.reference_density)[:3] @ nu[:3] <= 0.0
-        still = np.concatenate((nu[:3], np.zeros(3)))
-        rates_only = damping_wrench(p, nu, p.reference_density) - damping_wrench(
-            p, still, p.reference_density
-        )
-        assert rates_only[3:] @ nu[3:] <= 0.0
-        angles = np.abs([math.atan2(nu[2], nu[0]), math.asin(nu[1] / np.linalg.norm(nu[:3]))])
-        if angles.max() > model.vehicle.flow_frame.blend_angle:
-            # every rate costs power there: (K_p p^2 + K_q q^2 + K_r r^2) V^2
-            expected = -np.dot([19.83, 205.64, 389.30], nu[3:] ** 2) * (nu[:3] @ nu[:3])
-            assert rates_only[3:] @ nu[3:] == pytest.approx(expected, rel=1e-9)
-
-
-def test_rate_damping_survives_at_rest_and_the_wrench_is_mirror_symmetric(model):
-    p = model.parameters
-    spin = np.array([0.0, 0.0, 0.0, 0.1, 0.1, 0.1])
-    assert np.all(damping_wrench(p, spin, p.reference_density)[3:] < 0.0)
-    nu = np.array([0.3, 0.1, -0.2, 0.1, 0.2, -0.3])
-    mirror = np.array([1, -1, 1, -1, 1, -1])
-    np.testing.assert_allclose(
-        damping_wrench(p, mirror * nu, p.reference_density),
-        mirror * damping_wrench(p, nu, p.reference_density),
-        rtol=1e-12,
-    )
 
 
 def test_immersion_runs_from_air_to_full_depth(model):
@@ -323,3 +266,55 @@ def test_actuators_follow_their_law():
             exact = actuators_after(start, command, law, step * h)
             np.testing.assert_allclose(exact, x, rtol=1e-3, atol=1e-6)
     assert exact[1] == pytest.approx(-1.5, abs=0.1)
+
+
+# --- at the surface: vertical forces, and an energy ----------------------------------------------
+
+
+ATTITUDES = [(0.5, 0.2), (-0.5, 0.2), (1.2, -0.3), (math.pi / 2, 0.1), (2.5, -0.6)]
+"""[rad] roll, pitch"""
+
+
+@pytest.fixture(scope="module")
+def parameters(model):
+    return model.parameters
+
+
+@pytest.mark.parametrize(("roll", "pitch"), ATTITUDES)
+@pytest.mark.parametrize("depth", [-0.05, 0.0, 0.1])
+def test_weight_and_buoyancy_have_no_moment_about_the_vertical(parameters, roll, pitch, depth):
+    p = parameters
+    moment = p.mass * np.array([0.01, -0.004, 0.003])
+    down = down_axis(roll, pitch)
+    for first_moment in (np.zeros(3), moment):
+        g, immersion = restoring(p, down, depth, p.mass, first_moment, p.mass)
+        assert 0.0 < immersion < 1.0
+        assert g[3:] @ down == pytest.approx(0.0, abs=1e-10)
+        assert np.abs(g[3:]).max() > 1.0  # there is a moment, about the horizontal
+
+
+@pytest.mark.parametrize(("roll", "pitch"), ATTITUDES)
+def test_the_buoyancy_acts_on_the_strips(parameters, roll, pitch):
+    """Moment and force are the sums over the strips, each pushed up at its own place."""
+    p = parameters
+    down, depth = down_axis(roll, pitch), 0.05
+    force, moment = np.zeros(3), np.zeros(3)
+    for strip in range(STRIPS):
+        x, fraction = strip_immersion(p, depth, down[0], strip)
+        push = -fraction / STRIPS * p.mass * p.gravity * down
+        force += push
+        moment += np.cross([x, 0.0, 0.0], push)
+    g, _ = restoring(p, down, depth, p.mass, np.zeros(3), p.mass)
+    np.testing.assert_allclose(-g[:3], force + p.mass * p.gravity * down, atol=1e-9)
+    np.testing.assert_allclose(-g[3:], moment, atol=1e-9)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), ATTITUDES)
+def test_a_strip_is_immersed_by_its_own_depth(parameters, roll, pitch):
+    """Nose down (sine of pitch below 0) the bow is the deeper end."""
+    p = parameters
+    slope = down_axis(roll, pitch)[0]
+    assert slope == pytest.approx(-math.sin(pitch))
+    bow = strip_immersion(p, 0.0, slope, STRIPS - 1)[1]
+    stern = strip_immersion(p, 0.0, slope, 0)[1]
+    assert np.sign(bow - stern) == -np.sign(pitch)

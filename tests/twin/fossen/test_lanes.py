@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from numba import types
+from physics import fossen_state
 from scipy.spatial.transform import Rotation
 
 import twin
 from twin.checks import agreement
 from twin.errors import FloorError, InaccurateStep, InputError, SimulationUnstable, StepTooLong
-from twin.fossen import FossenModel, FossenState, lanes
+from twin.fossen import FossenModel, lanes
 from twin.fossen.equations import mass_distribution
 from twin.fossen.lane_block import LANES
 from twin.fossen.structure import Arithmetic
@@ -59,13 +60,8 @@ def fossen_of(vehicle, manoeuvre, duration, dt):
         current_program=manoeuvre.current.compile(duration),
         density=None if water is None else (water.depth, water.values),
     )
-    start = manoeuvre.start
-    state = FossenState(
-        position_ned=(start.north, start.east, start.depth),
-        attitude=(start.roll, start.pitch, start.heading),
-        v_rel=start.v_rel,
-        actuators=start.positions(vehicle.part_names, vehicle.rest),
-    )
+    at = tuple(manoeuvre.start.positions(vehicle.part_names, vehicle.rest))
+    state = fossen_state(dataclasses.replace(manoeuvre.start, actuators=at))
     return model.simulate(state, manoeuvre.schedule, duration, dt=dt)
 
 
@@ -96,11 +92,9 @@ def across(tmp_path_factory):
     degree = 111_194.9
     grown = 0.02 * north
     shape = (1, 2, len(north), len(north))
+    axes = ("time", "depth", "latitude", "longitude")
     data = xr.Dataset(
-        {
-            "vo": (("time", "depth", "latitude", "longitude"), np.empty(shape)),
-            "uo": (("time", "depth", "latitude", "longitude"), np.empty(shape)),
-        },
+        {name: (axes, np.empty(shape)) for name in ("vo", "uo")},
         {
             "time": np.array(["2000-01-01"], "datetime64[ns]"),
             "depth": [0.0, 2000.0],
@@ -139,15 +133,8 @@ def test_the_step_has_order_two(current, across):
 def test_a_long_step_is_stable_where_the_damping_of_rates_is_stiff():
     """Twenty times the published damping: an explicit step of 0.02 s would be unstable."""
     vehicle = load_vehicle("glider")
-    law = vehicle.flow_frame
-    stiff = vehicle.replace(
-        law=dataclasses.replace(
-            law,
-            roll_moment=(law.roll_moment[0], 20.0 * law.roll_moment[1]),
-            pitch_moment=(*law.pitch_moment[:2], 20.0 * law.pitch_moment[2]),
-            yaw_moment=(law.yaw_moment[0], 20.0 * law.yaw_moment[1]),
-        )
-    )
+    factors = dict.fromkeys(("k_p", "k_q", "k_r"), 20.0)
+    stiff = vehicle.replace(law=vehicle.flow_frame.scaled(factors))
     given = scenario(vehicle=stiff, duration=600.0, sample_period=1.0)
     with pytest.warns(InaccurateStep, match="is too long at"):
         slow = twin.simulate(dataclasses.replace(given, timestep=0.2))
@@ -212,12 +199,8 @@ def test_a_uniform_current_only_moves_the_track():
 
 
 def test_port_is_the_mirror_of_starboard():
-    right, left = (
-        twin.simulate(
-            scenario(mission=Schedule(times=[0.0], commands=[(0.02, side * 0.5, -200.0)]))
-        )
-        for side in (1.0, -1.0)
-    )
+    plans = [Schedule(times=[0.0], commands=[(0.02, side, -200.0)]) for side in (0.5, -0.5)]
+    right, left = (twin.simulate(scenario(mission=plan)) for plan in plans)
     np.testing.assert_allclose(right["true_sway"], -left["true_sway"], atol=1e-13)
     np.testing.assert_allclose(right["true_depth"], left["true_depth"], atol=1e-11)
     assert np.abs(right["true_sway"]).max() > 1e-3
@@ -227,13 +210,9 @@ def test_a_steady_glide_is_the_trim():
     vehicle = load_vehicle("glider")
     motion = FossenModel(vehicle).steady_motion(shift=0.02, net_mass=0.2)
     pump = vehicle.pump_for_net_mass(0.2)
-    flown = twin.simulate(
-        scenario(
-            mission=Schedule(times=[0.0], commands=[(0.02, 0.0, pump)]),
-            density=DensityProfile.constant(1025.0),
-            duration=1500.0,
-        )
-    )
+    plan = Schedule(times=[0.0], commands=[(0.02, 0.0, pump)])
+    water = DensityProfile.constant(1025.0)
+    flown = twin.simulate(scenario(mission=plan, density=water, duration=1500.0))
     np.testing.assert_allclose(flown.v_rel[-1], motion.nu_r[:3], atol=1e-6)
 
 

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from twin.__main__ import PROGRAM
-from twin.cli.progress import Progress
+from twin.cli.console import Progress
 from twin.commands.identify import _Stages
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import (
@@ -34,7 +34,7 @@ from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.storage.checksums import store_hash
 from twin.records.store import write_store
-from twin.show.identification_figure import residual_figure
+from twin.show.identification import residual_figure
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 VEHICLE = load_vehicle("glider")

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from twin.__main__ import PROGRAM
-from twin.cli.progress import Progress
+from twin.cli.console import Progress
 from twin.records.attributes import CONVENTIONS, READER_VERSION
 from twin.records.store import write_store
 from twin.version import IMPORT_VERSION

@@ -15,7 +15,6 @@ from logs import SHARED
 from simulated_logs import simulated_flight
 
 import twin
-from glider_twin_ops.forecast.logged_leg import flown_velocities
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, UnknownName
 from twin.geodesy import from_tangent_plane
@@ -141,7 +140,6 @@ def test_a_dive_that_has_no_attitude_for_long_tells_no_current(
     cut = write_store(whole, tmp_path / "cut.zarr")
     found = estimate_flight(cut)
     assert found.missions[0].dive.tells_current is tells
-    assert bool(flown_velocities(cut, None)) is tells
     assert len(found.currents) == (len(flight.currents) if tells else 0)
     assert len(flight.currents) > 0
 
@@ -281,15 +279,3 @@ def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path: Path) -> N
     summary = estimate_flight(path, found.calibration).summary()
     assert abs(summary.w_mean_dive - summary.w_mean_climb) < 0.003
     assert summary.w_deviation < 0.01
-
-
-def test_velocities_of_a_forecast_are_those_of_every_dive_that_the_model_flies(
-    store: Path, flight
-) -> None:
-    found = flown_velocities(store, None)
-    flown = [one.dive.mission for one in flight.missions if one.dive.motion is not None]
-    assert list(found) == flown == [0]
-    deep = truth(store, "depth") > 5.0
-    for column, name in enumerate(("north", "east")):
-        error = found[0][:, column] - (truth(store, f"velocity_{name}") - CURRENT[column])
-        assert np.sqrt(np.mean(error[deep] ** 2)) < 0.01

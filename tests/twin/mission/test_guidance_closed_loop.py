@@ -8,7 +8,8 @@ import pytest
 
 from twin.mission import Mission, SawTooth, Spiral, Surface, load_mission, steady_glide
 from twin.mission.controller import MissionController
-from twin.physics.simulation import Scenario, Start, simulate
+from twin.physics.simulation import Scenario, simulate
+from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")

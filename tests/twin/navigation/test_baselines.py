@@ -7,29 +7,12 @@ from navigation import PERIOD, steady_mission, trimmed_mission
 from twin.errors import InputError, StoreError
 from twin.fossen import FossenModel, FossenState
 from twin.mission.controller import Schedule
-from twin.navigation.dead_reckoning import (
-    AttitudeSeries,
-    bridge,
-    hold,
-    horizontal_error,
-    smooth,
-    true_water_track,
-    water_track,
-)
-from twin.navigation.estimators.dvl import Dvl, spikes
-from twin.navigation.estimators.ekf import (
-    DEPTH,
-    NET_ERROR,
-    SURGE,
-    SWAY,
-    Ekf,
-    EkfNoise,
-    _predict,
-)
-from twin.navigation.estimators.flight import SteadyFlight
-from twin.navigation.estimators.reckoning import (
+from twin.navigation.dead_reckoning import bridge, hold, smooth
+from twin.navigation.estimators.ekf import DEPTH, NET_ERROR, SURGE, SWAY, Ekf, EkfNoise, _predict
+from twin.navigation.estimators.flight import (
     OnboardReckoning,
     PitchPlusAlpha,
+    SteadyFlight,
     steady_angle_of_attack,
 )
 from twin.seams import VELOCITY_ESTIMATORS
@@ -120,9 +103,6 @@ def test_at_the_surface_nobody_makes_way_even_with_a_gauge_that_is_off(offset):
     assert np.abs(estimate.surge[-1]) < 0.02
 
 
-# --- DVL --------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("vehicle", "by_doppler_log"), [("glider", False), ("remus", True)])
 def test_the_onboard_track_of_a_propelled_vehicle_may_have_seen_the_bottom(vehicle, by_doppler_log):
     """Without a fix it is a track over ground all the same; a glider's is one through the water."""
@@ -130,72 +110,6 @@ def test_the_onboard_track_of_a_propelled_vehicle_may_have_seen_the_bottom(vehic
     found = OnboardReckoning(load_vehicle(vehicle), PERIOD).batch(track)
     assert found.saw_bottom is by_doppler_log
     np.testing.assert_array_equal(found.ground_track[:, 0], np.arange(9.0))
-
-
-def with_dvl(signals, mode, current=(0.0, 0.0, 0.0)):
-    """DVL without errors: over ground in mode 1 (current in body axes), through water in 2."""
-    for name, extra in zip(("surge", "sway", "heave"), current, strict=True):
-        signals[f"measured_dvl_{name}"] = signals[f"true_{name}"] + (mode == 1) * extra
-    signals["measured_dvl_mode"] = np.asarray(mode, float)
-    return signals
-
-
-def test_bottom_lock_gives_the_track_over_ground():
-    current = np.array([0.1, -0.2])
-    signals = steady_mission(1000, current=tuple(current), pitch=0.0, heading=0.0)
-    with_dvl(signals, np.ones(1000), current=(*current, 0.0))
-    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
-    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
-    assert horizontal_error(estimate.ground_track, truth).max() < 1e-6
-    assert estimate.surge is None  # it says nothing on the velocity through the water
-
-
-def test_water_lock_gives_the_velocity_through_the_water():
-    signals = with_dvl(trimmed_mission(1000, current=(0.1, 0.0)), np.full(1000, 2.0))
-    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
-    assert estimate.surge == pytest.approx(signals["true_surge"])
-    track = water_track(
-        estimate.surge, estimate.sway, signals["measured_depth"], AttitudeSeries.of(signals), PERIOD
-    )
-    assert horizontal_error(track, true_water_track(signals, PERIOD)).max() < 1e-6
-
-
-def test_the_current_found_in_bottom_lock_is_carried_into_water_lock():
-    current = (0.1, -0.05)
-    signals = trimmed_mission(6000, current=current, heading=0.0)
-    pitch = np.deg2rad(signals["true_pitch"][0])
-    body = (current[0] * np.cos(pitch), current[1], current[0] * np.sin(pitch))
-    with_dvl(signals, np.where(np.arange(6000) < 3000, 1.0, 2.0), current=body)
-    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
-    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
-    drifted = np.hypot(*current) * 3000 * PERIOD
-    assert horizontal_error(estimate.ground_track, truth)[-1] < 0.02 * drifted
-
-
-def test_losses_of_lock_are_filled():
-    signals = with_dvl(trimmed_mission(2000), np.full(2000, 2.0))
-    for lost in (slice(300, 310), slice(900, 1500)):
-        for name in ("surge", "sway", "heave"):
-            signals[f"measured_dvl_{name}"][lost] = np.nan
-        signals["measured_dvl_mode"][lost] = 0
-    estimate = Dvl(VEHICLE, PERIOD).batch(signals)
-    assert np.isfinite(estimate.surge).all()
-    assert estimate.surge == pytest.approx(signals["true_surge"], abs=3e-4)
-
-
-def test_without_any_lock_nothing_is_estimated():
-    estimate = Dvl(VEHICLE, PERIOD).batch(trimmed_mission(300))
-    assert estimate.surge is None
-    assert estimate.ground_track is None
-
-
-def test_hampel_finds_spikes_and_nothing_else():
-    rng = np.random.default_rng(1)
-    values = 0.4 + 0.002 * rng.standard_normal(500)
-    values[[50, 51, 300]] += (0.4, -0.3, 0.2)
-    found = np.flatnonzero(spikes(values, np.ones(500, bool)))
-    assert {50, 51, 300} <= set(found)
-    assert len(found) < 15  # one in a hundred samples of plain noise
 
 
 # --- EKF --------------------------------------------------------------------------------------
@@ -263,9 +177,8 @@ def _simulate_ekf_data(noise: EkfNoise, seed: int):
     truth[0, 4] = noise.initial_net_mass * rng.standard_normal()
     truth[0, 3] = 50.0
     for k in range(1, samples):
-        truth[k] = _predict(
-            model, truth[k - 1], given, given, PERIOD
-        ) + spread * rng.standard_normal(5)
+        ahead = _predict(model, truth[k - 1], given, given, PERIOD)
+        truth[k] = ahead + spread * rng.standard_normal(5)
     signals["measured_depth"] = truth[:, 3] + noise.depth * rng.standard_normal(samples)
     return signals, truth
 

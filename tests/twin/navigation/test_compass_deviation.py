@@ -12,7 +12,7 @@ from twin.navigation.compass_deviation import DEG, CompassDeviation, sensitiviti
 from twin.navigation.dead_reckoning import AttitudeSeries, integrate, rotate_to_ned
 from twin.navigation.estimators.base import BodyVelocity, VelocityEstimator
 from twin.navigation.navigator import Navigator
-from twin.sensors.compass import Compass
+from twin.sensors.ahrs import Compass
 from twin.vehicle.vehicle import load_vehicle
 
 IRON = np.array([0.8, -1.1, 0.6, 0.3, -0.2]) * DEG

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from twin.navigation.current import (
     begin_leg,
     chosen_constituents,
     pass_leg,
+    replay,
     tune,
 )
 from twin.navigation.current.current_parameters import likely_logarithms, parameters_of, prior_cost
@@ -40,13 +42,11 @@ def test_a_step_is_exact_in_whatever_pieces_it_is_made(hours: float) -> None:
 
 
 def test_the_noise_of_a_mode_is_that_of_its_equation() -> None:
-    modes = modes_of(SOME, LATITUDE)
-    gone = passage(modes, 4.0 * HOUR)
+    modes, seconds = modes_of(SOME, LATITUDE), 4.0 * HOUR
+    gone, walk = passage(modes, seconds), modes.density[0]
     stationary = modes.rate.real < 0.0
     expected = modes.variance * (1.0 - np.abs(gone.kept) ** 2)
     np.testing.assert_allclose(gone.noise[stationary], expected[stationary], rtol=1e-9)
-    seconds = 4.0 * HOUR
-    walk = modes.density[0]
     np.testing.assert_allclose(
         (gone.noise[0], gone.shared[0].real, gone.scattered[0]),
         (walk * seconds, walk * seconds**2 / 2.0, walk * seconds**3 / 3.0),
@@ -67,7 +67,7 @@ def test_the_inertial_part_turns_clockwise_in_the_north_and_not_in_the_south() -
 def test_smoothing_is_the_dense_gaussian_conditional() -> None:
     """All states at once by their joint covariance: another way to the same answer."""
     filter_ = CurrentFilter(SOME, latitude=LATITUDE, record=True)
-    nodes = filter_._record.nodes
+    nodes = filter_._nodes
     assert nodes is not None
     filter_.fix((0.0, 0.0))
     rng = np.random.default_rng(3)
@@ -149,6 +149,19 @@ def test_a_forecast_is_what_the_fix_is_compared_with() -> None:
         filter_.forecast([0.0])
 
 
+def leg(start: float, over_ground: Iterable[float], through: Iterable[float]) -> Leg:
+    """A dive of three hours."""
+    ground, water = tuple(over_ground), tuple(through)
+    return Leg(start=start, duration=3.0 * HOUR, over_ground=ground, through_water=water)
+
+
+def taught(parameters: CurrentParameters, legs: Sequence[Leg]) -> CurrentFilter:
+    """A filter that has made these legs."""
+    filter_ = CurrentFilter(parameters, latitude=LATITUDE, time=legs[0].start)
+    replay(filter_, legs)
+    return filter_
+
+
 def truth(rng: np.random.Generator, count: int, *, tide: float, wander: float) -> list[Leg]:
     """Legs of three hours with half an hour between, in a tide and a random walk."""
     legs, walk = [], np.zeros(2)
@@ -158,14 +171,7 @@ def truth(rng: np.random.Generator, count: int, *, tide: float, wander: float) -
         current = walk + tide * np.array([math.cos(phase), 0.5 * math.sin(phase)])
         current += rng.normal(0.0, 0.004, 2)
         through = rng.normal(0.0, 3000.0, 2)
-        legs.append(
-            Leg(
-                start=start,
-                duration=3.0 * HOUR,
-                over_ground=tuple(through + 3.0 * HOUR * current),
-                through_water=tuple(through),
-            )
-        )
+        legs.append(leg(start, through + 3.0 * HOUR * current, through))
         walk = walk + rng.normal(0.0, wander, 2)
     return legs
 
@@ -174,14 +180,13 @@ def errors(parameters: CurrentParameters, legs: list[Leg], after: int) -> tuple[
     """[m/s] mean error of the forecasts and of the last dive's current."""
     filter_ = CurrentFilter(parameters, latitude=LATITUDE, time=legs[0].start)
     found, last = [], []
-    for k, leg in enumerate(legs):
-        begin_leg(filter_, leg)
-        ahead = filter_.forecast([leg.end], leg.velocity)
+    for k, one in enumerate(legs):
+        begin_leg(filter_, one)
+        ahead = filter_.forecast([one.end], one.velocity)
         if k >= after:
-            missed = ahead.displacement[0] / leg.duration - leg.current
-            found.append(np.hypot(*missed))
-            last.append(np.hypot(*(leg.current - legs[k - 1].current)))
-        pass_leg(filter_, leg)
+            found.append(np.hypot(*(ahead.displacement[0] / one.duration - one.current)))
+            last.append(np.hypot(*(one.current - legs[k - 1].current)))
+        pass_leg(filter_, one)
     return float(np.mean(found)), float(np.mean(last))
 
 
@@ -204,56 +209,42 @@ def test_tuned_on_a_random_walk_it_is_persistence() -> None:
 
 
 def test_it_learns_the_error_of_the_speed() -> None:
-    rng = np.random.default_rng(4)
-    legs = []
-    for leg in truth(rng, 30, tide=0.05, wander=0.003):
-        assert leg.through_water is not None
-        said = tuple(np.array(leg.through_water) / 0.9)
-        legs.append(Leg(start=leg.start, duration=leg.duration, over_ground=leg.over_ground,
-                        through_water=said))  # fmt: skip
-    filter_ = CurrentFilter(SOME, latitude=LATITUDE, time=0.0)
-    for leg in legs:
-        begin_leg(filter_, leg)
-        pass_leg(filter_, leg)
-    assert filter_.calibration[0] == pytest.approx(-0.1, abs=0.02)
+    legs = truth(np.random.default_rng(4), 30, tide=0.05, wander=0.003)
+    said = [leg(one.start, one.over_ground, np.array(one.through_water) / 0.9) for one in legs]
+    assert taught(SOME, said).calibration[0] == pytest.approx(-0.1, abs=0.02)
 
 
 def test_its_ellipses_hold_what_they_say_on_currents_of_another_size() -> None:
     legs = truth(np.random.default_rng(5), 200, tide=0.0, wander=0.2)
     filter_ = CurrentFilter(SOME, latitude=LATITUDE, time=0.0)
     held = []
-    for leg in legs:
-        begin_leg(filter_, leg)
-        ahead = filter_.forecast([leg.end], leg.velocity)
-        missed = np.array(leg.over_ground) - np.array(leg.through_water) - ahead.displacement[0]
+    for one in legs:
+        begin_leg(filter_, one)
+        ahead = filter_.forecast([one.end], one.velocity)
+        missed = np.array(one.over_ground) - np.array(one.through_water) - ahead.displacement[0]
         distance = missed @ np.linalg.solve(ahead.displacement_covariance[0], missed)
         held.append(distance <= 4.605)
-        pass_leg(filter_, leg)
+        pass_leg(filter_, one)
     assert 0.86 <= np.mean(held[20:]) <= 0.94
 
 
 def test_a_front_crossed_once_does_not_shake_the_tide() -> None:
     legs = truth(np.random.default_rng(6), 40, tide=0.2, wander=0.002)
-    filter_ = CurrentFilter(parameters_of(likely_logarithms(), ("M2", "K1")), latitude=LATITUDE)
-    for leg in legs:
-        begin_leg(filter_, leg)
-        pass_leg(filter_, leg)
-    hours = 3.0 * HOUR
-    front = Leg(
-        start=legs[-1].end, duration=hours, over_ground=(hours, 0.0), through_water=(0.0, 0.0)
-    )
-    begin_leg(filter_, front)
-    pass_leg(filter_, front)
+    front = leg(legs[-1].end, (3.0 * HOUR, 0.0), (0.0, 0.0))
+    filter_ = taught(parameters_of(likely_logarithms(), ("M2", "K1")), [*legs, front])
     assert np.hypot(*filter_.part("eddy")) > 0.5
     assert np.hypot(*filter_.part("M2")) < 0.3
 
 
 def test_constituents_by_record_and_surfacings() -> None:
-    assert chosen_constituents(24.0, 3.0) == ("M2", "K1")
-    assert chosen_constituents(24.0 * 10.0, 3.0) == ("M2", "K1", "S2", "O1")
-    assert chosen_constituents(24.0 * 30.0, 3.0) == ("M2", "K1", "S2", "O1", "N2")
-    assert chosen_constituents(24.0 * 30.0, 8.0) == ("K1", "O1")  # 8 h alias the semidiurnal tide
-    assert chosen_constituents(24.0 * 30.0, 20.0) == ()
+    for days, hours, names in (
+        (1.0, 3.0, "M2 K1"),
+        (10.0, 3.0, "M2 K1 S2 O1"),
+        (30.0, 3.0, "M2 K1 S2 O1 N2"),
+        (30.0, 8.0, "K1 O1"),  # 8 h alias the semidiurnal tide
+        (30.0, 20.0, ""),
+    ):
+        assert chosen_constituents(24.0 * days, hours) == tuple(names.split())
 
 
 def test_the_prior_costs_nothing_at_its_centre() -> None:

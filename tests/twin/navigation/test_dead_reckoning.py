@@ -63,11 +63,13 @@ def test_heave_is_recovered_from_the_depth_rate_where_it_can_be(u, v, w, roll, p
     assert heave_from_depth_rate(down, u, v, roll, pitch) == pytest.approx(w, abs=1e-9)
 
 
-def test_heave_fades_where_the_depth_rate_says_nothing_about_it():
-    roll = np.deg2rad(np.array([80.0, 85.0, 90.0]))
-    damped = heave_from_depth_rate(np.full(3, 0.1), np.zeros(3), np.zeros(3), roll, np.zeros(3))
-    assert (np.abs(damped) <= 0.1 / LEAST_COSINE).all()
-    assert damped[2] == pytest.approx(0.0, abs=1e-12)
+def test_the_solved_heave_is_exact_to_a_fifth_of_a_cosine_and_fades_beyond():
+    """0.1 m/s of depth rate at rest otherwise: w = 0.1 / cos(roll) down to a cosine of 0.2."""
+    assert LEAST_COSINE == 0.2
+    for cosine in (1.0, 0.5, 0.21, 0.19, 0.1, 0.05, 0.0):
+        heave = heave_from_depth_rate(0.1, 0.0, 0.0, np.arccos(cosine), 0.0)
+        expected = 0.1 / cosine if cosine > 0.2 else 0.1 * cosine / 0.04  # 0.1 cos / 0.2^2
+        assert heave == pytest.approx(expected, abs=1e-12)
 
 
 def test_heave_moves_a_rolled_vehicle_east():
@@ -113,6 +115,20 @@ def test_uniform_current_splits_into_water_and_ground():
     assert true_water_path(drifting, PERIOD) == pytest.approx(true_water_path(still, PERIOD))
 
 
+@pytest.mark.parametrize("current", [(0.0, 0.0), (0.12, -0.05)])
+def test_tracks_count_from_their_first_sample_wherever_that_is(current):
+    here = steady_mission(1000, current=current)
+    off = {"true_north": 1500.0, "true_east": -820.0}
+    there = here | {name: here[name] + metres for name, metres in off.items()}
+    for track in (true_ground_track(there), true_water_track(there, PERIOD)):
+        assert track[0] == pytest.approx([0.0, 0.0])
+    np.testing.assert_allclose(true_ground_track(there), true_ground_track(here), atol=1e-9)
+    np.testing.assert_allclose(
+        true_water_track(there, PERIOD), true_water_track(here, PERIOD), atol=1e-9
+    )
+    assert horizontal_error(reckon(there), true_water_track(there, PERIOD)).max() < 1e-9
+
+
 def test_surge_error_goes_into_the_track_over_cos_pitch():
     # With z' measured, N = u / cos(theta) + z' tan(theta).
     signals = steady_mission(1000, pitch=-0.5, heading=0.0)
@@ -149,6 +165,16 @@ def test_dives_are_the_long_gaps_between_fixes():
     dives = find_dives(two_dives(), PERIOD)
     assert [(dive.start, dive.end) for dive in dives] == [(20, 1800), (1810, 3600)]
     assert find_dives(steady_mission(4000), PERIOD) == []
+
+
+@pytest.mark.parametrize("period", [0.5, 1.0, 5.0])
+def test_five_minutes_without_a_fix_make_a_dive_at_any_sample_period(period):
+    """Shorter gaps are missed fixes at the surface."""
+    short, long = round(295.0 / period), round(300.0 / period)
+    signals = steady_mission(short + long + 1)
+    add_fixes(signals, [0, short, short + long])
+    assert [(d.start, d.end) for d in find_dives(signals, period)] == [(short, short + long)]
+    assert find_dives(signals, period)[0].seconds(period) == pytest.approx(300.0)
 
 
 def test_depth_averaged_current_of_a_uniform_current_is_exact():

@@ -50,24 +50,25 @@ def test_a_vehicle_as_its_file_says_stays_so():
     assert abs(learned.constants["drag"][0]) < 0.01
 
 
-def flight(vehicle, **given):
-    """Signals of a simulated flight in water of one density, and the filter's outputs for the
+def flight(name, *, sensors="ideal", seed=0, duration=None, **segment):
+    """True surge and depth of one dive in water of one density, and the filter's outputs for the
     vehicle as its file says."""
-    run = twin.simulate(vehicle=vehicle, sensors="ideal", density="constant", **given)
+    vehicle, mission = load_vehicle(name), load_mission("section")
+    one = dataclasses.replace(mission.segments[0], yos=1, **segment)
+    limit = {} if duration is None else {"duration_s": duration}
+    mission = dataclasses.replace(mission, segments=(one,), **limit)
+    run = twin.simulate(
+        vehicle=vehicle, mission=mission, sensors=sensors, density="constant", seed=seed
+    )
     signals = {name: np.asarray(run[name], float) for name in CHANNELS if name in run}
-    density = np.full(len(run["true_surge"]), vehicle.reference_density)
-    signals["measured_density"] = density
-    return run, FlightFilter(vehicle, PERIOD, SURE).run(signals)
+    surge, depth = np.asarray(run["true_surge"]), np.asarray(run["true_depth"])
+    signals["measured_density"] = np.full(len(surge), vehicle.reference_density)
+    return surge, depth, FlightFilter(vehicle, PERIOD, SURE).run(signals)
 
 
 def test_a_hull_that_is_still_heavy_with_its_nose_up_sinks_tail_first():
     """The Seaglider's pump takes minutes at the bottom of a dive."""
-    mission = load_mission("section")
-    one = dataclasses.replace(mission.segments[0], max_depth_m=50, yos=1)
-    run, found = flight(
-        load_vehicle("seaglider"), mission=dataclasses.replace(mission, segments=(one,))
-    )
-    surge, depth = np.asarray(run["true_surge"]), np.asarray(run["true_depth"])
+    surge, depth, found = flight("seaglider", max_depth_m=50)
     back = (surge < -0.03) & (depth > 5.0)
     assert back.sum() > 60
     assert np.abs(found[back, 0] - surge[back]).mean() < 0.15 * np.abs(surge[back]).mean()
@@ -76,12 +77,7 @@ def test_a_hull_that_is_still_heavy_with_its_nose_up_sinks_tail_first():
 
 def test_a_hull_that_comes_up_fast_coasts_at_the_surface():
     """Its drag alone brakes it, by the square of its speed: it goes on for metres."""
-    vehicle = load_vehicle("seaexplorer")
-    mission = load_mission("section")
-    one = dataclasses.replace(mission.segments[0], max_depth_m=30, yos=1, net_mass_kg=0.4)
-    given = dataclasses.replace(mission, segments=(one,), duration_s=1200.0)
-    run, found = flight(vehicle, mission=given)
-    surge, depth = np.asarray(run["true_surge"]), np.asarray(run["true_depth"])
+    surge, depth, found = flight("seaexplorer", max_depth_m=30, net_mass_kg=0.4, duration=1200.0)
     up = np.flatnonzero((depth < 1.0) & (np.arange(len(depth)) > depth.argmax()))[0]
     gone, said = (PERIOD * one[up:].sum() for one in (surge, found[:, 0]))
     assert gone > 6.0
@@ -91,19 +87,10 @@ def test_a_hull_that_comes_up_fast_coasts_at_the_surface():
 def test_a_hull_that_pitches_over_afloat_goes_as_the_twin_does():
     """The Sea-Wing comes up with its nose up and hangs nose down ten seconds later; noise of the
     depth, as of a sensor, does not row it forward."""
-    vehicle = load_vehicle("glider")
-    mission = load_mission("section")
-    one = dataclasses.replace(mission.segments[0], max_depth_m=40, yos=1)
-    run = twin.simulate(
-        vehicle=vehicle, mission=dataclasses.replace(mission, segments=(one,), duration_s=2400.0),
-        sensors="field", density="constant", seed=3,
-    )  # fmt: skip
-    signals = {name: np.asarray(run[name], float) for name in CHANNELS if name in run}
-    signals["measured_density"] = np.full(len(run["true_surge"]), vehicle.reference_density)
-    found = FlightFilter(vehicle, PERIOD, SURE).run(signals)
-    afloat = np.asarray(run["true_depth"]) < 1.0
+    surge, depth, found = flight("glider", max_depth_m=40, duration=2400.0, sensors="field", seed=3)
+    afloat = depth < 1.0
     assert afloat.sum() > 1000
-    off = found[afloat, 0] - np.asarray(run["true_surge"])[afloat]
+    off = found[afloat, 0] - surge[afloat]
     assert abs(off.mean()) < 1.5e-3
     assert off.std() < 6e-3
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from navigation import PERIOD, steady_mission
+from navigation import PERIOD, add_fixes, steady_mission
 
 from twin.errors import InputError
 from twin.navigation.current import CurrentParameters
@@ -41,19 +41,34 @@ class Given(VelocityEstimator):
         self.count = int(state["count"])
 
 
+def navigator_of(estimator=None, **given):
+    return Navigator(estimator or Given(0.4, 0.0), latitude=30.0, **given)
+
+
+def measured(samples, gps=True, fixes=None, **motion):
+    """Readings of a steady mission and its true track (time, 2), both from the same place on.
+
+    fixes: samples with a fix; None: as the mission has them, without any.
+    """
+    signals = steady_mission(samples, **{"velocity": (0.4, 0.0, 0.02), **motion})
+    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
+    if fixes is not None:
+        add_fixes(signals, fixes)
+    lacking = () if gps else ("measured_gps_north", "measured_gps_east")
+    return {
+        n: v for n, v in signals.items() if n.startswith("measured_") and n not in lacking
+    }, truth
+
+
 def walk(navigator, signals, first=0, last=None):
-    last = len(signals["measured_depth"]) if last is None else last
-    found = []
-    for k in range(first, last):
-        state = navigator.step({name: float(values[k]) for name, values in signals.items()})
-        found.append((state.north, state.east))
-    return np.array(found)
+    rows = np.stack(list(signals.values()), axis=1)[first:last].tolist()
+    found = [navigator.step(dict(zip(signals, row, strict=True))) for row in rows]
+    return np.array([(state.north, state.east) for state in found])
 
 
 def test_without_a_current_it_is_the_track_of_dead_reckoning():
-    signals = steady_mission(1500, velocity=(0.4, 0.02, 0.03), turn_rate=0.01)
-    measured = {n: v for n, v in signals.items() if n.startswith("measured_") and "gps" not in n}
-    found = walk(Navigator(Given(0.4, 0.02), latitude=30.0), measured)
+    signals, _ = measured(1500, gps=False, velocity=(0.4, 0.02, 0.03), turn_rate=0.01)
+    found = walk(navigator_of(Given(0.4, 0.02)), signals)
     track = water_track(
         np.full(1500, 0.4), np.full(1500, 0.02), signals["measured_depth"],
         AttitudeSeries.of(signals), PERIOD,
@@ -65,16 +80,9 @@ def test_without_a_current_it_is_the_track_of_dead_reckoning():
 
 
 def test_fixes_teach_it_the_current():
-    signals = steady_mission(4000, velocity=(0.4, 0.0, 0.02), current=(0.1, -0.2))
-    for name in ("north", "east"):
-        fixes = np.full(4000, np.nan)
-        fixes[[0, 1999, 3999]] = signals[f"true_{name}"][[0, 1999, 3999]]
-        signals[f"measured_gps_{name}"] = fixes
-    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
-    navigator = Navigator(Given(0.4, 0.0), latitude=30.0)
-    found = walk(navigator, measured)
-    truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
-    off = horizontal_error(found, truth)
+    signals, truth = measured(4000, current=(0.1, -0.2), fixes=[0, 1999, 3999])
+    navigator = navigator_of()
+    off = horizontal_error(walk(navigator, signals), truth)
     assert off[1998] == pytest.approx(np.hypot(0.1, 0.2) * 999.0, rel=0.01)
     assert off[1999] < 6.0
     assert off[3998] < 0.3 * off[1998]
@@ -85,15 +93,11 @@ def test_fixes_teach_it_the_current():
 
 @pytest.mark.parametrize(("start", "learned"), [((0.0, 0.0), True), (None, False)])
 def test_from_a_known_start_the_first_fix_teaches_the_current(start, learned):
-    signals = steady_mission(2000, velocity=(0.4, 0.0, 0.02), current=(0.1, -0.05))
-    begin = {name: signals[f"true_{name}"][0] for name in ("north", "east")}
-    for name in ("north", "east"):
-        fixes = np.full(2000, np.nan)
-        fixes[1800] = signals[f"true_{name}"][1800] - begin[name]
-        signals[f"measured_gps_{name}"] = fixes
-    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
-    navigator = Navigator(Given(0.4, 0.0), latitude=30.0, start=start)
-    walk(navigator, measured)
+    signals, truth = measured(2000, current=(0.1, -0.05), fixes=[1800])
+    for name, begin in zip(("north", "east"), truth[0], strict=True):
+        signals[f"measured_gps_{name}"] -= begin
+    navigator = navigator_of(start=start)
+    walk(navigator, signals)
     current, _ = navigator.filter.current
     assert np.allclose(current, (0.1, -0.05), atol=0.03) == learned
     if not learned:
@@ -102,40 +106,34 @@ def test_from_a_known_start_the_first_fix_teaches_the_current(start, learned):
 
 def afloat_then_under(current):
     """Afloat for 200 s with a first fix after 110, a dive, and a fix at its end; all noisy."""
-    signals = steady_mission(4000, velocity=(0.4, 0.0, 0.02), current=current)
-    start = 400
+    signals, truth = measured(4000, current=current)
     depth = signals["measured_depth"]
-    signals["measured_depth"] = np.maximum(depth - depth[start], 0.3)
-    rng = np.random.default_rng(2)
-    for name in ("north", "east"):
-        truth = signals[f"true_{name}"] - signals[f"true_{name}"][0]
-        fixes = np.full(4000, np.nan)
-        for k in (220, 260, 300, 340, 380, 3999):
-            fixes[k] = truth[k] + 12.0 * rng.standard_normal()
-        signals[f"measured_gps_{name}"] = fixes
-    return {n: v for n, v in signals.items() if n.startswith("measured_")}
+    signals["measured_depth"] = np.maximum(depth - depth[400], 0.3)
+    rng, fixes = np.random.default_rng(2), [220, 260, 300, 340, 380, 3999]
+    for name, true in zip(("north", "east"), (truth - truth[0]).T, strict=True):
+        signals[f"measured_gps_{name}"][fixes] = true[fixes] + 12.0 * rng.standard_normal(6)
+    return signals
 
 
 def test_fixes_without_a_dive_between_say_where_it_is_and_nothing_of_the_current():
-    measured = afloat_then_under((0.0, 0.0))
-    navigator = Navigator(Given(0.0, 0.0), latitude=30.0, start=(0.0, 0.0))
-    found = walk(navigator, measured, last=420)
+    signals = afloat_then_under((0.0, 0.0))
+    navigator = navigator_of(Given(0.0, 0.0), start=(0.0, 0.0))
+    found = walk(navigator, signals, last=420)
     current, covariance = navigator.filter.current
     assert np.array_equal(current, (0.0, 0.0))  # the noise of the first fix was 0.1 m/s
     assert covariance[0, 0] > 0.14**2
-    fix = [measured[f"measured_gps_{n}"][380] for n in ("north", "east")]
+    fix = [signals[f"measured_gps_{n}"][380] for n in ("north", "east")]
     assert found[380] == pytest.approx(fix)
     assert navigator.legs == navigator.innovations == []
 
 
 def test_a_dive_is_a_leg_with_what_its_fix_said():
-    measured = afloat_then_under((0.1, -0.05))
-    navigator = Navigator(Given(0.4, 0.0), latitude=30.0, start=(0.0, 0.0))
-    walk(navigator, measured, last=2000)
-    other = Navigator(Given(0.4, 0.0), latitude=30.0, start=(0.0, 0.0))
+    signals = afloat_then_under((0.1, -0.05))
+    navigator, other = (navigator_of(start=(0.0, 0.0)) for _ in range(2))
+    walk(navigator, signals, last=2000)
     other.restore(navigator.state())
     for one in (navigator, other):
-        walk(one, measured, first=2000)
+        walk(one, signals, first=2000)
     (leg,), (said,) = navigator.legs, navigator.innovations
     assert (leg.start, leg.duration) == (380 * PERIOD, (3999 - 380) * PERIOD)
     assert leg.current == pytest.approx((0.1, -0.05), abs=0.02)
@@ -148,36 +146,32 @@ def test_the_filter_begins_with_what_estimator_and_compass_state():
     class Sure(Given):
         deviation = VelocityDeviation(scale=0.004, noise=0.003, memory=90.0)
 
-    filter_ = Navigator(Sure(0.4, 0.0), latitude=30.0, compass=0.7).filter
+    filter_ = navigator_of(Sure(0.4, 0.0), compass=0.7).filter
     assert (filter_.parameters.speed_scale, filter_.parameters.compass) == (0.004, 0.7)
     assert filter_.memory == 90.0
-    measured = afloat_then_under((0.0, 0.0))
+    signals = afloat_then_under((0.0, 0.0))
     spreads = []
     for estimator, compass in ((Sure(0.4, 0.0), 0.7), (Given(0.4, 0.0), None)):
-        navigator = Navigator(estimator, latitude=30.0, compass=compass)
-        for k in range(3900):
-            state = navigator.step({name: float(values[k]) for name, values in measured.items()})
+        navigator = navigator_of(estimator, compass=compass)
+        walk(navigator, signals, last=3899)
+        state = navigator.step({name: float(values[3899]) for name, values in signals.items()})
         spreads.append(np.trace(state.covariance))
     assert spreads[0] < 0.99 * spreads[1]
     with pytest.raises(InputError, match="give it as their `compass`"):
-        Navigator(Given(0.4, 0.0), latitude=30.0, current=CurrentParameters(), compass=0.7)
+        navigator_of(current=CurrentParameters(), compass=0.7)
     with pytest.raises(InputError, match="noise is -1"):
         VelocityDeviation(noise=-1.0)
 
 
 def test_it_goes_on_from_a_saved_state_and_begins_again():
-    signals = steady_mission(900, velocity=(0.4, 0.0, 0.02), turn_rate=0.02)
-    signals["measured_gps_north"][:] = np.nan
-    signals["measured_gps_east"][:] = np.nan
+    signals, _ = measured(900, turn_rate=0.02)
     signals["measured_gps_north"][300], signals["measured_gps_east"][300] = 10.0, 20.0
-    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
-    navigator = Navigator(Given(0.4, 0.01), latitude=30.0)
-    whole = walk(navigator, measured)
+    navigator, other = (navigator_of(Given(0.4, 0.01)) for _ in range(2))
+    whole = walk(navigator, signals)
     navigator.reset()
-    walk(navigator, measured, last=500)
-    other = Navigator(Given(0.4, 0.01), latitude=30.0)
+    walk(navigator, signals, last=500)
     other.restore(navigator.state())
-    assert np.array_equal(walk(other, measured, first=500), whole[500:])
+    assert np.array_equal(walk(other, signals, first=500), whole[500:])
     assert other.estimator.count == 900
 
 
@@ -201,37 +195,29 @@ def locked(signals, current, first, last, outliers=()):
 def test_bottom_lock_of_a_doppler_log_tells_the_current():
     signals = steady_mission(3000, velocity=(0.4, 0.0, 0.02), turn_rate=0.002, current=(0.1, -0.2))
     locked(signals, (0.1, -0.2), 600, 1800, outliers=(700, 950, 1300))
-    measured = {n: v for n, v in signals.items() if n.startswith("measured_") and "gps" not in n}
     truth = np.stack([signals["true_north"], signals["true_east"]], axis=1)
-    navigator = Navigator(Given(0.4, 0.0), latitude=30.0)
-    found = walk(navigator, measured)
+    signals = {n: v for n, v in signals.items() if n.startswith("measured_") and "gps" not in n}
+    found = walk(navigator_of(), signals)
     off = horizontal_error(found, truth)
     assert off[599] == pytest.approx(np.hypot(0.1, 0.2) * 299.5, rel=0.02)
     assert off[1799] - off[720] < 3.0  # 67 m without the log
     assert off[2999] - off[1799] < 0.1 * np.hypot(0.1, 0.2) * 600.0  # the current holds
-    blind = {n: v for n, v in measured.items() if "dvl" not in n}
-    assert (
-        horizontal_error(walk(Navigator(Given(0.4, 0.0), latitude=30.0), blind), truth)[-1] > 300.0
-    )
-    half = Navigator(Given(0.4, 0.0), latitude=30.0)
-    walk(half, measured, last=1000)
-    other = Navigator(Given(0.4, 0.0), latitude=30.0)
+    blind = {n: v for n, v in signals.items() if "dvl" not in n}
+    assert horizontal_error(walk(navigator_of(), blind), truth)[-1] > 300.0
+    half, other = navigator_of(), navigator_of()
+    walk(half, signals, last=1000)
     other.restore(half.state())
-    assert np.array_equal(walk(other, measured, first=1000), found[1000:])
+    assert np.array_equal(walk(other, signals, first=1000), found[1000:])
 
 
 def test_a_slow_estimator_holds_in_between():
-    signals = steady_mission(200)
-    measured = {n: v for n, v in signals.items() if n.startswith("measured_")}
     slow = Given(0.4, 0.0, period=2.0)
-    walk(Navigator(slow, latitude=30.0, period=PERIOD), measured)
+    walk(navigator_of(slow, period=PERIOD), measured(200)[0])
     assert slow.count == 50
     with pytest.raises(InputError, match=r"a sample every 2 s, and there is one every 0.8 s"):
-        Navigator(slow, latitude=30.0, period=0.8)
+        navigator_of(slow, period=0.8)
 
 
 def test_a_sample_without_attitude_is_refused():
     with pytest.raises(InputError, match="no finite measured_heading"):
-        Navigator(Given(0.4, 0.0), latitude=30.0).step(
-            {"measured_depth": 1.0, "measured_roll": 0.0, "measured_pitch": 0.0}
-        )
+        navigator_of().step({"measured_depth": 1.0, "measured_roll": 0.0, "measured_pitch": 0.0})

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
 from physics import (
     added_mass_in_joint_space,
+    fossen_state,
     full_mass,
     glider,
+    held,
     hydrodynamic_wrench,
     set_motion,
     without_water_forces,
     zero_servos,
 )
 
-from twin.fossen import FossenModel, FossenState
-from twin.mission.controller import Schedule
+from twin.fossen import FossenModel
 from twin.physics.mujoco_model import INTEGRATORS
 from twin.physics.native.install import install, uninstall
-from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
@@ -39,14 +41,8 @@ def test_acceleration_is_the_force_over_rigid_plus_added_mass(ratio, integrator)
     vehicle = scaled(ratio)
     model, data = glider(vehicle=vehicle, integrator=integrator, timestep=1e-3)
     zero_servos(model)
-    set_motion(
-        data,
-        roll=0.3,
-        pitch=-0.5,
-        heading=2.0,
-        velocity=(0.3, -0.1, 0.2),
-        rates=(0.02, -0.03, 0.05),
-    )
+    moving = {"velocity": (0.3, -0.1, 0.2), "rates": (0.02, -0.03, 0.05)}
+    set_motion(data, roll=0.3, pitch=-0.5, heading=2.0, **moving)
     mujoco.mj_forward(model, data)
     with_added = full_mass(model, data)
     force = data.qfrc_smooth.copy()
@@ -68,20 +64,15 @@ def test_stiff_servos_approach_the_locked_composite(ratio):
     """Released at rest, the hull moves as if the battery were bolted to it, as dt shrinks."""
     vehicle = scaled(ratio)
     actuators = (0.02, 0.4, -290.0)
-    schedule = Schedule(times=[0.0], commands=[actuators])
-    state = FossenState(position_ned=(0, 0, 1000.0), actuators=actuators)
-    locked = FossenModel(vehicle).simulate(state, schedule, 4.0, dt=0.01, sample_period=1.0)
+    start = Start(depth=1000.0, actuators=actuators)
+    given = held(vehicle, actuators, 4.0, start=start, sample_period=1.0)
+    locked = FossenModel(vehicle).simulate(
+        fossen_state(start), given.mission, 4.0, dt=0.01, sample_period=1.0
+    )
     errors = []
     for timestep in (0.1, 0.05, 0.025):
-        scenario = Scenario(
-            vehicle=vehicle,
-            mission=schedule,
-            duration=4.0,
-            start=Start(depth=1000.0, actuators=actuators),
-            timestep=timestep,
-            sample_period=1.0,
-        )
-        errors.append(np.abs(simulate(scenario).v_rel - locked.v_rel).max())
+        flown = simulate(dataclasses.replace(given, timestep=timestep))
+        errors.append(np.abs(flown.v_rel - locked.v_rel).max())
     moved = np.abs(locked.v_rel).max()
     assert errors[0] < 2e-3 * moved
     assert errors[1] < 0.6 * errors[0]
@@ -129,13 +120,10 @@ def test_finite_difference_linearisation_leaves_the_state_alone():
 def test_added_mass_does_no_net_work():
     """Drag-free and neutral, the energy of body plus entrained water stays constant."""
     vehicle = without_water_forces()
-    schedule = Schedule(times=[0.0], commands=[[0.0, 0.0, 0.0]])
     start = Start(depth=1000.0, pitch=-0.2, v_rel=(0.5, 0.02, 0.05), rates=(0.02, 0.05, -0.04))
     energies = {}
     for timestep in (0.02, 0.01):
-        scenario = Scenario(
-            vehicle=vehicle, mission=schedule, duration=10.0, start=start, timestep=timestep
-        )
+        scenario = held(vehicle, (0.0, 0.0, 0.0), 10.0, start=start, timestep=timestep)
         energies[timestep] = kinetic_and_potential(vehicle, simulate(scenario))
     coarse, fine = (np.abs(e / e[0] - 1).max() for e in energies.values())
     # a tumbling hull: the drift is the integrator's, and vanishes with the step

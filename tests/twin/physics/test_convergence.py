@@ -11,11 +11,13 @@ import warnings
 
 import numpy as np
 import pytest
+from physics import fossen_state, reference
 
 from twin.errors import InaccurateStep
-from twin.fossen import FossenModel, FossenState
+from twin.fossen import FossenModel
 from twin.mission.controller import Schedule
 from twin.physics.model_block import header
+from twin.physics.mujoco_model import compile_model
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
@@ -41,17 +43,9 @@ def start(commands) -> Start:
 
 def truth(commands, *, vehicle=VEHICLE, duration=DURATION):
     """Velocity through the water (time, 3) of the independent model at a tight tolerance."""
-    begin = start(commands)
-    state = FossenState(
-        position_ned=(0.0, 0.0, begin.depth),
-        attitude=(begin.roll, begin.pitch, begin.heading),
-        v_rel=begin.v_rel,
-        actuators=begin.actuators,
-    )
     schedule = Schedule(times=TIMES[: len(commands)], commands=commands)
-    return FossenModel(vehicle).simulate(
-        state, schedule, duration, sample_period=SAMPLE, method="dop853"
-    )
+    state = fossen_state(start(commands))
+    return reference(FossenModel(vehicle), state, schedule, duration, sample_period=SAMPLE)
 
 
 def fly(
@@ -78,8 +72,6 @@ def fly(
 
 
 def test_shipped_timestep_is_the_one_tested():
-    from twin.physics.mujoco_model import compile_model
-
     assert compile_model("glider", lean=True).opt.timestep == SHIPPED
 
 
@@ -95,10 +87,10 @@ def test_error_falls_at_the_order_of_the_scheme(centred, solved, order, rotation
     Below some 4e-6 m/s the servos that hold the battery end the agreement.
     """
     commands = pumped(rotation)
-    reference = truth(commands)
+    exact = truth(commands)
     steps = (0.4, 0.2, 0.1)
     errors = [
-        np.abs(fly(commands, step, centred=centred, solved=solved).v_rel - reference.v_rel).max()
+        np.abs(fly(commands, step, centred=centred, solved=solved).v_rel - exact.v_rel).max()
         for step in steps
     ]
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
@@ -118,9 +110,9 @@ def test_shipped_step_is_within_a_tenth_of_a_percent_of_the_true_speed():
         **{part.name: {"rate": part.rate / 16, "lag": part.lag * 16} for part in VEHICLE.parts}
     )
     for commands, vehicle in ((pumped(0.0), VEHICLE), (pumped(0.5), VEHICLE), (moving, slow)):
-        reference = truth(commands, vehicle=vehicle)
+        exact = truth(commands, vehicle=vehicle)
         flown = fly(commands, SHIPPED, vehicle=vehicle)
-        np.testing.assert_allclose(np.linalg.norm(flown.v_rel, axis=1), reference.speed, rtol=1e-3)
+        np.testing.assert_allclose(np.linalg.norm(flown.v_rel, axis=1), exact.speed, rtol=1e-3)
 
 
 def test_steady_state_does_not_depend_on_the_step():

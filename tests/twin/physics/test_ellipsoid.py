@@ -22,14 +22,9 @@ def test_still_water_wrench_equals_mujocos_fluid(vehicle):
     model, data = glider(vehicle=vehicle, hydrodynamics="ellipsoid")
     rng = np.random.default_rng(3)
     for _ in range(10):
-        motion = {
-            "roll": rng.uniform(-1, 1),
-            "pitch": rng.uniform(-1, 1),
-            "heading": rng.uniform(-3, 3),
-            "velocity": rng.normal(0, 0.3, 3),
-            "rates": rng.normal(0, 0.2, 3),
-        }
-        set_motion(data, **motion)
+        roll, pitch, heading = rng.uniform(-1, 1, 3) * [1.0, 1.0, 3.0]
+        velocity, rates = rng.normal(0, 0.3, 3), rng.normal(0, 0.2, 3)
+        set_motion(data, roll=roll, pitch=pitch, heading=heading, velocity=velocity, rates=rates)
         ours = hydrodynamic_wrench(model, data)
         to_body = data.body("hull").xmat.reshape(3, 3).T
         v = flip_vector(to_body @ data.qvel[:3])

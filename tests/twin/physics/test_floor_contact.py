@@ -14,8 +14,7 @@ from twin.errors import FloorError, InputError, MissionError, VehicleError
 from twin.mission import Mission, SawTooth
 from twin.mission.controller import MissionController
 from twin.physics.fleet import Fleet
-from twin.physics.lookup_tables import Tables
-from twin.physics.model_block import write_tables
+from twin.physics.model_block import Tables, write_tables
 from twin.physics.mujoco_model import compile_model
 from twin.physics.scenario import Scenario, Start, scenario_from_dict
 from twin.physics.simulation import Simulation, simulate

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from physics import held
 
 import twin
 from twin.errors import InputError, VehicleError
 from twin.fossen import FossenModel, FossenState
 from twin.mission.controller import Schedule
-from twin.physics.ballast import Ballast, weighed
 from twin.physics.native.hydrodynamics import immersion
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
-from twin.physics.start import Start
+from twin.physics.start import Ballast, Start, weighed
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.density import DensityProfile
 
@@ -28,30 +28,20 @@ DIVE = (0.02, 0.0, VEHICLE.pump_for_net_mass(0.3))
 
 def fly(vehicle, *, duration=900.0, depth=20.0, density=WATER, command=DIVE, ballast=None):
     start = Start(depth=depth, pitch=-0.55, v_rel=(0.4, 0.0, 0.01), actuators=command)
-    plan = Schedule(times=[0.0], commands=[command])
-    return simulate(
-        Scenario(
-            vehicle=vehicle, mission=plan, duration=duration, start=start, density=density,
-            ballast=ballast,
-        )
-    )  # fmt: skip
+    water = {"density": density, "ballast": ballast}
+    return simulate(held(vehicle, command, duration, start=start, **water))
 
 
-def fossen(vehicle, *, duration=900.0):
+def test_a_cooling_hull_sinks_alike_in_both_models():
     model = FossenModel(
-        vehicle,
-        density=(WATER.depth, WATER.values),
-        temperature=(WATER.depth, WATER.temperature),
+        SOFT, density=(WATER.depth, WATER.values), temperature=(WATER.depth, WATER.temperature)
     )
     state = FossenState(
         position_ned=(0.0, 0.0, 20.0), attitude=(0.0, -0.55, 0.0), v_rel=(0.4, 0.0, 0.01),
         actuators=DIVE,
     )  # fmt: skip
-    return model.simulate(state, Schedule(times=[0.0], commands=[DIVE]), duration)
-
-
-def test_a_cooling_hull_sinks_alike_in_both_models():
-    warm, cold, theirs = fly(VEHICLE), fly(SOFT), fossen(SOFT)
+    theirs = model.simulate(state, Schedule(times=[0.0], commands=[DIVE]), 900.0)
+    warm, cold = fly(VEHICLE), fly(SOFT)
     assert cold["true_depth"][-1] - warm["true_depth"][-1] > 5.0  # it matters
     np.testing.assert_allclose(cold.position, theirs.position_ned, atol=0.05)
     np.testing.assert_allclose(cold.v_rel, theirs.v_rel, atol=2e-5)
@@ -85,15 +75,10 @@ def test_without_a_known_temperature_the_hull_keeps_its_reference():
 @pytest.mark.parametrize("depth", [0.0, 60.0, 250.0])
 def test_ballasted_at_a_depth_it_hangs_there(depth):
     """With its pump at neutral it drifts by less than a metre in ten minutes."""
-    start = Start(depth=max(depth, 2.0))
-    plan = Schedule(times=[0.0], commands=[(0.0, 0.0, 0.0)])
-    run = simulate(
-        Scenario(
-            vehicle=SOFT, mission=plan, duration=600.0, start=start, density=WATER,
-            ballast=Ballast(depth=max(depth, 2.0)),
-        )
-    )  # fmt: skip
-    assert np.abs(run["true_depth"] - max(depth, 2.0)).max() < 1.0
+    there = max(depth, 2.0)
+    weighed = {"density": WATER, "ballast": Ballast(depth=there)}
+    run = simulate(held(SOFT, (0.0, 0.0, 0.0), 600.0, start=Start(depth=there), **weighed))
+    assert np.abs(run["true_depth"] - there).max() < 1.0
     assert abs(run["true_net_mass"][0]) < 2e-3
 
 
@@ -117,16 +102,14 @@ def test_the_public_face_takes_them():
 
 
 def test_impossible_weights_are_refused():
-    for mass in (9.0, 300.0, float("nan")):
-        with pytest.raises(InputError, match=r"has 65.28 kg"):
-            weighed(VEHICLE, mass=mass)
-    for depth in (-1.0, 2e4, float("nan")):
-        with pytest.raises(InputError, match="from 0 to 11000 m"):
-            weighed(VEHICLE, ballast_at=depth)
-    with pytest.raises(VehicleError, match=r"must be from 0 to 1e-08"):
-        weighed(VEHICLE, compressibility=4e-6)
-    with pytest.raises(VehicleError, match="hull_compressibility"):
-        weighed(VEHICLE, compressibility=-1e-10)
+    for said, name, values in (
+        (r"has 65.28 kg", "mass", (9.0, 300.0, float("nan"))),
+        ("from 0 to 11000 m", "ballast_at", (-1.0, 2e4, float("nan"))),
+        ("hull_compressibility must be from 0 to 1e-08", "compressibility", (4e-6, -1e-10)),
+    ):
+        for value in values:
+            with pytest.raises(InputError, match=said):
+                weighed(VEHICLE, **{name: value})
     with pytest.raises(InputError, match="either a depth or a volume"):
         Ballast()
     for field, value in (("hull_thermal_expansion", -1e-5), ("hull_thermal_lag", 0.0)):
@@ -137,9 +120,7 @@ def test_impossible_weights_are_refused():
 def test_a_compressible_hull_flies_in_water_that_is_compressed_too():
     """A deep glider comes back from 900 m; in water of one density it would sink for good."""
     deep = load_vehicle("slocum-1000")
-    scenario = Scenario(
-        vehicle=deep, mission=Schedule(times=[0.0], commands=[deep.rest]), duration=1.0
-    )
+    scenario = held(deep, deep.rest, 1.0)
     assert scenario.density.density(1000.0) == pytest.approx(1029.5, abs=0.5)
     constant = DensityProfile.constant(deep.reference_density)
     kept = Scenario(vehicle=deep, density=constant, duration=1.0, mission=scenario.mission)

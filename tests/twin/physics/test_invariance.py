@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from physics import glider, hydrodynamic_wrench, set_motion
 
+from twin.frames import euler_to_matrix
 from twin.mission.controller import Schedule
-from twin.physics.lookup_tables import Tables
-from twin.physics.model_block import write_tables
+from twin.physics.model_block import Tables, write_tables
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
@@ -84,10 +82,8 @@ def test_shear_pushes_through_the_added_mass():
     # zero at the glider's depth, so only its rate acts
     write_tables(model, Tables(current=current.compile(100.0)))
     sheared = hydrodynamic_wrench(model, data)
-    from twin.frames import euler_to_matrix
-
-    rate = euler_to_matrix(0.0, -0.5, 0.7).T @ np.array([gradient * down, 0.0, 0.0])
     r = euler_to_matrix(0.0, -0.5, 0.7)
+    rate = r.T @ np.array([gradient * down, 0.0, 0.0])
     field = np.zeros((3, 3))
     field[0, 2] = gradient
     g = r.T @ field @ r
@@ -101,70 +97,3 @@ def test_shear_pushes_through_the_added_mass():
     expected[:3] -= g.T @ h[:3]
     expected[3:] -= np.cross(twist[:3], h[:3] - (VEHICLE.added_mass @ twist)[:3])
     np.testing.assert_allclose(sheared - still, expected, rtol=1e-9, atol=1e-12)
-
-
-@settings(max_examples=200, deadline=None)
-@given(
-    speed=st.floats(0.1, 1.0),
-    alpha=st.floats(-10, 10),
-    beta=st.floats(-10, 10),
-    rates=st.tuples(*[st.floats(-0.05, 0.05)] * 3),
-)
-def test_the_water_takes_power_inside_the_identified_range(speed, alpha, beta, rates):
-    drag, total = power(speed, math.radians(alpha), math.radians(beta), rates)
-    assert drag <= 0.0
-    assert total <= 0.0
-
-
-@settings(max_examples=200, deadline=None)
-@given(alpha=st.floats(-180, 180), beta=st.floats(-89, 89), speed=st.floats(0.0, 2.0))
-def test_drag_power_is_never_positive(alpha, beta, speed):
-    drag, _ = power(speed, math.radians(alpha), math.radians(beta), (0.0, 0.0, 0.0))
-    assert drag <= 1e-12
-
-
-@settings(max_examples=200, deadline=None)
-@given(
-    alpha=st.floats(20, 160),
-    beta=st.floats(-89, 89),
-    rates=st.tuples(*[st.floats(-1, 1)] * 3),
-)
-def test_rate_damping_outside_the_range_always_damps(alpha, beta, rates):
-    v = flow(0.5, math.radians(alpha), math.radians(beta))
-    moving = np.array(native_wrench(VALUES, DENSITY, *v, *rates))
-    still = np.array(native_wrench(VALUES, DENSITY, *v, 0.0, 0.0, 0.0))
-    assert (moving - still)[3:] @ np.array(rates) <= 1e-12
-
-
-def flow(speed, alpha, beta):
-    return (
-        speed * math.cos(alpha) * math.cos(beta),
-        speed * math.sin(beta),
-        speed * math.sin(alpha) * math.cos(beta),
-    )
-
-
-def power(speed, alpha, beta, rates):
-    """Power [W] of the force alone and of force and moment, identified law."""
-    v = flow(speed, alpha, beta)
-    wrench = np.array(native_wrench(VALUES, DENSITY, *v, *rates))
-    linear = float(wrench[:3] @ np.array(v))
-    return linear, linear + float(wrench[3:] @ np.array(rates))
-
-
-def test_identified_law_holds_as_printed_up_to_ten_degrees():
-    """Zhang et al. (2013): forces in the flow frame are (-D, SF, -L)."""
-    alpha, beta, speed = math.radians(9.9), math.radians(-9.9), 0.5
-    wrench = np.array(native_wrench(VALUES, DENSITY, *flow(speed, alpha, beta), 0.0, 0.0, 0.0))
-    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
-    to_body = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
-    in_flow = to_body.T @ wrench[:3] / speed**2
-    np.testing.assert_allclose(
-        in_flow,
-        [-(7.19 + 386.29 * alpha**2), -115.65 * beta, -(-0.36 + 440.99 * alpha)],
-        rtol=1e-12,
-    )
-    moments = to_body.T @ wrench[3:] / speed**2
-    np.testing.assert_allclose(
-        moments, [-58.27 * beta, 0.28 - 65.84 * alpha, 34.10 * beta], rtol=1e-12
-    )

@@ -14,7 +14,6 @@ import pytest
 from patience import HANG_S
 
 ROOT = Path(__file__).parents[3]
-
 COMMON = """
 import copy, gc, pickle, sys, threading
 import mujoco, numpy as np
@@ -44,36 +43,24 @@ def litter():
     gc.collect()
     return [np.full(1 << k, np.nan) for k in range(4, 18) for _ in range(8)]
 """
-
 PROGRAMS = {
-    "the model of a simulation that is gone": """
-model = Simulation(Scenario(mission=load_mission("default"), duration=600.0)).model
-held = litter()
-data = mujoco.MjData(model)
-mujoco.mj_step(model, data, nstep=6000)
-kept = Simulation(Scenario(mission=load_mission("default"), duration=600.0))
-other = mujoco.MjData(kept.model)
-mujoco.mj_step(kept.model, other, nstep=6000)
-assert np.isfinite(data.qpos).all()
-assert data.qpos[2] < -10.0  # it dives: the mission is there
-np.testing.assert_array_equal(data.qpos, other.qpos)
-np.testing.assert_array_equal(data.userdata, other.userdata)
-""",
     "model and data of a simulation that is gone": """
 def parts():
     simulation = Simulation(scenario())
     return simulation.model, simulation.data
 model, data = parts()
 held = litter()
+other = mujoco.MjData(model)
 expected = Simulation(scenario())
 np.testing.assert_array_equal(flown(model, data), flown(expected.model, expected.data))
+flown(model, other, 6000)
+assert other.qpos[2] < -10.0  # it dives: the mission is there
 """,
-    "copies": """
+    "copies and pickles": """
 original = Simulation(scenario())
 flown(original.model, original.data, 100)
-twins = []
-for copied in (copy.copy, copy.deepcopy):
-    twins.append((copied(original.model), copied(original.data)))
+ways = (copy.copy, copy.deepcopy, lambda owner: pickle.loads(pickle.dumps(owner)))
+twins = [(copied(original.model), copied(original.data)) for copied in ways]
 for twin in twins:
     np.testing.assert_array_equal(twin[0].numeric_data, original.model.numeric_data)
 expected = flown(original.model, original.data)
@@ -81,15 +68,6 @@ del original
 held = litter()
 for twin in twins:
     np.testing.assert_array_equal(flown(*twin), expected)
-""",
-    "pickles": """
-original = Simulation(scenario())
-flown(original.model, original.data, 100)
-text = pickle.dumps((original.model, original.data))
-expected = flown(original.model, original.data)
-del original
-held = litter()
-np.testing.assert_array_equal(flown(*pickle.loads(text)), expected)
 """,
     "a second run on the same model": """
 simulation = Simulation(scenario())
@@ -147,7 +125,6 @@ np.testing.assert_array_equal(twin.data.qpos, expected.data.qpos)
 np.testing.assert_array_equal(twin.data.userdata, expected.data.userdata)
 """,
 }
-
 GARBAGE = """
 FIXED = [np.nan, np.inf, -np.inf, 1e300, -1e300, -1.0, 0.5, 3e9, -3e9, 2.0**62, 1e18, 5e-324, 0.0]
 
@@ -176,7 +153,6 @@ whole, started = simulation.model, simulation.data
 tally = {"stepped": 0, "refused": 0}
 rng = np.random.default_rng(SEED)
 """
-
 GARBAGE_PROGRAMS = {
     "one field of the header": """
 places = np.arange(b.HEADER_WORDS)

@@ -8,14 +8,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from physics import fly_both as both
+from physics import without_water_forces
 
 from twin import seams
 from twin.compiled import jit
-from twin.fossen import FossenModel, FossenState
 from twin.fossen.equations import mass_distribution
 from twin.fossen.forces import parameters_of
 from twin.mission import Mission, SawTooth
-from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.physics.start import Start
@@ -67,36 +67,21 @@ def linear_kind():
     seams.CURRENTS.unregister(Linear.kind)
 
 
-def bare(vehicle: Vehicle = VEHICLE, **changes: Any) -> Vehicle:
+def bare(**changes: Any) -> Vehicle:
     """The vehicle without a force of its law, its CG in the CB."""
-    battery = vehicle.battery
+    battery = VEHICLE.battery
     moment = battery.mass * np.array([battery.neutral_x, 0.0, battery.eccentricity])
-    return vehicle.replace(
-        static_cg=-moment / vehicle.static_mass,
-        drag=(0.0, 0.0), lift=(0.0, 0.0), side_force=(0.0,), roll_moment=(0.0, 0.0),
-        pitch_moment=(0.0, 0.0, 0.0), yaw_moment=(0.0, 0.0), **changes,
-    )  # fmt: skip
+    return without_water_forces(VEHICLE).replace(static_cg=-moment / VEHICLE.static_mass, **changes)
 
 
-def fly_both(vehicle, start, current, duration, command=NEUTRAL, timestep=0.1):
+def fly_both(vehicle, start, current, duration, command=NEUTRAL):
     """(MuJoCo's trajectory, Fossen's) with one command held."""
-    plan = Schedule(times=[0.0], commands=[command])
-    ours = simulate(
-        Scenario(
-            vehicle=vehicle, mission=plan, duration=duration, start=start, current=current,
-            timestep=timestep,
-        )
-    )  # fmt: skip
-    state = FossenState(
-        position_ned=(start.north, start.east, start.depth),
-        attitude=(start.roll, start.pitch, start.heading),
-        v_rel=start.v_rel, rates=start.rates, actuators=start.actuators,
-    )  # fmt: skip
-    program = None if current is None else current.compile(duration)
-    theirs = FossenModel(vehicle, current_program=program).simulate(
-        state, plan, duration, sample_period=float(ours.time[1] - ours.time[0])
-    )
-    return ours, theirs
+    return both(vehicle, start, command, duration, current=current)
+
+
+def place_of(found):
+    """Places NED [m], shape (time, 3), of either model."""
+    return found.position if hasattr(found, "position") else found.position_ned
 
 
 CURRENTS = (
@@ -175,9 +160,7 @@ def test_a_neutral_sphere_in_a_strain_flow_moves_as_taylor_has_it(added):
     """
     sphere = added * VEHICLE.mass * np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     vehicle = bare(added_mass=sphere)
-    flow = Linear(
-        centre=(0.0, 0.0, 300.0), gradient=(STRAIN, 0, 0, 0, -STRAIN, 0, 0, 0, 0)
-    )  # fmt: skip
+    flow = Linear(centre=(0.0, 0.0, 300.0), gradient=(STRAIN, 0, 0, 0, -STRAIN, 0, 0, 0, 0))
     start = Start(north=5.0, east=-8.0, depth=300.0, heading=0.7, v_rel=(0.2, -0.1, 0.0))
     over_ground = start.v_rel[0] * np.array([np.cos(0.7), np.sin(0.7)])
     over_ground += start.v_rel[1] * np.array([-np.sin(0.7), np.cos(0.7)])
@@ -186,7 +169,7 @@ def test_a_neutral_sphere_in_a_strain_flow_moves_as_taylor_has_it(added):
         t = STRAIN * found.time
         north = 5.0 * np.cosh(t) + over_ground[0] / STRAIN * np.sinh(t)
         east = -8.0 * np.cosh(t) + over_ground[1] / STRAIN * np.sinh(t)
-        place = found.position if hasattr(found, "position") else found.position_ned
+        place = place_of(found)
         np.testing.assert_allclose(place[:, 0], north, atol=tolerance * np.abs(north).max())
         np.testing.assert_allclose(place[:, 1], east, atol=tolerance * np.abs(east).max())
 
@@ -198,7 +181,7 @@ def test_a_neutral_spheroid_along_a_strain_flow_follows_the_same_law(heading):
     vehicle = bare(added_mass=np.diag([3.0, 60.0, 60.0, 0.0, 8.0, 8.0]))
     start = Start(north=10.0, depth=300.0, heading=heading)
     for found in fly_both(vehicle, start, flow, 60.0):
-        place = found.position if hasattr(found, "position") else found.position_ned
+        place = place_of(found)
         expected = 10.0 * np.exp(STRAIN * found.time)
         np.testing.assert_allclose(place[:, 0], expected, rtol=1e-4)
         assert np.abs(found.v_rel).max() < 1e-4
@@ -213,16 +196,13 @@ def test_a_neutral_hull_turns_with_water_that_turns_as_a_whole():
     flow = Linear(centre=(0.0, 0.0, 300.0), gradient=(0, -spin, 0, spin, 0, 0, 0, 0, 0))
     start = Start(north=50.0, depth=300.0, heading=np.pi / 2, rates=(0.0, 0.0, spin))
     for found in fly_both(VEHICLE, start, flow, 360.0):
-        place = found.position if hasattr(found, "position") else found.position_ned
+        place = place_of(found)
         angle = spin * found.time
         circle = 50.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         assert np.abs(place[:, :2] - circle).max() < 0.05
         assert np.abs(found.v_rel).max() < 2e-4
-        heading = (
-            found.attitude[:, 2]
-            if hasattr(found, "attitude")
-            else np.deg2rad(found["true_heading"])
-        )
+        ours = not hasattr(found, "attitude")
+        heading = np.deg2rad(found["true_heading"]) if ours else found.attitude[:, 2]
         turned = np.unwrap(heading) - heading[0]
         np.testing.assert_allclose(turned, angle, atol=np.deg2rad(0.5))
 

@@ -165,37 +165,31 @@ def test_a_scenario_of_an_earlier_version_is_read() -> None:
 
 
 @pytest.mark.parametrize("ending", [".zarr", ".nc"])
-def test_stores_hold_the_place_and_give_it_back(tmp_path: Path, ending: str) -> None:
-    run = twin.simulate(mission=YO, start=PLACE, duration=30.0)
-    path = run.save(tmp_path / f"run{ending}")
-    again = twin.open_trajectory(path)
-    for name in ("start_latitude", "start_longitude", "start_time"):
-        assert again.provenance[name] == run.provenance[name], name
-    latitude, longitude = again.geographic_position()
-    assert latitude[0] == pytest.approx(49.0, abs=1e-9)
-    assert longitude[-1] != longitude[0]
-    if ending == ".zarr":
-        store = twin.open_store(path)
-        assert store["start_time"].values[0] == np.datetime64("2003-08-01T00:00")
-        assert store["start_latitude"].attrs["units"] == "degree_north"
-    assert again.to_xarray()["datetime"].values[-1] == np.datetime64("2003-08-01T00:00:30")
-
-
-@pytest.mark.parametrize("ending", [".zarr", ".nc"])
-def test_without_a_place_the_default_stands_and_is_called_one(tmp_path: Path, ending: str) -> None:
-    run = twin.simulate(mission=YO, duration=30.0)
-    assert run.provenance["start_nominal"] == "place and date"
+@pytest.mark.parametrize("given", [True, False])
+def test_stores_hold_the_place_and_give_it_back(tmp_path: Path, ending: str, given: bool) -> None:
+    run = twin.simulate(mission=YO, duration=30.0, **({"start": PLACE} if given else {}))
+    assert run.provenance.get("start_nominal") == (None if given else "place and date")
     path = run.save(tmp_path / f"run{ending}")
     again = twin.open_trajectory(path)
     for name in ("start_latitude", "start_longitude", "start_time", "start_nominal"):
-        assert again.provenance[name] == run.provenance[name], name
-    assert again.to_xarray().attrs["start_nominal"] == "place and date"
+        assert again.provenance.get(name) == run.provenance.get(name), name
+    latitude, longitude = again.geographic_position()
+    begin = np.datetime64("2003-08-01" if given else "2020-01-01", "ns")
+    assert latitude[0] == pytest.approx(49.0 if given else 36.8, abs=1e-9 if given else 1e-4)
+    assert longitude[-1] != longitude[0]
+    assert again.to_xarray()["datetime"].values[-1] == begin + np.timedelta64(30, "s")
+    assert again.to_xarray().attrs.get("start_nominal") == run.provenance.get("start_nominal")
     with xr.open_dataset(path, **({"engine": "zarr"} if ending == ".zarr" else {})) as store:
-        flag = store["start_nominal"]
-        words = flag.attrs["flag_meanings"].split()
-        assert words[int(flag[0])] == "place_and_date"
-        assert float(store["latitude"][0, 0]) == pytest.approx(36.8, abs=1e-4)
-        assert store["datetime"].values[0, 0] == np.datetime64("2020-01-01")
+        assert store["datetime"].values[0, 0] == begin
+        assert store["start_latitude"].attrs["units"] == "degree_north"
+        if not given:
+            flag = store["start_nominal"]
+            words = flag.attrs["flag_meanings"].split()
+            assert words[int(flag[0])] == "place_and_date"
+            assert float(store["latitude"][0, 0]) == pytest.approx(36.8, abs=1e-4)
+
+
+def test_a_place_without_a_date_leaves_the_date_nominal() -> None:
     said = twin.simulate(mission=YO, start={"latitude": 49.0, "longitude": -16.0}, duration=30.0)
     assert said.provenance["start_nominal"] == "date"
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from physics import fly_both as both
 
 from twin.errors import SimulationUnstable, VehicleError
-from twin.fossen import FossenModel, FossenState, FossenTrajectory
+from twin.fossen import FossenModel, FossenState
 from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario, Start
-from twin.physics.simulation import simulate
+from twin.physics.simulation import Simulation, simulate
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
-from twin.water.current.base import Current
 from twin.water.current.profile import Profile
 from twin.water.current.tide import TidalEllipse, Tide
 from twin.water.density import DensityProfile
@@ -25,34 +26,10 @@ NEUTRAL = (0.0, 0.0, 0.0)
 HEAVY = (0.02, 0.3, VEHICLE.pump_for_net_mass(0.3))
 
 
-def fly_both(
-    start: Start,
-    commands=NEUTRAL,
-    *,
-    duration: float,
-    vehicle: Vehicle = VEHICLE,
-    current: Current | None = None,
-    timestep: float = 0.1,
-    sample_period: float = 1.0,
-) -> tuple[Trajectory, FossenTrajectory]:
-    """One command held for `duration` [s] by the twin and by the Fossen model."""
-    schedule = Schedule(times=[0.0], commands=[commands])
-    program = None if current is None else current.compile(duration)
-    state = FossenState(
-        position_ned=(start.north, start.east, start.depth),
-        attitude=(start.roll, start.pitch, start.heading),
-        v_rel=start.v_rel,
-        rates=start.rates,
-        actuators=start.actuators,
-    )
-    scenario = Scenario(
-        vehicle=vehicle, mission=schedule, duration=duration, start=start, current=current,
-        timestep=timestep, sample_period=sample_period,
-    )  # fmt: skip
-    theirs = FossenModel(vehicle, current_program=program).simulate(
-        state, schedule, duration, sample_period=sample_period
-    )
-    return simulate(scenario), theirs
+def fly_both(start: Start, commands=NEUTRAL, *, vehicle: Vehicle = VEHICLE, **options):
+    """`physics.fly_both`, of the glider and in samples of a second by default."""
+    options = {"sample_period": 1.0, **options}
+    return both(vehicle, start, commands, options.pop("duration"), **options)
 
 
 def rates(trajectory: Trajectory) -> np.ndarray:
@@ -155,51 +132,10 @@ def test_a_command_beyond_the_travel_is_one_to_its_end(command):
     """It approaches the end at its lag (docs/physics/equations.md) and does not slam into it."""
     end = np.clip(command, VEHICLE.actuator_min, VEHICLE.actuator_max)
     start = Start(depth=300.0)
-    far, _ = fly_both(start, command, duration=20.0)
+    far, theirs = fly_both(start, command, duration=20.0)
     near, _ = fly_both(start, tuple(end), duration=20.0)
     np.testing.assert_array_equal(far.states[:, 17:20], near.states[:, 17:20])
-
-
-@pytest.mark.parametrize("command", BEYOND)
-def test_both_models_take_a_command_beyond_the_travel_alike(command):
-    ours, theirs = fly_both(Start(depth=300.0), command, duration=20.0)
-    np.testing.assert_allclose(ours.states[:, 17:20], theirs.actuators, rtol=0.02, atol=1e-4)
-
-
-def off_axis(position: str) -> Vehicle:
-    """The glider with its battery's body moved off the hull's axis (hull axes, y port, z up)."""
-    old = '<body name="battery" pos="0.4016 0 0">'
-    assert old in VEHICLE.xml
-    text = VEHICLE.xml.replace(old, f'<body name="battery" pos="{position}">')
-    return parse_vehicle(text, VEHICLE.path)
-
-
-def test_a_battery_beside_the_axis_is_refused_or_flown_alike():
-    try:
-        vehicle = off_axis("0.4016 0.02 0")
-    except VehicleError:
-        return
-    start = Start(depth=300.0, pitch=-0.4, v_rel=(0.4, 0.0, 0.0), actuators=HEAVY)
-    ours, theirs = fly_both(start, HEAVY, duration=60.0, vehicle=vehicle)
-    assert np.abs(ours.v_rel - theirs.v_rel).max() < 1e-3
-
-
-@pytest.mark.parametrize("height", [0.02, -0.02])
-def test_a_battery_above_or_below_the_axis_turns_about_its_own_joint(height):
-    """MuJoCo's own kinematics of the file are what `battery.position` must say, or it refuses."""
-    import mujoco
-
-    try:
-        vehicle = off_axis(f"0.4016 0 {height}")
-    except VehicleError:
-        return
-    model = mujoco.MjModel.from_xml_string(vehicle.xml)
-    data = mujoco.MjData(model)
-    data.qpos[7:9] = 0.013, 0.7
-    mujoco.mj_forward(model, data)
-    found = data.body("battery").xipos - data.body("hull").xpos
-    expected = vehicle.battery.position(0.013, 0.7) * [1.0, -1.0, -1.0]
-    np.testing.assert_allclose(found, expected, atol=1e-9)
+    np.testing.assert_allclose(far.states[:, 17:20], theirs.actuators, rtol=0.02, atol=1e-4)
 
 
 def test_a_run_that_leaves_physics_but_stays_finite_is_told():
@@ -227,10 +163,6 @@ def test_drag_and_damping_that_drive_are_refused(changes):
 
 def test_the_battery_is_where_its_command_has_led_it():
     """No trail behind what lag and rate give: 10 ms of it were 0.2 mm at 20 mm/s."""
-    import mujoco
-
-    from twin.physics.simulation import Simulation
-
     plan = Schedule(times=[0.0, 5.0], commands=[NEUTRAL, (0.04, 1.0, 0.0)])
     run = Simulation(
         Scenario(vehicle=VEHICLE, mission=plan, duration=20.0, start=Start(depth=300.0))

@@ -1,7 +1,5 @@
 """Who asks an object storage, and what is said when it does not answer: one line, and soon."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re
@@ -9,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,8 +14,8 @@ from s3 import PACKAGES, s3_server
 
 from twin.errors import InputError
 from twin.records.storage import object_storage
-from twin.records.storage.object_storage import ObjectFiles, files_at
-from twin.records.storage.store_path import Url, store_path
+from twin.records.storage.object_storage import ObjectFiles
+from twin.records.storage.store_path import Url, files_at, store_path
 
 pytest.importorskip("obstore", reason='needs pip install "glider-twin[cloud]"')
 
@@ -34,7 +31,7 @@ SOON_S = 150.0
 
 
 @pytest.fixture(autouse=True)
-def _nothing_in_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+def _nothing_in_the_environment(monkeypatch, tmp_path):
     for name in os.environ:
         if name.startswith(("AWS_", "GOOGLE_", "AZURE_")):
             monkeypatch.delenv(name)
@@ -46,7 +43,7 @@ def _nothing_in_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     object_storage._read_profile.cache_clear()
 
 
-def told(address: str, error: type[Exception]) -> str:
+def told(address, error):
     """What reading below an address says, in one line and soon."""
     begun = time.monotonic()
     with pytest.raises(error) as found:
@@ -58,12 +55,12 @@ def told(address: str, error: type[Exception]) -> str:
     return text
 
 
-def with_environment(monkeypatch: pytest.MonkeyPatch, values: dict[str, str]) -> None:
+def with_environment(monkeypatch, values):
     for name, text in values.items():
         monkeypatch.setenv(name, text)
 
 
-def test_a_missing_bucket_and_a_missing_object_differ(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_bucket_and_a_missing_object_differ(monkeypatch):
     with s3_server() as environment:
         with_environment(monkeypatch, environment)
         assert "the storage has no bucket 'absent'" in told("s3://absent/m", NotADirectoryError)
@@ -73,7 +70,7 @@ def test_a_missing_bucket_and_a_missing_object_differ(monkeypatch: pytest.Monkey
         assert "needs AWS_ALLOW_HTTP=true" in told("s3://bucket/m", PermissionError)
 
 
-def test_a_wrong_key_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_key_is_told(monkeypatch):
     with s3_server(signed=True) as environment:
         with_environment(monkeypatch, environment)
         text = told("s3://bucket/m", PermissionError)
@@ -85,10 +82,8 @@ def test_a_wrong_key_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("answer", "let_in"), [("403 Forbidden", True), ("error sending request", False)]
 )
-def test_who_may_not_list_may_read(
-    monkeypatch: pytest.MonkeyPatch, answer: str, let_in: bool
-) -> None:
-    def refuse(*_: object, **__: object) -> None:
+def test_who_may_not_list_may_read(monkeypatch, answer, let_in):
+    def refuse(*_, **__):
         raise OSError(answer)
 
     monkeypatch.setattr("obstore.list", refuse)
@@ -102,22 +97,19 @@ def test_who_may_not_list_may_read(
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:9", "storage.invalid"])
-def test_a_storage_that_nobody_reaches_is_told(monkeypatch: pytest.MonkeyPatch, host: str) -> None:
+def test_a_storage_that_nobody_reaches_is_told(monkeypatch, host):
     with_environment(monkeypatch, {**KEYS, "AWS_ENDPOINT_URL": f"http://{host}"})
     monkeypatch.setenv("no_proxy", host)
     assert f"cannot be reached (GET http://{host}" in told("s3://bucket/m", OSError)
 
 
-def test_a_storage_that_never_answers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_storage_that_never_answers_is_told(monkeypatch):
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         address = f"http://127.0.0.1:{silent.getsockname()[1]}"
         with_environment(monkeypatch, {**KEYS, "AWS_ENDPOINT_URL": address, "AWS_TIMEOUT": "1s"})
-        begun = time.monotonic()
-        with pytest.raises(OSError, match="cannot be reached"):
-            files_at("s3://bucket/m").read("zarr.json")
-        assert time.monotonic() - begun < SOON_S
+        assert "cannot be reached" in told("s3://bucket/m", OSError)
 
 
 @pytest.mark.parametrize(
@@ -127,19 +119,15 @@ def test_a_storage_that_never_answers_is_told(monkeypatch: pytest.MonkeyPatch) -
         ("Error performing GET http://metadata.google.internal/x", "GOOGLE_APPLICATION_CRED"),
     ],
 )
-def test_who_has_no_key_is_told_which_variables_there_are(words: str, hint: str) -> None:
+def test_who_has_no_key_is_told_which_variables_there_are(words, hint):
     """As obstore says it after asking the service of a cloud's machines in vain."""
-    scheme = "s3" if "AWS" in hint else "gs"
-    found = object_storage.explained(
-        ValueError(f"Generic error: {words}\n\nDebug:"), f"{scheme}://b/m"
-    )
+    place = "s3://b/m" if "AWS" in hint else "gs://b/m"
+    found = object_storage.explained(ValueError(f"Generic error: {words}\n\nDebug:"), place)
     assert isinstance(found, PermissionError)
     assert hint in str(found)
 
 
-def test_google_and_azure_have_their_own_variables(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_google_and_azure_have_their_own_variables(monkeypatch, tmp_path):
     """Without servers: the address and the environment reach obstore's stores."""
     from obstore.store import AzureStore, GCSStore
 
@@ -150,8 +138,7 @@ def test_google_and_azure_have_their_own_variables(
     assert "GOOGLE_APPLICATION_CREDENTIALS" in text
     monkeypatch.delenv("GOOGLE_APPLICATION_CREDENTIALS")
     with_environment(
-        monkeypatch,
-        {"AZURE_STORAGE_ACCOUNT_NAME": "account", "AZURE_STORAGE_ACCOUNT_KEY": "a2V5"},
+        monkeypatch, {"AZURE_STORAGE_ACCOUNT_NAME": "account", "AZURE_STORAGE_ACCOUNT_KEY": "a2V5"}
     )
     retry = {"max_retries": 0}
     azure = object_storage._open(Url("az://box/folder/m.zarr"), retry)
@@ -162,7 +149,7 @@ def test_google_and_azure_have_their_own_variables(
     assert (google.config["bucket"], google.prefix) == ("bucket", "folder/m.zarr")
 
 
-def test_a_profile_without_boto3_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_profile_without_boto3_is_told(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "boto3", None)
     monkeypatch.setenv("AWS_PROFILE", "mine")
     text = told("s3://bucket/m", InputError)
@@ -176,7 +163,7 @@ def test_a_profile_without_boto3_is_told(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert "cannot be reached" in told("s3://bucket/m", OSError)  # a key goes before profiles
 
 
-def test_a_profile_gives_keys_region_and_endpoint(tmp_path: Path) -> None:
+def test_a_profile_gives_keys_region_and_endpoint(tmp_path):
     """With boto3, which may be in the environment of the server only."""
     with s3_server() as environment:
         folder = tmp_path / ".aws"
@@ -189,7 +176,7 @@ def test_a_profile_gives_keys_region_and_endpoint(tmp_path: Path) -> None:
             f"[profile mine]\nregion = us-east-1\nendpoint_url = {endpoint}\n"
         )
         program = (
-            "from twin.records.storage.object_storage import files_at\n"
+            "from twin.records.storage.store_path import files_at\n"
             "files = files_at('s3://bucket/profile')\n"
             "files.write('a', b'1')\n"
             "print(files.read('a'), list(files.all_keys()))\n"
@@ -214,7 +201,7 @@ def test_a_profile_gives_keys_region_and_endpoint(tmp_path: Path) -> None:
             assert re.search(re.escape(said) if not code else said, done.stdout + done.stderr)
 
 
-def test_without_obstore_an_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_obstore_an_address_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "obstore", None)
     with pytest.raises(InputError, match=r"needs the package obstore.*glider-twin\[cloud\]"):
         ObjectFiles(Url("s3://bucket/m"))

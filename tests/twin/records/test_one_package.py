@@ -1,7 +1,5 @@
 """What a store is, is known in one package: nothing else names its attributes or opens zarr."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -14,7 +12,7 @@ OURS = ROOT / "twin" / "records"
 ZARR = re.compile(r"open_zarr|to_zarr|\bzarr\.|import zarr|from zarr|\bZarr")
 ELSEWHERE = {
     # gridded currents of other programs, which may be zarr
-    "twin/water/current/velocity_file.py",
+    "twin/water/current/velocity_file.py"
 }
 NAMES = (
     *(attributes.VERSION, attributes.SAMPLE_PERIOD, attributes.FAILED_MISSIONS),
@@ -25,7 +23,7 @@ NAMES = (
 """Names that mean a store's attribute or bookkeeping array wherever they stand."""
 
 
-def without_text(source: str) -> str:
+def without_text(source):
     """A module without docstrings and comments."""
     source = re.sub(r'"""(?:.|\n)*?"""', "", source)
     return re.sub(r"#.*", "", source)
@@ -39,7 +37,7 @@ MODULES = [
 ]
 
 
-def test_zarr_is_opened_and_written_here_only() -> None:
+def test_zarr_is_opened_and_written_here_only():
     found = {
         str(path.relative_to(ROOT))
         for path in MODULES
@@ -48,7 +46,7 @@ def test_zarr_is_opened_and_written_here_only() -> None:
     assert found <= ELSEWHERE
 
 
-def test_the_names_of_attributes_are_spelt_here_only() -> None:
+def test_the_names_of_attributes_are_spelt_here_only():
     spelt = re.compile("|".join(f"[\"']{name}[\"']" for name in NAMES))
     found = {
         f"{path.relative_to(ROOT)}: {match.group()}"
@@ -59,6 +57,6 @@ def test_the_names_of_attributes_are_spelt_here_only() -> None:
 
 
 @pytest.mark.parametrize("text", ["xr.open_zarr(p)", "d.to_zarr(p)", "import zarr", "zarr.open(p)"])
-def test_the_search_would_find_it(text: str) -> None:
+def test_the_search_would_find_it(text):
     assert ZARR.search(without_text(f'"""zarr."""\n{text}'))
     assert not ZARR.search(without_text('"""zarr.json"""  # zarr.open'))

@@ -1,11 +1,7 @@
 """The reader: what kind of store it is, whose vehicle flew, and what is refused."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +17,7 @@ from twin.vehicle.vehicle import load_vehicle
 from twin.version import IMPORT_VERSION
 
 
-def written(path: Path, attributes: dict[str, object] | None = None, **arrays: object) -> Path:
+def written(path, attributes=None, **arrays):
     """A store of two missions of three samples."""
     depth = np.array([[0.0, 1.0, 2.0], [0.0, 1.0, np.nan]], np.float32)
     data = xr.Dataset(
@@ -29,14 +25,14 @@ def written(path: Path, attributes: dict[str, object] | None = None, **arrays: o
             "n_samples": ("mission", np.array([3, 2], np.int32)),
             "measured_depth": (("mission", "time"), depth),
             **arrays,
-        },  # type: ignore[arg-type]
+        },
         {"time": [0.0, 0.5, 1.0]},
         {**CONVENTIONS, READER_VERSION: IMPORT_VERSION, **(attributes or {})},
     )
     return write_store(data, path)
 
 
-def test_a_store_says_kind_period_samples_and_signals(tmp_path: Path) -> None:
+def test_a_store_says_kind_period_samples_and_signals(tmp_path):
     with MissionStore(written(tmp_path / "a.zarr")) as store:
         assert (store.kind, store.logged, len(store), store.period) == ("simulated", False, 2, 0.5)
         assert store.samples.tolist() == [3, 2]
@@ -50,7 +46,7 @@ def test_a_store_says_kind_period_samples_and_signals(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "missions", [[], [3], [0, 1, 2], range(40), [39, 0, 7, 8, 7], [1, 6, 12, 20, 21]]
 )
-def test_rows_are_those_asked_for_in_their_order(missions: Sequence[int], tmp_path: Path) -> None:
+def test_rows_are_those_asked_for_in_their_order(missions, tmp_path):
     depth = np.arange(120.0, dtype=np.float32).reshape(40, 3)
     data = xr.Dataset(
         {"n_samples": ("mission", [3] * 40), "measured_depth": (("mission", "time"), depth)},
@@ -61,7 +57,7 @@ def test_rows_are_those_asked_for_in_their_order(missions: Sequence[int], tmp_pa
         np.testing.assert_array_equal(store.rows("measured_depth", missions), depth[list(missions)])
 
 
-def test_the_vehicle_is_the_one_that_the_store_describes(tmp_path: Path) -> None:
+def test_the_vehicle_is_the_one_that_the_store_describes(tmp_path):
     rogue = load_vehicle("rogue")
     scenario = Scenario(vehicle=rogue, duration=60.0).describe()
     cases: dict[str, dict[str, object]] = {
@@ -79,7 +75,7 @@ def test_the_vehicle_is_the_one_that_the_store_describes(tmp_path: Path) -> None
     assert others.name == "slocum-200"
 
 
-def test_splits_are_read_as_flags_and_as_words(tmp_path: Path) -> None:
+def test_splits_are_read_as_flags_and_as_words(tmp_path):
     flags = ("mission", np.array([2, 0], np.int8), {"flag_meanings": " ".join(SPLITS)})
     words = ("mission", np.array(["test", "train"], object))
     for name, split in (("flags", flags), ("words", words)):
@@ -91,7 +87,7 @@ def test_splits_are_read_as_flags_and_as_words(tmp_path: Path) -> None:
         _ = MissionStore(written(tmp_path / "none")).splits
 
 
-def test_what_is_asked_for_and_is_not_there_is_named(tmp_path: Path) -> None:
+def test_what_is_asked_for_and_is_not_there_is_named(tmp_path):
     store = MissionStore(written(tmp_path / "a.zarr"))
     with pytest.raises(StoreError, match=r"a\.zarr lacks the array 'duration'"):
         store.array("duration")
@@ -105,7 +101,7 @@ def test_what_is_asked_for_and_is_not_there_is_named(tmp_path: Path) -> None:
         LogStore(tmp_path / "a.zarr")
 
 
-def test_rows_without_times_follow_nothing(tmp_path: Path) -> None:
+def test_rows_without_times_follow_nothing(tmp_path):
     rows = log_rows(MissionStore(written(tmp_path / "a.zarr")))
     assert [row.displacement for row in rows] == [None, None]
     assert not rows[1].follows(rows[0])
@@ -115,7 +111,7 @@ GAPS = [(-2.0, False), (-0.5, True), (0.0, True), (3599.0, True), (3601.0, False
 
 
 @pytest.mark.parametrize(("gap", "follows"), GAPS)
-def test_a_dive_follows_another_of_its_deployment(gap: float, follows: bool) -> None:
+def test_a_dive_follows_another_of_its_deployment(gap, follows):
     first = LogRow(deployment="a", start=100.0, duration=50.0, displacement=None)
     second = LogRow(deployment="a", start=150.0 + gap, duration=50.0, displacement=None)
     assert second.follows(first) is follows
@@ -123,7 +119,7 @@ def test_a_dive_follows_another_of_its_deployment(gap: float, follows: bool) -> 
     assert not other.follows(first)
 
 
-def test_a_signal_whose_file_is_gone_is_refused_by_its_name(tmp_path: Path) -> None:
+def test_a_signal_whose_file_is_gone_is_refused_by_its_name(tmp_path):
     path = written(tmp_path / "a.zarr")
     with MissionStore(path) as store:
         assert store.rows("measured_depth", [0]).sum() == 3.0
@@ -142,7 +138,7 @@ def test_a_signal_whose_file_is_gone_is_refused_by_its_name(tmp_path: Path) -> N
         assert store.samples.tolist() == [3, 2]
 
 
-def test_a_chunk_that_never_had_a_file_is_read_as_missing_values(tmp_path: Path) -> None:
+def test_a_chunk_that_never_had_a_file_is_read_as_missing_values(tmp_path):
     empty = ("mission", "time"), np.full((2, 3), np.nan, np.float32)
     path = written(tmp_path / "a.zarr", measured_pitch=empty)
     assert not (path / "measured_pitch/c").exists()

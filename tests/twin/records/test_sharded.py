@@ -1,9 +1,5 @@
 """Shards have the bytes that zarr writes, missing rows and edges included, and are read."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 import zarr
@@ -11,22 +7,22 @@ from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 
 from twin.records.schema import variable
 from twin.records.storage.checksums import ZARR_LIST, damaged_files, read_checksums
-from twin.records.storage.shard_file import ShardWriter
 from twin.records.storage.sharded import (
     DTYPE,
     ArrayMeta,
     ShardedStore,
+    ShardWriter,
     fast_pipeline,
     fill_value,
 )
-from twin.records.storage.stored_files import Files, FileSum
+from twin.records.storage.store_path import Files
 from twin.records.store import open_store
 
 MISSIONS, SAMPLES, SHARD = 70, 20_000, 64
 """More than one shard, the last one not full; more than one block of Blosc in a chunk"""
 
 
-def signal() -> np.ndarray:
+def signal():
     values = np.cumsum(np.random.default_rng(0).standard_normal((MISSIONS, SAMPLES)), axis=1)
     values[[0, 3, 69]] = np.nan  # a signal that a mission lacks
     values[5, 200:] = np.nan
@@ -34,7 +30,7 @@ def signal() -> np.ndarray:
     return values.astype(np.float32)
 
 
-def write_shard(files: Files, number: int, signals: dict[str, np.ndarray]) -> dict[str, FileSum]:
+def write_shard(files, number, signals):
     """Missions one by one, without their padding, and without what they lack."""
     sums = {}
     folder = files.folder.with_suffix(f".{number}")
@@ -56,7 +52,7 @@ def write_shard(files: Files, number: int, signals: dict[str, np.ndarray]) -> di
     return sums
 
 
-def write(path: Path) -> dict[str, bytes]:
+def write(path):
     files = Files(path)
     signals = {"true_pitch": np.nan_to_num(signal()), "true_depth": signal()}
     store = ShardedStore(
@@ -90,7 +86,7 @@ def write(path: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("kind", ["<f4", "<f8", "<i8"])
-def test_a_shard_has_the_bytes_that_zarr_writes(tmp_path: Path, kind: str) -> None:
+def test_a_shard_has_the_bytes_that_zarr_writes(tmp_path, kind):
     dtype, values = np.dtype(kind), signal()
     padded = np.nan_to_num(100.0 * values).astype(dtype)
     padded[np.isnan(values)] = fill_value(dtype)
@@ -117,7 +113,7 @@ def test_a_shard_has_the_bytes_that_zarr_writes(tmp_path: Path, kind: str) -> No
         assert files.read(key) == memory[f"c/{number}/0"].to_bytes()
 
 
-def test_what_was_written_is_read(tmp_path: Path) -> None:
+def test_what_was_written_is_read(tmp_path):
     assert {"true_depth/c/1/0", "attempt/c/0", "zarr.json"} < set(write(tmp_path / "a.zarr"))
     data = open_store(tmp_path / "a.zarr")
     np.testing.assert_array_equal(data["true_depth"], signal())
@@ -130,7 +126,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
         np.testing.assert_array_equal(whole[...], signal())
 
 
-def test_zarr_is_left_as_it_was_found(tmp_path: Path) -> None:
+def test_zarr_is_left_as_it_was_found(tmp_path):
     before = dict(zarr.config.get("codec_pipeline"))
     write(tmp_path / "a.zarr")
     assert dict(zarr.config.get("codec_pipeline")) == before

@@ -1,8 +1,5 @@
 """Store paths: what is an address, and that no address becomes a folder of this machine."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,8 +11,8 @@ from twin.errors import InputError
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import Url, check_addresses, store_path
 from twin.records.storage.whole import whole_file, whole_folder
+from twin.records.store import open_trajectory
 from twin.records.tracks import read_tracks
-from twin.records.trajectory_file import open_trajectory
 
 UNKNOWN = ("gcs://b/run.zarr", "abfs://b/x.zarr", "https://a.b/x.zarr", "memory://x/y.zarr",
            "file:///tmp/x.zarr", "S3://b/x.zarr", "s3a://b/x.nc",
@@ -24,15 +21,13 @@ UNKNOWN = ("gcs://b/run.zarr", "abfs://b/x.zarr", "https://a.b/x.zarr", "memory:
 
 @pytest.mark.parametrize("address", UNKNOWN)
 @pytest.mark.parametrize("kind", [str, Path])
-def test_an_address_of_an_unknown_kind_is_no_path(
-    address: str, kind: type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_address_of_an_unknown_kind_is_no_path(address, kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scheme = address.partition(":")[0]
     place = kind(address)
 
-    def write(context: Callable[..., object]) -> None:
-        with context(place):  # type: ignore[attr-defined]
+    def write(context):
+        with context(place):
             pass
 
     for use in (
@@ -51,19 +46,19 @@ def test_an_address_of_an_unknown_kind_is_no_path(
     assert not list(tmp_path.iterdir())
 
 
-def test_what_is_near_is_offered() -> None:
+def test_what_is_near_is_offered():
     with pytest.raises(InputError, match=r"unknown kind of address 'gcs': did you mean 'gs'\?"):
         store_path(Path("gcs://b/x.zarr"))
 
 
 @pytest.mark.parametrize("place", ["a/b.zarr", "/a:/b.zarr", "a/b:/c", "./x:y", "x:y", "..", "~/a"])
-def test_what_is_no_address_is_a_path(place: str) -> None:
+def test_what_is_no_address_is_a_path(place):
     assert store_path(place) == Path(place)
     assert store_path(Path(place)) == Path(place)
 
 
 @pytest.mark.parametrize("place", ["s3://b/x.zarr", "gs:/b/x.zarr", Path("az://b/c/x.zarr")])
-def test_an_address_that_is_known_is_one(place: str | Path) -> None:
+def test_an_address_that_is_known_is_one(place):
     found = store_path(place)
     assert isinstance(found, Url)
     assert str(found) == str(place).replace("://", ":/").replace(":/", "://")
@@ -79,9 +74,9 @@ def test_an_address_that_is_known_is_one(place: str | Path) -> None:
     ],
 )  # fmt: skip
 def test_every_command_refuses_an_address_of_an_unknown_kind(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+    words, tmp_path, monkeypatch,
+    capsys
+):  # fmt: skip
     monkeypatch.chdir(tmp_path)
     assert PROGRAM.main(words) == 2
     assert "unknown kind of address 'gcs': did you mean 'gs'?" in capsys.readouterr().err

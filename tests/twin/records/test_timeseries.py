@@ -1,9 +1,6 @@
 """Time series: missions end to end over dates, as an oceanographer slices and averages them."""
 
-from __future__ import annotations
-
 import importlib.util
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +26,7 @@ NO_DASK = importlib.util.find_spec("dask") is None
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def simulated(tmp_path_factory):
     """Two missions of different length, the earlier one second; the later over midnight."""
     runs = [
         twin.simulate(
@@ -45,13 +42,13 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def logged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def logged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("series")
     dataset, _ = import_logs("slocum", write_slocum(folder, FLIGHT))
     return write_store(dataset, folder / "real.zarr")
 
 
-def test_missions_follow_each_other_by_date_without_padding(simulated: Path) -> None:
+def test_missions_follow_each_other_by_date_without_padding(simulated):
     series, store = twin.timeseries(simulated), twin.open_store(simulated)
     assert dict(series.sizes) == {"time": int(store["n_samples"].sum())}
     assert series.indexes["time"].is_monotonic_increasing
@@ -68,7 +65,7 @@ def test_missions_follow_each_other_by_date_without_padding(simulated: Path) -> 
     assert not series["true_surge"].isnull().any()
 
 
-def test_days_are_selected_and_hours_averaged(simulated: Path) -> None:
+def test_days_are_selected_and_hours_averaged(simulated):
     series = twin.timeseries(simulated)
     first = series.sel(time=slice("2023-09-01", "2023-09-01"))
     assert first.sizes["time"] == 120  # a minute at 2 Hz before midnight
@@ -83,7 +80,7 @@ def test_days_are_selected_and_hours_averaged(simulated: Path) -> None:
     assert frame["latitude"].between(48.99, 49.01).all()
 
 
-def test_logs_are_a_series_of_their_own_depth(logged: Path) -> None:
+def test_logs_are_a_series_of_their_own_depth(logged):
     series = twin.timeseries(logged)
     np.testing.assert_array_equal(series["depth"], series["measured_depth"])
     assert series.indexes["time"].is_monotonic_increasing
@@ -106,7 +103,7 @@ def test_logs_are_a_series_of_their_own_depth(logged: Path) -> None:
     assert len(one.to_dataframe()) == one.sizes["time"]
 
 
-def test_directions_are_averaged_as_directions() -> None:
+def test_directions_are_averaged_as_directions():
     """Against vectors added by hand: headings about north, longitudes across 180."""
     time = np.datetime64("2024-05-01T00:00", "ns") + np.arange(8) * np.timedelta64(15, "m")
     series = xr.Dataset(
@@ -142,9 +139,7 @@ def test_directions_are_averaged_as_directions() -> None:
 
 
 @pytest.mark.parametrize("kind", ["simulated", "logged"])
-def test_a_plain_store_makes_a_table_of_a_mission(
-    kind: str, request: pytest.FixtureRequest
-) -> None:
+def test_a_plain_store_makes_a_table_of_a_mission(kind, request):
     frame = xr.open_zarr(request.getfixturevalue(kind)).isel(mission=0)
     frame = frame.drop_dims("state", errors="ignore").to_dataframe()
     assert frame.index.name == "time"
@@ -152,14 +147,14 @@ def test_a_plain_store_makes_a_table_of_a_mission(
     assert frame["datetime"].notna().any()
 
 
-def test_a_dataset_of_a_store_serves_too(simulated: Path) -> None:
+def test_a_dataset_of_a_store_serves_too(simulated):
     xr.testing.assert_identical(
         twin.timeseries(twin.open_store(simulated)).drop_attrs(),
         twin.timeseries(simulated).drop_attrs(),
     )
 
 
-def test_what_cannot_be_asked_is_told(simulated: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_asked_is_told(simulated, tmp_path):
     with pytest.raises(StoreError, match="missions 0 to 1, not 2"):
         twin.timeseries(simulated, [2])
     with pytest.raises(InputError, match="empty list"):
@@ -178,7 +173,7 @@ def test_what_cannot_be_asked_is_told(simulated: Path, tmp_path: Path) -> None:
     importlib.util.find_spec("compliance_checker") is None,
     reason="compliance-checker is not installed (extra `test`)",
 )
-def test_a_series_passes_the_cf_check(logged: Path, tmp_path: Path) -> None:
+def test_a_series_passes_the_cf_check(logged, tmp_path):
     from compliance_checker.runner import CheckSuite, ComplianceChecker
 
     path, report = tmp_path / "series.nc", tmp_path / "report.txt"
@@ -191,7 +186,7 @@ def test_a_series_passes_the_cf_check(logged: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(NO_DASK, reason="dask is not installed")
-def test_with_dask_nothing_is_read_before_it_is_asked_for(simulated: Path) -> None:
+def test_with_dask_nothing_is_read_before_it_is_asked_for(simulated):
     series = twin.timeseries(simulated)
     assert series["true_surge"].chunks is not None
     assert twin.open_store(simulated)["true_surge"].chunks is not None

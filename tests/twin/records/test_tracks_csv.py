@@ -1,9 +1,5 @@
 """Tracks in CSV files: names, missions, padding, and what is wrong with a file."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from twin.errors import InputError
@@ -12,13 +8,13 @@ from twin.records.tracks import read_tracks
 HEADER = "mission,track,time,north,east\n"
 
 
-def write(tmp_path: Path, text: str) -> Path:
+def write(tmp_path, text):
     path = tmp_path / "reckoned.csv"
     path.write_text(text)
     return path
 
 
-def test_rows_belong_to_missions_and_tracks(tmp_path: Path) -> None:
+def test_rows_belong_to_missions_and_tracks(tmp_path):
     path = write(
         tmp_path,
         HEADER
@@ -34,7 +30,7 @@ def test_rows_belong_to_missions_and_tracks(tmp_path: Path) -> None:
         read_tracks(path, 1)
 
 
-def test_without_names_a_track_is_called_after_its_file(tmp_path: Path) -> None:
+def test_without_names_a_track_is_called_after_its_file(tmp_path):
     path = write(tmp_path, "time, north, east\n0, 0, 0\n\n1, 2, 3\n")
     (track,) = read_tracks(path)
     assert (track.name, track.north.tolist()) == ("reckoned", [0.0, 2.0])
@@ -54,7 +50,7 @@ def test_without_names_a_track_is_called_after_its_file(tmp_path: Path) -> None:
         (HEADER + "0,a,1,0,0\n0,a,0,0,0\n", "its times must increase"),
     ],
 )
-def test_a_file_that_is_wrong_says_where(tmp_path: Path, text: str, message: str) -> None:
+def test_a_file_that_is_wrong_says_where(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as caught:
         read_tracks(write(tmp_path, text))
     assert "\n" not in str(caught.value)

@@ -1,6 +1,7 @@
 """Trajectory: a mapping of signals that saves, opens, plots and describes itself."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from pictures import short_scenario
 import twin
 from twin.__main__ import PROGRAM as TWIN
 from twin.errors import InputError, StoreError
+from twin.mission.segments import SawTooth, Surface
+from twin.records.mission_dataset import summarise
 from twin.records.schema import variable
 from twin.records.trajectory import actuator_names
 
@@ -136,3 +139,20 @@ def test_damage_where_a_mission_began_is_named(flown, tmp_path, name, kind):
     with pytest.raises(StoreError, match=r"^(the )?store .*cannot be read"):
         twin.open_trajectory(path)
     assert TWIN.main(["plot", str(path), "--out", str(tmp_path / "a.png")]) == 2
+
+
+def test_the_angle_of_attack_is_that_of_the_flight_not_of_the_surface():
+    mission = twin.Mission(
+        name="dive and stay",
+        segments=[SawTooth(max_depth_m=20.0, yos=1), Surface(duration_s=200.0)],
+    )
+    run = twin.simulate(mission=mission)
+    v_rel = run.v_rel
+    every = np.abs(np.rad2deg(np.arctan2(v_rel[:, 2], v_rel[:, 0])))
+    assert np.percentile(every, 98) > 60.0  # it lies at the surface
+    assert 1.0 < summarise(run)["angle_of_attack_p98_deg"] < 30.0
+
+
+def test_a_vehicle_that_never_dives_has_no_angle_of_attack():
+    mission = twin.Mission(name="stay", segments=[Surface(duration_s=20.0)])
+    assert math.isnan(summarise(twin.simulate(mission=mission))["angle_of_attack_p98_deg"])

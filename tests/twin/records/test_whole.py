@@ -1,7 +1,5 @@
 """Whole files and folders: the old content or the new one, and nothing else beside it."""
 
-from __future__ import annotations
-
 import errno
 import os
 import subprocess
@@ -13,12 +11,7 @@ from twin.errors import WriteError
 from twin.records.storage import disk, whole
 from twin.records.storage.checksums import damaged_files
 from twin.records.storage.disk import sweep, write_whole
-from twin.records.storage.whole import (
-    check_folder_target,
-    recover,
-    whole_file,
-    whole_folder,
-)
+from twin.records.storage.whole import check_folder_target, recover, whole_file, whole_folder
 
 
 def write(path, text, **options):
@@ -244,10 +237,7 @@ def test_a_file_does_not_replace_what_is_no_file(tmp_path):
     with pytest.raises(WriteError, match="is not a plain file"), whole_file(tmp_path / "pipe"):
         pass
     (tmp_path / "there").touch()
-    for path, why in (
-        ("there", "use --overwrite"),
-        ("there/below", "there is a file"),
-    ):
+    for path, why in (("there", "use --overwrite"), ("there/below", "there is a file")):
         target = tmp_path / path
         with pytest.raises(WriteError, match=why), whole_file(target, overwrite=False):
             pass

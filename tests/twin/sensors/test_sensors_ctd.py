@@ -135,9 +135,7 @@ def test_salinity_is_that_of_its_conductivity(ctd):
     truth = dive()
     out = measure(ctd, truth)
     again = gsw.SP_from_C(
-        10.0 * out["measured_conductivity"],
-        out["measured_temperature"],
-        truth["measured_pressure"],
+        10.0 * out["measured_conductivity"], out["measured_temperature"], truth["measured_pressure"]
     )
     np.testing.assert_allclose(out["measured_salinity"], again, rtol=0, atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""The vehicle's own track, and the depth it is made from."""
+"""The vehicle's own track by depth rate or Doppler log, and the depth that it makes of pressure."""
 
 import dataclasses
 import math
@@ -63,43 +63,79 @@ def test_speed_is_held_through_an_inflection_and_zero_at_the_surface():
     assert speed[2:8] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_fix_resets_and_gives_the_current_that_the_next_dive_uses():
-    signals = measured(heading=90.0)
+DIVE = 3600
+"""samples of a dive: half an hour"""
+
+
+def dives(currents, **settings):
+    """The track and the truth over a steady dive per current (north, east) [m/s], fixes between.
+
+    The vehicle glides to the east and its algorithm has the right speed, so that a dive's
+    depth-averaged current is exactly its current.
+    """
+    n = DIVE * len(currents) + 1
     speed = 0.15 / math.tan(28.0 * DEG)
-    t = np.arange(N) * DT
-    current = (0.08, -0.05)
-    true = (current[0] * t, (speed + current[1]) * t)
-    for at in (0, 3600, 3602):
-        signals["measured_gps_north"][at], signals["measured_gps_east"][at] = (
-            true[0][at],
-            true[1][at],
-        )
-    track = Onboard().track(signals, dt=DT)
-    assert track.north[3600] == true[0][3600]
-    assert track.current_north[3599] == 0.0
-    assert track.current_north[3600] == pytest.approx(current[0], rel=1e-3)
-    assert track.current_east[-1] == pytest.approx(current[1], rel=1e-3)
-    # Before the fix the current is missing, after it the track stays on the truth.
-    assert true[0][3599] - track.north[3599] == pytest.approx(0.08 * 3599 * DT, rel=1e-6)
-    assert track.north[-1] == pytest.approx(true[0][-1], abs=0.5)
-    assert track.east[-1] == pytest.approx(true[1][-1], abs=0.5)
-    without = Onboard(use_current=False).track(signals, dt=DT)
-    assert true[0][-1] - without.north[-1] == pytest.approx(0.08 * (N - 1 - 3602) * DT, rel=1e-3)
-    assert without.current_north[-1] == pytest.approx(current[0], rel=1e-3)
+    velocity = np.repeat(currents, DIVE, axis=0) + np.array([0.0, speed])
+    truth = np.concatenate([[[0.0, 0.0]], np.cumsum(velocity * DT, axis=0)])
+    signals = measured(heading=90.0, n=n)
+    for at in range(0, n, DIVE):
+        signals["measured_gps_north"][at], signals["measured_gps_east"][at] = truth[at]
+    return Onboard(**settings).track(signals, dt=DT), truth
 
 
-def pressure_of(device, depth, drawn, *, density=None, seed=0):
+@pytest.mark.parametrize("use_current", [True, False])
+def test_every_dive_gives_its_own_depth_averaged_current(use_current):
+    """Also the second and third, which already drift with the current of the dive before."""
+    currents = [(0.08, -0.05), (0.02, 0.06), (-0.10, 0.0)]
+    track, _ = dives(currents, use_current=use_current)
+    assert track.current_north[DIVE - 1] == 0.0
+    for dive, current in enumerate(currents, start=1):
+        found = track.current_north[dive * DIVE], track.current_east[dive * DIVE]
+        # the held speed of the first seconds is the only difference
+        assert found == pytest.approx(current, abs=2e-4)
+
+
+def test_a_fix_resets_the_track_and_a_steady_current_stays_known_after_the_first_dive():
+    track, truth = dives([(0.08, -0.05)] * 3)
+    assert (track.north[DIVE], track.east[DIVE]) == tuple(truth[DIVE])
+    later = slice(DIVE + 1, None)
+    assert np.abs(track.north - truth[:, 0])[later].max() < 0.5
+    assert np.abs(track.east - truth[:, 1])[later].max() < 0.5
+    # Before the fix the current is missing, and without its use after it too.
+    missed = 0.08 * (DIVE - 1) * DT
+    assert truth[DIVE - 1, 0] - track.north[DIVE - 1] == pytest.approx(missed, rel=1e-6)
+    without, _ = dives([(0.08, -0.05)] * 3, use_current=False)
+    assert truth[-2, 0] - without.north[-2] == pytest.approx(missed, rel=1e-3)
+
+
+def test_a_depth_rate_against_the_pitch_gives_no_speed():
+    """Nose down and rising at 0.3 m/s, as in an upwelling: the last speed that made sense is held.
+
+    The window's depth rate passes through 0 on the way, and so does the speed.
+    """
+    n, turn = 2400, 1200
+    signals = measured(heading=0.0, n=n)
+    step = np.where(np.arange(n) < turn, 0.15, -0.3) * DT
+    signals["measured_depth"] = 400.0 + np.cumsum(step)
+    speed = np.diff(Onboard().track(signals, dt=DT).north) / DT
+    glide = 0.15 / math.tan(28.0 * DEG)
+    assert speed[turn - 2] == pytest.approx(glide)
+    assert np.ptp(speed[turn + 40 :]) == pytest.approx(0.0, abs=1e-9)
+    assert speed[-1] < 0.1 * glide
+
+
+def pressure_of(device, depth, *, offset=0.0, gain=0.0, **around):
     return device.measure(
-        {"true_depth": depth}, dt=DT, drawn=drawn, rng=np.random.default_rng(seed),
-        surroundings=Surroundings(density=density),
+        {"true_depth": depth}, dt=DT, rng=np.random.default_rng(0),
+        drawn={"pressure_offset_dbar": offset, "pressure_gain": gain},
+        surroundings=Surroundings(**around),
     )  # fmt: skip
 
 
 def test_pressure_offset_gain_and_noise():
     depth = np.full(100_000, 500.0)
     device = Pressure(vehicle_density=None)
-    drawn = {"pressure_offset_dbar": 0.3, "pressure_gain": 0.0005}
-    out = pressure_of(device, depth, drawn)
+    out = pressure_of(device, depth, offset=0.3, gain=0.0005)
     true = DensityProfile.constant().pressure(500.0, latitude=36.8)
     assert out["measured_pressure"].mean() == pytest.approx(true * 1.0005 + 0.3, abs=2e-4)
     assert out["measured_pressure"].std() == pytest.approx(0.01, rel=0.02)
@@ -113,11 +149,10 @@ def test_pressure_offset_gain_and_noise():
 
 
 def test_constant_density_makes_a_depth_error_that_grows():
-    still = {"pressure_offset_dbar": 0.0, "pressure_gain": 0.0}
     device = dataclasses.replace(Pressure.ideal(), vehicle_density=1025.0)
     depth = np.array([10.0, 100.0, 1000.0])
     dense = DensityProfile.constant(1030.125)  # 0.5 % more
-    error = pressure_of(device, depth, still, density=dense)["measured_depth"] / depth - 1.0
+    error = pressure_of(device, depth, density=dense)["measured_depth"] / depth - 1.0
     assert error == pytest.approx(0.005, abs=2e-4)  # plus gravity's 0.01 % at 1000 m
     assert error[2] > error[0]
 
@@ -130,21 +165,13 @@ def test_depth_is_that_of_standard_ocean_at_the_latitude(latitude):
     depth = np.linspace(0.0, 1000.0, 1001)
     pressure = gsw.p_from_z(-depth, latitude)
     standard = DensityProfile(depth=depth, values=gsw.rho(35.16504, 0.0, pressure))
-    still = {"pressure_offset_dbar": 0.0, "pressure_gain": 0.0}
     device = Pressure(offset=0.0, gain=0.0, noise=0.0)
-
-    def read(profile):
-        return device.measure(
-            {"true_depth": depth}, dt=DT, drawn=still, rng=np.random.default_rng(0),
-            surroundings=Surroundings(density=profile, latitude=latitude),
-        )  # fmt: skip
-
-    out = read(standard)
+    out = pressure_of(device, depth, density=standard, latitude=latitude)
     assert out["measured_depth"] == pytest.approx(depth, abs=0.01)
     assert out["measured_pressure"] == pytest.approx(pressure, abs=0.01)
     # light water presses less and looks shallower, by its dynamic height
     warm = DensityProfile.from_temperature_salinity(depth, 20.0, 35.0, latitude=latitude)
-    short = depth - read(warm)["measured_depth"]
+    short = depth - pressure_of(device, depth, density=warm, latitude=latitude)["measured_depth"]
     anomaly = 1.0 - warm.values / standard.values
     layers = np.diff(depth) * 0.5 * (anomaly[1:] + anomaly[:-1])
     height = np.concatenate([[0.0], np.cumsum(layers)])
@@ -152,15 +179,34 @@ def test_depth_is_that_of_standard_ocean_at_the_latitude(latitude):
     assert short[-1] > 3.0
 
 
-def test_wrong_settings_are_explained():
-    with pytest.raises(InputError, match="give 900 to 1100"):
-        Pressure(vehicle_density=1.025)
-    with pytest.raises(InputError, match="give 'standard ocean', a density in kg/m3, or None"):
-        Pressure(vehicle_density="ocean")
-    with pytest.raises(InputError, match=r"Onboard\.window is 0: it must be above 0"):
-        Onboard(window=0.0)
-    with pytest.raises(InputError, match="truth lacks 'measured_pitch'"):
-        Onboard().track({"measured_depth": np.zeros(3)}, dt=DT)
+def normal_gravity(latitude: float) -> float:
+    """[m/s2] at sea level: the international gravity formula of 1980 (Moritz 2000)."""
+    sine2 = math.sin(math.radians(latitude)) ** 2
+    return 9.780327 * (
+        1.0 + 0.0053024 * sine2 - 0.0000058 * math.sin(math.radians(2 * latitude)) ** 2
+    )
+
+
+@pytest.mark.parametrize("latitude", [0.0, 36.8, 70.0])
+def test_pressure_is_the_weight_of_the_water_above_and_gives_the_depth_back(latitude):
+    """Hydrostatics: p = rho g z; gravity grows by 0.01 % over the first 500 m."""
+    gauge = dataclasses.replace(Pressure.ideal(), vehicle_density=1025.0)
+    depth = np.array([5.0, 100.0, 500.0])
+    out = pressure_of(gauge, depth, density=DensityProfile.constant(1025.0), latitude=latitude)
+    dbar = 1025.0 * normal_gravity(latitude) * depth / 1e4
+    np.testing.assert_allclose(out["measured_pressure"], dbar, rtol=2e-4)
+    np.testing.assert_allclose(out["measured_depth"], depth, rtol=2e-4)
+
+
+def test_an_error_of_the_gauge_becomes_metres_of_its_own_water():
+    """1 dbar is 1e4 / (rho g) m: 0.9956 m at 36.8 deg, whichever density the vehicle assumes."""
+    for assumed in (None, 1025.0):
+        gauge = Pressure(noise=0.0, vehicle_density=assumed)
+        out = pressure_of(
+            gauge, np.array([50.0]), offset=1.0, density=DensityProfile.constant(1025.0)
+        )
+        metres = 1e4 / (1025.0 * normal_gravity(36.8))
+        assert out["measured_depth"][0] - 50.0 == pytest.approx(metres, rel=1e-3)
 
 
 def by_dvl(*, mode, north=0.8, east=-0.3, n=N):
@@ -203,6 +249,18 @@ def test_in_water_lock_a_fix_gives_the_current_that_the_next_leg_takes_with_it()
     assert without.north[-1] - without.north[fix] == pytest.approx(0.8 * DT * (N - 1 - fix))
 
 
-def test_the_speed_is_by_one_of_two():
-    with pytest.raises(InputError, match="did you mean 'dvl'"):
-        Onboard(speed_by="dvls")
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Pressure(vehicle_density=1.025), "give 900 to 1100"),
+        (lambda: Pressure(vehicle_density="ocean"),
+         "give 'standard ocean', a density in kg/m3, or None"),
+        (lambda: Onboard(window=0.0), r"Onboard\.window is 0: it must be above 0"),
+        (lambda: Onboard().track({"measured_depth": np.zeros(3)}, dt=DT),
+         "truth lacks 'measured_pitch'"),
+        (lambda: Onboard(speed_by="dvls"), "did you mean 'dvl'"),
+    ],
+)  # fmt: skip
+def test_wrong_settings_are_explained(make, message):
+    with pytest.raises(InputError, match=message):
+        make()

@@ -10,16 +10,7 @@ import pytest
 import twin
 from twin.errors import InputError
 from twin.records.schema import VARIABLES, Variable, declare
-from twin.sensors import (
-    Compass,
-    Dvl,
-    Encoders,
-    Gps,
-    Imu,
-    Onboard,
-    Pressure,
-    SensorSuite,
-)
+from twin.sensors import Compass, Dvl, Encoders, Gps, Imu, Onboard, Pressure, SensorSuite
 from twin.water.density import DensityProfile
 
 DT = 0.5

@@ -85,17 +85,7 @@ def test_a_missing_signal_is_named(dive):
 
 def test_simulate_prints_energy_and_takes_sensors(capsys, tmp_path):
     out = tmp_path / "run.zarr"
-    words = (
-        "simulate",
-        "--duration",
-        "300",
-        "--sensors",
-        "field",
-        "--seed",
-        "3",
-        "--out",
-        str(out),
-    )
+    words = f"simulate --duration 300 --sensors field --seed 3 --out {out}".split()
     assert PROGRAM.main([*words, "--density", "thermocline", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert set(answer["energy_kJ"]) == {"hotel", "shift", "rotation", "pump"}

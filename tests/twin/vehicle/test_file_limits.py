@@ -7,7 +7,7 @@ from patience import little_work
 
 from twin.errors import VehicleError
 from twin.physics.mujoco_model import compile_model
-from twin.vehicle.file_limits import MOST_XML, check_file
+from twin.vehicle.mjcf import MOST_XML, check_file
 from twin.vehicle.presets import assets_folder
 from twin.vehicle.vehicle import load_vehicle
 

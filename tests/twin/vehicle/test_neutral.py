@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from physics import held
 
-import twin
 from twin.checks.agreement import check_manoeuvres
 from twin.fossen import FossenModel
-from twin.mission.controller import Schedule
+from twin.physics.simulation import simulate
 from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
@@ -22,12 +22,8 @@ def flown(vehicle, part, position):
     named |= {"pump": vehicle.pump_for_net_mass(0.2), vehicle.steering["pitch"]: 0.015}
     named[part] = position
     command = tuple(named[name] for name in vehicle.part_names)
-    return twin.simulate(
-        vehicle=vehicle,
-        mission=Schedule(times=[0.0], commands=[command]),
-        start=Start(depth=300.0, pitch=-0.4, v_rel=(0.3, 0.0, 0.01), actuators=command),
-        duration=120.0,
-    )
+    start = Start(depth=300.0, pitch=-0.4, v_rel=(0.3, 0.0, 0.01), actuators=command)
+    return simulate(held(vehicle, command, 120.0, start=start))
 
 
 @pytest.mark.parametrize("name", TURNED)

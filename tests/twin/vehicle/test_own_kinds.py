@@ -23,7 +23,7 @@ from twin.errors import TwinError
 from twin.faults.hull import WingLost
 from twin.identify.calibration import require_glider
 from twin.mission import steady_glide
-from twin.navigation.estimators.reckoning import PitchPlusAlpha
+from twin.navigation.estimators.flight import PitchPlusAlpha
 from twin.navigation.flight_filter import FlightFilter
 from twin.vehicle.additions import with_law
 

@@ -19,16 +19,15 @@ from twin.fossen.equations import still_acceleration
 from twin.fossen.forces import displaced_mass, pumped
 from twin.fossen.steady import down_axis
 from twin.mission.controller import Schedule
-from twin.physics.ballast import Ballast
 from twin.physics.model_block import header
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation, simulate
-from twin.physics.start import Start
+from twin.physics.start import Ballast, Start
 from twin.physics.true_signals import part_variables
 from twin.vehicle import laws, parts
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.laws import LAWS, BodyAxes
-from twin.vehicle.parts import PARTS, DropWeight, Part, Propeller, Quantity
+from twin.vehicle.parts import PARTS, DropWeight, Move, Part, Propeller, Quantity
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 GLIDER = load_vehicle("glider")
@@ -49,13 +48,9 @@ def with_weight():
     kind = '<text name="weight.kind" data="drop-weight"/>'
     kind += f'<numeric name="weight.mass" data="{WEIGHT}"/>'
     text = re.sub(r"<keyframe>.*</keyframe>", "", GLIDER.xml, flags=re.DOTALL)
-    for old, new in (
-        ('<site name="imu"', site + '<site name="imu"'),
-        ("</actuator>", actuator + "</actuator>"),
-        ("</custom>", kind + "</custom>"),
-    ):
+    for old, new in (('<site name="imu"', site), ("</actuator>", actuator), ("</custom>", kind)):
         assert old in text
-        text = text.replace(old, new, 1)
+        text = text.replace(old, new + old, 1)
     return parse_vehicle(text, Path("weighted.xml"))
 
 
@@ -269,8 +264,8 @@ def test_a_left_handed_screw_rolls_to_starboard_and_takes_as_much():
     rolls = [p.wrench(100.0, np.zeros(6), DENSITY, 50.0)[3] for p in (right, left)]
     assert rolls[0] < 0.0
     assert rolls[1] == -rolls[0]
-    still = {"depth": 0.0, "pitch": 0.0, "duration": 1.0}
-    taken = [p.energy(TORPEDO, 100.0, 100.0, Consumption(), **still) for p in (right, left)]
+    turn = Move(100.0, 100.0, depth=0.0, pitch=0.0, duration=1.0)
+    taken = [p.energy(TORPEDO, turn, Consumption()) for p in (right, left)]
     assert taken[0] == taken[1] > 0.0
 
 
@@ -311,15 +306,13 @@ def test_an_open_water_diagram_has_its_zeros_and_all_quadrants():
 def test_a_screw_takes_more_power_than_it_gives_and_windmills_for_nothing():
     screw = screw_of()
     assert screw.power_given < 0.0
-    still = {"depth": 0.0, "pitch": 0.0, "duration": 1.0}
     for rate in (30.0, 100.0, -100.0):
         for speed in np.linspace(-4.0, 4.0, 41):
             wrench = both_codes(screw, rate, float(speed))
             useful, shaft = wrench[0] * speed, -wrench[3] * rate
             assert useful <= shaft + 1e-9
-            taken = screw.energy(
-                TORPEDO, rate, rate, Consumption(propeller_efficiency=1.0), speed=speed, **still
-            )
+            turn = Move(rate, rate, depth=0.0, pitch=0.0, duration=1.0, speed=speed)
+            taken = screw.energy(TORPEDO, turn, Consumption(propeller_efficiency=1.0))
             assert taken == pytest.approx(max(shaft, 0.0), rel=1e-9, abs=1e-9)
 
 
@@ -504,18 +497,21 @@ def test_a_rudders_zero_turns_the_vehicle():
 
 
 def test_replace_finds_where_a_field_belongs():
+    place = np.array([-0.08, 0.001, 0.003])
     changed = GLIDER.replace(
-        gravity=9.8, drag=(7.0, 380.0), battery={"mass": 12.0}, pump={"lag": 5.0}
+        gravity=9.8, drag=(7.0, 380.0), battery={"mass": 12.0}, pump={"lag": 5.0}, static_cg=place
     )
     assert changed.gravity == 9.8
     assert changed.flow_frame.drag == (7.0, 380.0)
     assert changed.battery.mass == 12.0
     assert changed.part("pump").lag == 5.0
     np.testing.assert_array_equal(changed.actuator_lag, [2.0, 2.0, 5.0])
-    assert set(changed.changes()) == {"gravity", "drag", "battery", "pump"}
+    assert set(changed.changes()) == {"gravity", "drag", "battery", "pump", "static_cg"}
     assert GLIDER.part("pump").lag == 4.0
     again = GLIDER.with_changes(changed.changes())
     assert again.changes() == changed.changes()
+    assert again.flow_frame.drag == (7.0, 380.0)
+    np.testing.assert_array_equal(again.static_cg, place)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 import pytest
+from physics import held
 
 from twin.checks.agreement import check_manoeuvres
 from twin.checks.published import held_flight
@@ -42,17 +43,8 @@ def fly(duration, *, vehicle=GAZEBO, start=None, current=None, period=0.1, **par
     command = vehicle.rest
     for name, value in parts.items():
         command[vehicle.part_names.index(name)] = value
-    return simulate(
-        Scenario(
-            vehicle=vehicle,
-            mission=Schedule(times=[0.0], commands=[command]),
-            duration=duration,
-            start=start or Start(depth=10.0),
-            timestep=0.02,
-            sample_period=period,
-            **({} if current is None else {"current": current}),
-        )
-    )
+    options = {"start": start or Start(depth=10.0), "current": current, "timestep": 0.02}
+    return simulate(held(vehicle, command, duration, sample_period=period, **options))
 
 
 def radians(run, name):
@@ -428,13 +420,8 @@ def test_the_list_holds_one_fin_and_the_simulator_adds_four():
     assert yaw == pytest.approx(listed["Nuv"] + 0.633 * (2.0 * ONE_FIN + drag), abs=0.1)
     assert not any(MBARI.part(name).in_hull for name in ("rudder", "elevator"))
 
-    once = derivatives(
-        MBARI,
-        Yuv=listed["Yuv"] + ONE_FIN,
-        Zuw=listed["Zuw"] + ONE_FIN,
-        Nuv=listed["Nuv"] - 0.633 * ONE_FIN,
-        Muw=listed["Muw"] + 0.633 * ONE_FIN,
-    )
+    fin = {"Yuv": ONE_FIN, "Zuw": ONE_FIN, "Nuv": -0.633 * ONE_FIN, "Muw": 0.633 * ONE_FIN}
+    once = derivatives(MBARI, **{name: listed[name] + value for name, value in fin.items()})
     assert math.degrees(dive(once).held["elevator"]) < 2.4  # 3.1 is asked for
     with pytest.raises(NoSteadyState):
         FossenModel(once).trim(positions={"propeller": RATE, "rudder": NINE})
@@ -516,7 +503,9 @@ def test_its_range_is_mbaris():
     at = np.array([rate, 0.0, 0.0, 0.0, 500.0, 1.0])
 
     def power(vehicle):
-        return Consumption.of(vehicle).energy(vehicle, at, at, depth=10.0, pitch=0.0, duration=1.0)
+        losses = Consumption.of(vehicle)
+        found = losses.shares(vehicle, at, at, depth=10.0, pitch=0.0, duration=1.0)
+        return sum(found.values())
 
     assert 1000.0 < 400.0 * 14.4 * 3600.0 / power(MBARI) / 1000.0 < 2000.0
     assert power(GAZEBO) == pytest.approx(28.8, abs=0.5)  # its test_battery

@@ -274,8 +274,8 @@ def test_drawn_bodies_turn_as_their_parts_do(store):
 
     from twin.show.render.painter import Motion
     from twin.show.render.playback import poses
-    from twin.show.render.shot import Shot, Subject
     from twin.show.render.stage import build
+    from twin.show.render.subject import Shot, Subject
 
     trajectory = twin.open_trajectory(store)
     vehicle = load_vehicle(TORPEDO)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -12,6 +13,8 @@ import pytest
 from twin.errors import VehicleError
 from twin.frames import flip_vector
 from twin.physics.mujoco_model import compile_model
+from twin.vehicle.laws import LAWS
+from twin.vehicle.parts import PARTS, Part
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
@@ -20,52 +23,32 @@ GLIDER = load_vehicle("glider")
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_parsed_and_compiled_vehicles_agree(name):
+    """A moved battery too is where the formula says."""
     vehicle = load_vehicle(name)
     model = mujoco.MjModel.from_xml_string(vehicle.xml)
     data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
     assert model.body("hull").mass[0] == vehicle.static_mass
     np.testing.assert_allclose(flip_vector(model.body("hull").ipos), vehicle.static_cg)
-    for mass in vehicle.masses:
-        found = flip_vector(data.body(mass.name).xipos - data.body("hull").xpos)
-        np.testing.assert_allclose(found, mass.position(0.0, 0.0), atol=1e-12)
     np.testing.assert_array_equal(model.actuator_actrange[:, 1], vehicle.actuator_max)
-
-
-@pytest.mark.parametrize("name", vehicle_names())
-def test_moved_battery_is_where_the_formula_says(name):
-    vehicle = load_vehicle(name)
-    model = mujoco.MjModel.from_xml_string(vehicle.xml)
-    data = mujoco.MjData(model)
-    for mass in vehicle.masses:
-        for joint, value in ((mass.slide, 0.013), (mass.hinge, 0.7)):
-            if joint is not None:
-                data.joint(joint).qpos[0] = value
-    mujoco.mj_forward(model, data)
-    for mass in vehicle.masses:
-        found = flip_vector(data.body(mass.name).xipos - data.body("hull").xpos)
-        expected = mass.position(0.013 if mass.slide else 0.0, 0.7 if mass.hinge else 0.0)
-        np.testing.assert_allclose(found, expected, atol=1e-12)
+    for shift, rotation in ((0.0, 0.0), (0.013, 0.7)):
+        for mass in vehicle.masses:
+            for joint, value in ((mass.slide, shift), (mass.hinge, rotation)):
+                if joint is not None:
+                    data.joint(joint).qpos[0] = value
+        mujoco.mj_forward(model, data)
+        for mass in vehicle.masses:
+            found = flip_vector(data.body(mass.name).xipos - data.body("hull").xpos)
+            expected = mass.position(shift * bool(mass.slide), rotation * bool(mass.hinge))
+            np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_everything_is_named_and_there_are_cameras(name):
     model = mujoco.MjModel.from_xml_string(load_vehicle(name).xml)
-    for kind in (
-        "body",
-        "joint",
-        "geom",
-        "site",
-        "camera",
-        "actuator",
-        "sensor",
-        "numeric",
-        "light",
-    ):
-        count = getattr(
-            model, {"joint": "njnt", "camera": "ncam", "actuator": "nu"}.get(kind, f"n{kind}")
-        )
-        for index in range(count):
+    counts = {"joint": "njnt", "camera": "ncam", "actuator": "nu"}
+    kinds = ("body", "geom", "site", "sensor", "numeric", "light")
+    for kind, count in {**counts, **{kind: f"n{kind}" for kind in kinds}}.items():
+        for index in range(getattr(model, count)):
             assert getattr(model, kind)(index).name, (kind, index)
     assert {"chase", "side", "map"} <= {model.camera(i).name for i in range(model.ncam)}
     # what is only seen must neither weigh nor collide
@@ -166,15 +149,14 @@ def test_a_missing_joint_is_named_not_the_keyframe_that_it_breaks(line, missing)
 def test_messages_name_the_file_as_it_was_given(tmp_path):
     path = tmp_path / "fleet" / "mine.xml"
     path.parent.mkdir()
-    path.write_text(GLIDER.xml.replace('data="7.19 386.29"', 'data="7.19"', 1))
-    with pytest.raises(VehicleError, match=re.escape(str(path))):
-        load_vehicle(path)
-    path.write_text(GLIDER.xml.replace('mass="54.28"', 'mass="-1"', 1))
-    with pytest.raises(VehicleError, match=re.escape(str(path))):
-        load_vehicle(path)
-    path.write_text(GLIDER.xml.replace('density="0" viscosity="0"', 'density="1"', 1))
-    with pytest.raises(VehicleError, match=re.escape(str(path))):
-        compile_model(load_vehicle(path))
+    for old, new in (
+        ('data="7.19 386.29"', 'data="7.19"'),
+        ('mass="54.28"', 'mass="-1"'),
+        ('density="0" viscosity="0"', 'density="1"'),
+    ):
+        path.write_text(GLIDER.xml.replace(old, new, 1))
+        with pytest.raises(VehicleError, match=re.escape(str(path))):
+            compile_model(load_vehicle(path))
 
 
 def test_a_file_that_is_no_vehicle_is_said_to_be_none(tmp_path, monkeypatch):
@@ -186,16 +168,17 @@ def test_a_file_that_is_no_vehicle_is_said_to_be_none(tmp_path, monkeypatch):
         load_vehicle("other.txt")
 
 
-def test_unknown_vehicle_offers_the_nearest():
-    with pytest.raises(VehicleError, match="unknown vehicle 'gliderr': did you mean 'glider'"):
-        load_vehicle("gliderr")
-    with pytest.raises(VehicleError, match="no vehicle file at"):
-        load_vehicle("nowhere/x.xml")
-
-
-def test_a_makers_name_brings_up_its_vehicles():
-    with pytest.raises(VehicleError, match=r"slocum-1000 or slocum-200.*'graver-2005'"):
-        load_vehicle("slocum")
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("gliderr", "unknown vehicle 'gliderr': did you mean 'glider'"),
+        ("nowhere/x.xml", "no vehicle file at"),
+        ("slocum", r"slocum-1000 or slocum-200.*'graver-2005'"),  # a maker
+    ],
+)
+def test_unknown_vehicle_offers_the_nearest(name, said):
+    with pytest.raises(VehicleError, match=said):
+        load_vehicle(name)
 
 
 def test_a_vehicle_is_called_as_its_file(tmp_path):
@@ -214,15 +197,6 @@ def test_an_impossible_usual_glide_is_refused(tmp_path, text, rule):
     path.write_text(GLIDER.xml.replace("</custom>", numeric, 1))
     with pytest.raises(VehicleError, match=rule):
         load_vehicle(path)
-
-
-def test_changes_round_trip():
-    changed = GLIDER.replace(drag=(7.0, 390.0), static_cg=np.array([-0.08, 0.001, 0.003]))
-    changes = changed.changes()
-    assert set(changes) == {"drag", "static_cg"}
-    again = GLIDER.with_changes(changes)
-    assert again.flow_frame.drag == (7.0, 390.0)
-    np.testing.assert_array_equal(again.static_cg, changed.static_cg)
 
 
 @pytest.mark.parametrize(
@@ -248,8 +222,40 @@ def test_names_of_ones_own_and_of_other_laws_may_be_there():
     assert parse_vehicle(text, path).law.kind == "body-axes"
 
 
-def test_every_loss_of_a_file_is_a_known_name():
-    from twin.vehicle.consumption import Consumption
-    from twin.vehicle.parts.base import LOSSES
+# --- docs/physics/equations.md -------------------------------------------------------------------
 
-    assert set(LOSSES) == {field.name for field in dataclasses.fields(Consumption)}
+
+PAGE = (Path(__file__).parents[3] / "docs" / "physics" / "equations.md").read_text(encoding="utf-8")
+
+
+def table(header):
+    """Rows of the table whose header begins so: the rest of each by its first cell."""
+    lines = iter(PAGE[PAGE.index(header) :].splitlines()[2:])
+    rows = {}
+    for line in lines:
+        if not line.startswith("|"):
+            return rows
+        name, _, rest = line.strip("| ").partition("|")
+        rows[name.strip().strip("`")] = rest
+    return rows
+
+
+def test_every_law_has_a_row():
+    assert tuple(table("| `hull_law` |")) == LAWS.shipped()
+
+
+@pytest.mark.parametrize("kind", PARTS.shipped())
+def test_every_part_has_a_row_with_its_unit_and_numbers(kind):
+    rows = table("| kind | position |")
+    assert tuple(rows) == PARTS.shipped()
+    part = PARTS[kind]
+    assert part.unit == "1" or part.unit in rows[kind].split("|")[0]
+    own = {field.name for field in dataclasses.fields(part)}
+    own -= {field.name for field in dataclasses.fields(Part)}
+    assert [name for name in own if f"`{name}`" not in rows[kind]] == []
+
+
+def test_the_flow_frame_laws_numbers_are_named():
+    row = table("| `hull_law` |")["flow-frame"]
+    names = [field.name for field in dataclasses.fields(LAWS["flow-frame"])]
+    assert [name for name in names if f"`{name}`" not in row] == []

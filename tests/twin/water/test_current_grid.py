@@ -82,39 +82,11 @@ def hycom(tmp_path):
     return write(data, tmp_path, encoding=encoding)
 
 
-def turned_axes(tmp_path):
-    data = copernicus().isel(depth=slice(None, None, -1), latitude=slice(None, None, -1),
-                             time=[2, 0, 3, 1])  # fmt: skip
-    return write(data.transpose("longitude", "time", "latitude", "depth"), tmp_path)
-
-
-def upward_depth(tmp_path):
-    data = copernicus()
-    data = data.assign_coords(depth=("depth", -DEPTH, {"units": "m", "positive": "up"}))
-    return write(data, tmp_path)
-
-
-def negative_depth_without_attributes(tmp_path):
-    return write(copernicus().assign_coords(depth=-DEPTH), tmp_path)
-
-
 def centimetres(tmp_path):
     data = copernicus() * 100.0
     for name in ("uo", "vo"):
         data[name].attrs = {"units": "cm/s"}
     return write(data.rename(uo="U", vo="V"), tmp_path)
-
-
-def zarr_store(tmp_path):
-    path = tmp_path / "current.zarr"
-    copernicus().to_zarr(path, zarr_format=3, consolidated=False)
-    return str(path)
-
-
-def zarr_directory_of_another_name(tmp_path):
-    path = tmp_path / "store"
-    copernicus().to_zarr(path, zarr_format=2, consolidated=True)
-    return str(path)
 
 
 def standard_name_over_alias(tmp_path):
@@ -134,26 +106,38 @@ def nemo_names(tmp_path):
     return write(data.drop_vars("depth").rename(time="time_counter"), tmp_path)
 
 
-def auxiliary_coordinates(tmp_path):
-    """Dimensions y and x with one-dimensional coordinates of other names."""
-    data = copernicus().rename_dims(latitude="y", longitude="x")
-    return write(data.reset_index(["latitude", "longitude"]), tmp_path)
+def zarr(folder, name, version):
+    copernicus().to_zarr(folder / name, zarr_format=version, consolidated=version == 2)
+    return str(folder / name)
 
 
-def with_an_ensemble_axis_of_one(tmp_path):
-    return write(copernicus().expand_dims("member"), tmp_path)
-
-
-LAYOUTS = [
-    packed, hycom, turned_axes, upward_depth, negative_depth_without_attributes, centimetres,
-    zarr_store, zarr_directory_of_another_name, standard_name_over_alias, nemo_names,
-    auxiliary_coordinates, with_an_ensemble_axis_of_one,
-]  # fmt: skip
+LAYOUTS = {
+    "packed": packed,
+    "hycom": hycom,
+    "turned axes": lambda folder: write(
+        copernicus().isel(depth=slice(None, None, -1), latitude=slice(None, None, -1),
+                          time=[2, 0, 3, 1]).transpose("longitude", "time", "latitude", "depth"),
+        folder),
+    "upward depth": lambda folder: write(
+        copernicus().assign_coords(depth=("depth", -DEPTH, {"units": "m", "positive": "up"})),
+        folder),
+    "negative depth": lambda folder: write(copernicus().assign_coords(depth=-DEPTH), folder),
+    "centimetres": centimetres,
+    "zarr store": lambda folder: zarr(folder, "current.zarr", 3),
+    "zarr directory of another name": lambda folder: zarr(folder, "store", 2),
+    "standard name over alias": standard_name_over_alias,
+    "nemo names": nemo_names,
+    # dimensions y and x with one-dimensional coordinates of other names
+    "auxiliary coordinates": lambda folder: write(
+        copernicus().rename_dims(latitude="y", longitude="x")
+        .reset_index(["latitude", "longitude"]), folder),
+    "an ensemble axis of one": lambda folder: write(copernicus().expand_dims("member"), folder),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_layout_gives_the_same_water(layout, tmp_path):
-    path = layout(tmp_path)
+    path = LAYOUTS[layout](tmp_path)
     depth = np.array([0.5, 30.0, 700.0])
     u = Grid(path=path, **START).velocity(18_000.0, 0.0, 0.0, depth)
     time = np.array([np.datetime64("2000-01-05T11:00", "ns")])

@@ -51,6 +51,8 @@ PROGRAMS = {
     "log layer": lambda: parse_current(
         "log-layer:friction=0.02,direction=70,bottom=1000,thickness=900").compile(4e4),
     "series": series_program,
+    "series of values": lambda: parse_current(
+        "series:interval=9000,north=0.1/0.3/-0.2/0.1/0.4,east=0/0/0.4/0.2/0.1").compile(4e4),
     "gauss-markov": lambda: parse_current(
         "gauss-markov:speed=0.3,std=0.1,direction=0,direction_std=30").compile(4e4),
     "grid": grid_program,

@@ -14,7 +14,7 @@ from scipy.interpolate import RegularGridInterpolator
 from twin.commands.simulate import Simulate
 from twin.errors import FloorError
 from twin.geodesy import from_tangent_plane
-from twin.physics.lookup_tables import floor_table
+from twin.physics.model_block import floor_table
 from twin.physics.scenario import Scenario, Start
 from twin.water.current.axes import Origin
 from twin.water.floor import (

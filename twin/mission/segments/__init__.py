@@ -1,15 +1,22 @@
 """Segments: the pieces of a mission."""
 
-from twin.mission.segments.base import SEGMENTS as SEGMENTS
-from twin.mission.segments.base import Segment as Segment
-from twin.mission.segments.base import register as register
-from twin.mission.segments.level import Circle as Circle
-from twin.mission.segments.level import LawnMower as LawnMower
-from twin.mission.segments.level import Transect as Transect
-from twin.mission.segments.profile import Profile as Profile
-from twin.mission.segments.profile import SawTooth as SawTooth
-from twin.mission.segments.profile import Spiral as Spiral
-from twin.mission.segments.station import Hold as Hold
-from twin.mission.segments.station import Hover as Hover
-from twin.mission.segments.station import Surface as Surface
-from twin.mission.segments.waypoint import Waypoint as Waypoint
+from typing import TYPE_CHECKING
+
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.mission.segments.base import SEGMENTS as SEGMENTS
+    from twin.mission.segments.base import Segment as Segment
+    from twin.mission.segments.base import register as register
+    from twin.mission.segments.level import Circle as Circle
+    from twin.mission.segments.level import LawnMower as LawnMower
+    from twin.mission.segments.level import Transect as Transect
+    from twin.mission.segments.profile import Profile as Profile
+    from twin.mission.segments.profile import SawTooth as SawTooth
+    from twin.mission.segments.profile import Spiral as Spiral
+    from twin.mission.segments.station import Hold as Hold
+    from twin.mission.segments.station import Hover as Hover
+    from twin.mission.segments.station import Surface as Surface
+    from twin.mission.segments.waypoint import Waypoint as Waypoint
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

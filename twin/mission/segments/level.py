@@ -59,7 +59,7 @@ class Level(Segment):
     def __post_init__(self) -> None:
         check_place(self.kind, self.depth_m, self.altitude_m)
         check.within(self.kind, "min_depth_m", self.min_depth_m, "m", 0.0)
-        check.fields(self)
+        check.fields(self, self.kind)
 
     def way(self, vehicle: Vehicle, label: str) -> Way:
         """The steady level way; raises MissionError when the vehicle cannot fly it."""

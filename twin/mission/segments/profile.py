@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from twin.errors import MissionError
 from twin.mission import mission_file as check
@@ -32,7 +33,7 @@ SHALLOWEST_M = 1.0
 class Profile(Segment):
     """Dives and climbs between two depths; the base of `SawTooth` and `Spiral`."""
 
-    limits = ("yos", "duration_s", "until_depth_m")
+    limits: ClassVar[tuple[str, ...]] = ("yos", "duration_s", "until_depth_m")
 
     max_depth_m: float
     """A dive turns into a climb here [m]."""
@@ -66,7 +67,7 @@ class Profile(Segment):
     def __post_init__(self) -> None:
         kind = self.kind
         check.within(kind, "min_depth_m", self.min_depth_m, "m", SHALLOWEST_M)
-        check.fields(self)
+        check.fields(self, kind, "until_depth_m")
         if self.min_depth_m >= self.max_depth_m:
             rule = f"less than max_depth_m = {self.max_depth_m:g} m"
             check.fail(kind, "min_depth_m", self.min_depth_m, rule)

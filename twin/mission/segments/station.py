@@ -52,13 +52,12 @@ class Hold(Segment):
     """Limit: the segment ends when the glider passes this depth [m]."""
 
     def __post_init__(self) -> None:
-        check.fields(self, "net_mass_kg")
+        check.fields(self, self.kind, "net_mass_kg")
         check.number(self.kind, "net_mass_kg", self.net_mass_kg)
         if not isinstance(self.parts, Mapping):
             check.fail(self.kind, "parts", self.parts, "a table of positions by part")
         for name, value in self.parts.items():
             check.number(self.kind, f"parts.{name}", value)
-        check.optional(check.within, self.kind, "until_depth_m", self.until_depth_m, "m", 0.0)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """One command."""
@@ -111,7 +110,7 @@ class Hover(Segment):
         check_place(self.kind, self.depth_m, self.altitude_m)
         most = check.MAX_PITCH_DEG
         check.within(self.kind, "pitch_deg", self.pitch_deg, "deg", -most, most)
-        check.fields(self, "pitch_deg")
+        check.fields(self, self.kind, "pitch_deg")
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """A row with the pump's loop about neutral and the battery's about its standing shift.
@@ -182,7 +181,7 @@ class Surface(Segment):
     that a battery pitches."""
 
     def __post_init__(self) -> None:
-        check.fields(self)
+        check.fields(self, self.kind)
 
     def _ascent(self, vehicle: Vehicle, label: str) -> Way:
         """The steady climb."""

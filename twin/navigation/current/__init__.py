@@ -4,38 +4,32 @@ tuned = tune(legs, latitude=31.5)
 found = CurrentFilter(tuned.parameters, latitude=31.5)
 """
 
-from twin.navigation.current.consistency import Consistency, Reaches, consistency_of
-from twin.navigation.current.current_parameters import CALIBRATION as CALIBRATION
-from twin.navigation.current.current_parameters import (
-    CONSTITUENTS,
-    CurrentParameters,
-    chosen_constituents,
-)
-from twin.navigation.current.current_parameters import DIVE as DIVE
-from twin.navigation.current.current_parameters import MODES as MODES
-from twin.navigation.current.filter import CurrentFilter
-from twin.navigation.current.leg import Leg, begin_leg, pass_leg, replay
-from twin.navigation.current.modes import Innovation
-from twin.navigation.current.modes import passage as passage
-from twin.navigation.current.record import CurrentForecast
-from twin.navigation.current.smoother import SmoothedTrack
-from twin.navigation.current.tuning import Tuned, tune
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CONSTITUENTS",
-    "Consistency",
-    "CurrentFilter",
-    "CurrentForecast",
-    "CurrentParameters",
-    "Innovation",
-    "Leg",
-    "Reaches",
-    "SmoothedTrack",
-    "Tuned",
-    "begin_leg",
-    "chosen_constituents",
-    "consistency_of",
-    "pass_leg",
-    "replay",
-    "tune",
-]
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.navigation.current.consistency import Consistency as Consistency
+    from twin.navigation.current.consistency import Reaches as Reaches
+    from twin.navigation.current.consistency import consistency_of as consistency_of
+    from twin.navigation.current.current_parameters import CALIBRATION as CALIBRATION
+    from twin.navigation.current.current_parameters import CONSTITUENTS as CONSTITUENTS
+    from twin.navigation.current.current_parameters import DIVE as DIVE
+    from twin.navigation.current.current_parameters import MODES as MODES
+    from twin.navigation.current.current_parameters import CurrentParameters as CurrentParameters
+    from twin.navigation.current.current_parameters import (
+        chosen_constituents as chosen_constituents,
+    )
+    from twin.navigation.current.filter import CurrentFilter as CurrentFilter
+    from twin.navigation.current.modes import CurrentForecast as CurrentForecast
+    from twin.navigation.current.modes import Innovation as Innovation
+    from twin.navigation.current.modes import SmoothedTrack as SmoothedTrack
+    from twin.navigation.current.modes import passage as passage
+    from twin.navigation.current.tuning import Leg as Leg
+    from twin.navigation.current.tuning import Tuned as Tuned
+    from twin.navigation.current.tuning import begin_leg as begin_leg
+    from twin.navigation.current.tuning import pass_leg as pass_leg
+    from twin.navigation.current.tuning import replay as replay
+    from twin.navigation.current.tuning import tune as tune
+
+__getattr__, __dir__ = attach(__name__, places(__name__))

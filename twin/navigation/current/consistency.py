@@ -1,4 +1,4 @@
-"""Consistency: whether what is forecast errs as it says, on records that tuned nothing of it.
+"""Consistency: stated against found errors of forecasts, on records that tuned nothing of it.
 
 The sea's statistics and the reaches of the ellipses are found in other records, or in one half of
 the records for the other and the other way round. A filter is consistent when its squared
@@ -18,15 +18,12 @@ from collections.abc import Iterable, Sequence
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.navigation.current.current_parameters import CurrentParameters
 from twin.navigation.current.filter import CurrentFilter
-from twin.navigation.current.leg import Leg, replay
 from twin.navigation.current.modes import Innovation
-from twin.navigation.current.tuning import tune
-
-Array = NDArray[np.float64]
+from twin.navigation.current.tuning import Leg, replay, tune
+from twin.numbers import Array
 
 PARTS = (0.5, 0.9)
 """[1] of the fixes that the two ellipses shall hold"""
@@ -63,7 +60,7 @@ class Reaches:
 
     @property
     def now(self) -> tuple[float, float]:
-        """Of 50 and 90 %, the second at least the first."""
+        """Reaches of 50 and 90 %, the second at least the first."""
         half, ninety = (math.exp(value) for value in self._logarithms)
         return half, max(half, ninety)
 
@@ -80,7 +77,7 @@ class Reaches:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Consistency:
-    """Of the fixes after dives; None where there is none of the kind."""
+    """Figures of the fixes after dives; None where there is no such fix."""
 
     fixes: int
     nis: float | None
@@ -122,7 +119,14 @@ def consistency_of(
     Raises:
       InputError: legs that are not in order of time.
     """
-    every_record, learned_from = _known(records), _known(others)
+    every_record, learned_from = (
+        [
+            known
+            for legs in some
+            if (known := [leg for leg in legs if leg.through_water is not None])
+        ]
+        for some in (records, others)
+    )
     parts = [(learned_from, every_record)] if others else [
         (every_record[half::2], every_record[1 - half :: 2]) for half in (0, 1)
     ]  # fmt: skip
@@ -164,12 +168,6 @@ def consistency_of(
             [_length(leg.duration * (leg.current - before.current)) for before, leg, _ in later]
         ),
     )
-
-
-def _known(records: Sequence[Sequence[Leg]]) -> list[list[Leg]]:
-    """Records of the legs whose way through the water is known, without empty ones."""
-    known = [[leg for leg in legs if leg.through_water is not None] for legs in records]
-    return [legs for legs in known if legs]
 
 
 def _length(metres: Array) -> float:

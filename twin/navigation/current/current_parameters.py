@@ -1,10 +1,8 @@
-"""Parameters: how strong each part of a current is, how long it lasts, and what is likely before
-any measurement.
+"""Parameters of a current: strength and duration of its parts, and their prior.
 
-The amplitudes are those of a prior: the filter learns each part's actual course from the fixes.
-
-The tidal frequencies that a current may hold stand here, with those that a record can tell apart,
-and the place of each number in the state of a current filter.
+The filter learns each part's actual course from the fixes. Here are also the tidal frequencies that
+a current may hold, those that a record can tell apart, and the place of each number in the state of
+a current filter.
 """
 
 from __future__ import annotations
@@ -12,18 +10,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from twin.errors import InputError, unknown_name
+from twin.numbers import Array
 
 Species = Literal["semidiurnal", "diurnal"]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Constituent:
+class Constituent(NamedTuple):
     """One line of the tide."""
 
     name: str
@@ -33,25 +31,20 @@ class Constituent:
     amplitude: float
     """[1] of the equilibrium tide, Doodson's coefficient"""
 
-    @property
-    def frequency(self) -> float:
-        """[1/h]"""
-        return 1.0 / self.period
-
 
 CONSTITUENTS = {
     one.name: one
     for one in (
-        Constituent(name="M2", period=12.4206012, species="semidiurnal", amplitude=0.90812),
-        Constituent(name="K1", period=23.93447213, species="diurnal", amplitude=0.53011),
-        Constituent(name="S2", period=12.0, species="semidiurnal", amplitude=0.42248),
-        Constituent(name="O1", period=25.81933871, species="diurnal", amplitude=0.37694),
-        Constituent(name="N2", period=12.65834751, species="semidiurnal", amplitude=0.17391),
+        Constituent("M2", 12.4206012, "semidiurnal", 0.90812),
+        Constituent("K1", 23.93447213, "diurnal", 0.53011),
+        Constituent("S2", 12.0, "semidiurnal", 0.42248),
+        Constituent("O1", 25.81933871, "diurnal", 0.37694),
+        Constituent("N2", 12.65834751, "semidiurnal", 0.17391),
     )
 }
 """In the order in which a longer record adds them."""
 STRONGEST = {"semidiurnal": "M2", "diurnal": "K1"}
-"""Of each species: the amplitudes of the others count from it."""
+"""Strongest line of each species: the amplitudes of the others count from it."""
 RAYLEIGH = 0.5
 """[1] Cycles by which two lines must part over a record to be told apart. Harmonic analysis asks
 for one; a filter with priors resolves with half of it (Pugh and Woodworth 2014, chapter 4)."""
@@ -72,7 +65,7 @@ def chosen_constituents(duration: float, interval: float) -> tuple[str, ...]:
     for one in CONSTITUENTS.values():
         if 0.5 * one.period < interval:
             continue
-        apart = [abs(one.frequency - other.frequency) * duration for other in chosen]
+        apart = [abs(1.0 / one.period - 1.0 / other.period) * duration for other in chosen]
         if one.name in STRONGEST.values() or min(apart, default=0.0) >= RAYLEIGH:
             chosen.append(one)
     return tuple(one.name for one in chosen)
@@ -84,12 +77,9 @@ def relative_amplitude(name: str) -> float:
     return one.amplitude / CONSTITUENTS[STRONGEST[one.species]].amplitude
 
 
-Array = NDArray[np.float64]
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CurrentParameters:
-    """Of a `CurrentFilter`. Deviations are of north and of east each.
+    """Strength and memory of a current's parts. Deviations are of north and of east each.
 
     Raises:
       InputError: a negative or infinite value, a time that is not positive, or an unknown
@@ -167,8 +157,7 @@ PERSISTENCE_DIVE = 0.004
 """[m/s] of a single dive in that case: small, so that the last dive counts"""
 
 
-@dataclasses.dataclass(frozen=True)
-class Unknown:
+class Unknown(NamedTuple):
     """A logarithm that tuning finds: its likely value and how far it may be from it."""
 
     name: str
@@ -192,7 +181,7 @@ UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short reco
     Unknown("inertial", 0.15, 0.6, of_scale=True),
     Unknown("inertial_time", 3.0, 0.4),
 )
-"""What tuning finds, with priors that are wide in the scale of the currents (0.02 m/s on a slope to
+"""Unknowns of tuning; priors are wide in the scale of the currents (0.02 m/s on a slope to
 1 m/s in a sound) and narrow in the rest: a training part holds a few dozen dives. The proportions
 are those of shelf currents, where tide and weather share the variance (Kundu 1976, J. Phys.
 Oceanogr. 6; Pollard and Millard 1970, Deep-Sea Res. 17, for 1 to 10 days of inertial decay)."""

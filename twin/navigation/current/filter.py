@@ -25,7 +25,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from twin.errors import InputError
 from twin.navigation.current.current_parameters import (
@@ -41,18 +41,19 @@ from twin.navigation.current.current_parameters import (
 )
 from twin.navigation.current.modes import (
     LONGEST,
+    CurrentForecast,
     Innovation,
     Modes,
+    Node,
     Passage,
+    SmoothedTrack,
     modes_of,
     passage,
+    smoothed,
     transition,
     turns,
 )
-from twin.navigation.current.record import CurrentForecast, Record
-from twin.navigation.current.smoother import SmoothedTrack, smoothed
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 FIX_DEVIATION = 5.0
 """[m] north and east each, of a GPS fix"""
@@ -74,6 +75,8 @@ class CurrentFilter:
     found.step(3600.0, (0.2, 0.1), 0.02**2 * np.eye(2))
     found.fix((900.0, 300.0))
     ahead = found.forecast(found.time + np.array([3600.0, 7200.0]))
+
+    All methods raise InputError for numbers that are not finite or of another shape.
 
     Args:
       parameters: of the current; `tune` finds them.
@@ -109,19 +112,15 @@ class CurrentFilter:
         """[1] variances of forecasts by those that the parameters alone say"""
         self.size = MODES + 2 * len(self.modes)
         self._mean = np.zeros(self.size)
-        variance = np.zeros(self.size)
-        variance[CALIBRATION] = (
-            self.parameters.speed_scale**2,
-            math.radians(self.parameters.compass) ** 2,
-        )
-        variance[DIVE] = self.parameters.dive**2
-        variance[MODES:] = np.repeat(self.modes.variance, 2)
-        self._covariance = np.diag(variance)
+        own = self.parameters
+        variance = [0.0, 0.0, own.speed_scale**2, math.radians(own.compass) ** 2]
+        variance += [own.dive**2] * 2
+        self._covariance = np.diag([*variance, *np.repeat(self.modes.variance, 2)])
         self._lost = True
         self._since = 0.0
         self._velocity: Array | None = None
         self._passages: dict[float, Passage] = {}
-        self._record = Record() if record else None
+        self._nodes: list[Node] | None = [] if record else None
         self._note(np.eye(self.size))
 
     # -- prediction ---------------------------------------------------------------------------
@@ -143,9 +142,6 @@ class CurrentFilter:
           covariance: [m2/s2], (2, 2), of its error; None: none but the scale and the compass.
           field: north, east [m/s] of a current that a forecast field foretells, mean over dt: the
             filter's current is then what the field lacks.
-
-        Raises:
-          InputError: a time or a velocity that is not finite, or a negative time.
         """
         if not (math.isfinite(dt) and dt >= 0.0):
             raise InputError(f"a step of {dt:g} s; it must be zero or positive")
@@ -170,11 +166,7 @@ class CurrentFilter:
         self._note(carry)
 
     def displace(self, metres: ArrayLike) -> None:
-        """Move the position by what is now known of the way before, north and east [m], (2,).
-
-        Raises:
-          InputError: a displacement that is not finite.
-        """
+        """Move the position by what is now known of the way before, north and east [m], (2,)."""
         self._mean = self._mean.copy()
         self._mean[POSITION] += pair(metres, "displacement")
         self._note(np.eye(self.size))
@@ -197,30 +189,29 @@ class CurrentFilter:
           sigma: [m] standard deviation, north and east each.
 
         Returns:
-          What it said; None where the filter had not known the vehicle's way since the last fix:
+          The innovation; None where the filter had not known the vehicle's way since the last fix:
           then the fix only says where it is.
-
-        Raises:
-          InputError: a position that is not finite, or a deviation that is not positive.
         """
         place = pair(position, "position")
         if not (math.isfinite(sigma) and sigma > 0.0):
             raise InputError(f"a fix with a deviation of {sigma:g} m; it must be positive")
-        found = None
         if self._lost:
-            self._locate(place, sigma)
-        else:
-            found = self._update_by_fix(place, sigma)
+            self.locate(place, sigma)
+            return None
+        found = self._update_by_fix(place, sigma)
         self._begin_dive()
         return found
 
     def locate(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> None:
-        """Begin a dive at a position, whatever was known of it: it says nothing of the current.
-
-        Args:
-          position, sigma: as `fix`.
-        """
-        self._locate(pair(position, "position"), sigma)
+        """Begin a dive at a position, as `fix` takes it, which says nothing of the current."""
+        place = pair(position, "position")
+        carry = np.eye(self.size)
+        carry[POSITION, POSITION] = 0.0
+        self._mean = carry @ self._mean
+        self._mean[POSITION] = place
+        self._covariance = carry @ self._covariance @ carry.T
+        self._covariance[POSITION, POSITION] = sigma**2 * np.eye(2)
+        self._note(carry)
         self._begin_dive()
 
     def _update_by_fix(self, place: Array, sigma: float) -> Innovation:
@@ -228,30 +219,22 @@ class CurrentFilter:
         spread = self._covariance[POSITION, POSITION] + sigma**2 * np.eye(2)
         distance = float(residual @ np.linalg.solve(spread, residual))
         found = Innovation(
-            residual=residual,
-            covariance=spread,
-            distance=distance,
-            duration=self._since,
+            residual=residual, covariance=spread, distance=distance, duration=self._since,
             inflation=self.inflation,
-        )
+        )  # fmt: skip
         if self._since >= LEAST_LEG:
-            self._scale(distance)
-        if self._since >= LEAST_LEG and distance > self.outlier:
-            self._blame_eddy((distance / self.outlier - 1.0) * spread)
+            # the inverse of the common factor of all variances has a gamma distribution of shape
+            # degrees / 2 and mean 1 / centre
+            centre = self.inflation * (self.degrees - 2.0) / self.degrees
+            kept = DEGREES + KEPT * (self.degrees - DEGREES)
+            self.degrees = kept + 2.0
+            self.inflation = (kept * centre + distance) / (self.degrees - 2.0)
+            if distance > self.outlier:
+                self._blame_eddy((distance / self.outlier - 1.0) * spread)
         observed = np.zeros((2, self.size))
         observed[:, POSITION] = np.eye(2)
         self._update(observed, residual, sigma**2 * np.eye(2))
         return found
-
-    def _scale(self, distance: float) -> None:
-        """Learn the common factor of all variances from a fix's squared distance [1].
-
-        Its inverse has a gamma distribution of shape degrees / 2 and mean 1 / centre.
-        """
-        centre = self.inflation * (self.degrees - 2.0) / self.degrees
-        kept = DEGREES + KEPT * (self.degrees - DEGREES)
-        self.degrees = kept + 2.0
-        self.inflation = (kept * centre + distance) / (self.degrees - 2.0)
 
     def _blame_eddy(self, surprise: Array) -> None:
         """Make room for a surprise [m2] at the fix: an eddy has come up during the dive."""
@@ -261,8 +244,7 @@ class CurrentFilter:
         into[POSITION] = np.eye(2)
         into[first : first + 2] = np.eye(2) / self._since
         self._covariance = even(self._covariance + into @ surprise @ into.T)
-        if self._record is not None:
-            self._record.widen(self._covariance)
+        self._amend(predicted_covariance=self._covariance, covariance=self._covariance)
 
     def current_report(
         self, current: ArrayLike, covariance: ArrayLike, *, dive: bool = False
@@ -277,9 +259,6 @@ class CurrentFilter:
           covariance: [m2/s2], (2, 2), of its error.
           dive: whether it contains what the dive under way adds (a profiler's does, a forecast
             field's does not).
-
-        Raises:
-          InputError: values that are not finite.
         """
         observed = self._of_current(dive=dive)
         value = pair(current, "current")
@@ -293,7 +272,7 @@ class CurrentFilter:
           covariance: [m2/s2], (2, 2), of its error and of that of the velocity through the water.
 
         Raises:
-          InputError: values that are not finite, or no step with a velocity came before.
+          InputError: no step with a velocity came before.
         """
         if self._velocity is None:
             raise InputError(
@@ -319,18 +298,7 @@ class CurrentFilter:
         left = np.eye(self.size) - gain @ observed
         self._mean = self._mean + gain @ residual
         self._covariance = even(left @ self._covariance @ left.T + gain @ spread @ gain.T)
-        if self._record is not None:
-            self._record.update(self._mean, self._covariance)
-
-    def _locate(self, place: Array, sigma: float) -> None:
-        """Set the position, which was not known."""
-        carry = np.eye(self.size)
-        carry[POSITION, POSITION] = 0.0
-        self._mean = carry @ self._mean
-        self._mean[POSITION] = place
-        self._covariance = carry @ self._covariance @ carry.T
-        self._covariance[POSITION, POSITION] = sigma**2 * np.eye(2)
-        self._note(carry)
+        self._amend(estimate=self._mean, covariance=self._covariance)
 
     def _begin_dive(self) -> None:
         """The next dive adds something else."""
@@ -362,23 +330,15 @@ class CurrentFilter:
         return float(scale), float(offset)
 
     def part(self, name: str) -> Array:
-        """North, east [m/s] of one part at this time, such as `mean`, `eddy`, `M2`; 0 without.
-
-        Args:
-          name: the beginning of a mode's name.
-        """
+        """North, east [m/s] of one part at this time, such as `mean`, `eddy`, `M2`; 0 without."""
         found = np.zeros(2)
-        for k, mode in enumerate(self.modes.names):
+        for mode, values in zip(self.modes.names, self._mean[MODES:].reshape(-1, 2), strict=True):
             if mode.split()[0] == name:
-                found += self._mean[MODES + 2 * k : MODES + 2 * k + 2]
+                found += values
         return found
 
     def forecast(
-        self,
-        times: ArrayLike,
-        velocity: ArrayLike | None = None,
-        *,
-        field: ArrayLike | None = None,
+        self, times: ArrayLike, velocity: ArrayLike | None = None, *, field: ArrayLike | None = None
     ) -> CurrentForecast:
         """The current at later times and the displacement that it makes until then.
 
@@ -390,18 +350,14 @@ class CurrentFilter:
             what the errors of the speed and the compass make of it, too.
           field: north, east [m/s] that a forecast field foretells, as `step` takes it; it is part
             of the displacement, and not of the current.
-
-        Raises:
-          InputError: a time before the filter's.
         """
         moments = np.atleast_1d(np.asarray(times, float))
-        ahead = moments - self.time
+        ahead, count = moments - self.time, len(moments)
         if not (np.isfinite(ahead).all() and (ahead >= -1e-6).all()):
             raise InputError(
                 f"a forecast for {ahead.min():g} s from the filter's time; it must be later"
             )
         through = np.zeros(2) if velocity is None else pair(velocity, "velocity")
-        count = len(moments)
         found = CurrentForecast(
             times=moments,
             current=np.empty((count, 2)),
@@ -409,7 +365,14 @@ class CurrentFilter:
             displacement=np.empty((count, 2)),
             displacement_covariance=np.empty((count, 2, 2)),
         )
-        probe, passed = self._probe(), 0.0
+        # a copy that starts at the origin, known exactly
+        probe = CurrentFilter(
+            self.parameters, latitude=self.latitude, time=self.time, memory=self.memory
+        )
+        probe._passages, passed = self._passages, 0.0
+        probe._mean, probe._covariance = self._mean.copy(), self._covariance.copy()
+        probe._mean[POSITION] = 0.0
+        probe._covariance[POSITION] = probe._covariance[:, POSITION] = 0.0
         for index in np.argsort(ahead, kind="stable"):
             wait = max(float(ahead[index]) - passed, 0.0)
             probe.step(wait, through, field=field)
@@ -421,23 +384,10 @@ class CurrentFilter:
             found.displacement_covariance[index] = self.inflation * scattered
         return found
 
-    def _probe(self) -> CurrentFilter:
-        """A copy that starts at the origin, known exactly."""
-        probe = CurrentFilter(
-            self.parameters, latitude=self.latitude, time=self.time, memory=self.memory
-        )
-        probe._mean = self._mean.copy()
-        probe._covariance = self._covariance.copy()
-        probe._mean[POSITION] = 0.0
-        probe._covariance[POSITION] = 0.0
-        probe._covariance[:, POSITION] = 0.0
-        probe._passages = self._passages
-        return probe
-
     # -- keeping ------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Array]:
-        """All that the filter knows, as arrays; `restore` takes it. The record is not in it."""
+        """The filter's knowledge as arrays, for `restore`; the record is not in it."""
         velocity = np.full(2, np.nan) if self._velocity is None else self._velocity
         return {
             "time": np.array(self.time),
@@ -451,11 +401,7 @@ class CurrentFilter:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a `state` of a filter with the same parameters.
-
-        Raises:
-          InputError: a state of another size, or one that lacks a part.
-        """
+        """Go on from a `state` of a filter with the same parameters."""
         missing = sorted({*self.state()} - {*state})
         if missing:
             raise InputError(f"the state of a current filter lacks {', '.join(missing)}")
@@ -471,27 +417,29 @@ class CurrentFilter:
         self._lost, self._since = bool(state["lost"]), float(state["since_fix"])
         velocity = np.array(state["velocity"], float)
         self._velocity = velocity if np.isfinite(velocity).all() else None
-        if self._record is not None:
-            self._record = Record()
+        if self._nodes is not None:
+            self._nodes = []
             self._note(np.eye(self.size))
 
     @property
     def recorded(self) -> int:
         """Nodes that `smooth` will answer for so far; 0 without `record`."""
-        return 0 if self._record is None else len(self._record.nodes)
+        return len(self._nodes or ())
 
     def smooth(self) -> SmoothedTrack:
-        """Position and current at every step, by all measurements before and after it.
-
-        Raises:
-          InputError: the filter was made without `record`.
-        """
-        if self._record is None:
+        """Position and current at every step, by all measurements, of a filter with `record`."""
+        if self._nodes is None:
             raise InputError("smoothing needs the steps: make the CurrentFilter with record=True")
-        return smoothed(
-            self._record.nodes, position=POSITION, current=self._of_current(dive=False), dive=DIVE
-        )
+        current = self._of_current(dive=False)
+        return smoothed(self._nodes, position=POSITION, current=current, dive=DIVE)
 
     def _note(self, carry: Array) -> None:
-        if self._record is not None:
-            self._record.step(self.time, carry, self._mean, self._covariance)
+        """Record a step to the present state."""
+        if self._nodes is not None:
+            now = self._mean, self._covariance
+            self._nodes.append(Node(self.time, carry, *now, *now))
+
+    def _amend(self, **changes: Any) -> None:
+        """Change the last recorded step by a measurement at its time."""
+        if self._nodes is not None:
+            self._nodes[-1] = self._nodes[-1]._replace(**changes)

@@ -7,13 +7,17 @@ rotary component that drifts in amplitude and phase (Gelb 1974, Applied Optimal 
 both ways: together they make any ellipse.
 
 The transition is the change of a filter's state and covariance over a time step; the innovation is
-the difference of a fix from what the filter expected.
+the difference of a fix from what the filter expected. A filter's answers stand here too: a
+forecast, and the smoothed track, which goes backwards over recorded steps (Rauch, Tung and Striebel
+1965, AIAA J. 3(8)), so that all measurements have a say in each of them.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +31,13 @@ from twin.navigation.current.current_parameters import (
     CurrentParameters,
     relative_amplitude,
 )
+from twin.numbers import Array
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 HOUR, DAY = 3600.0, 86400.0
+_JITTER = 1e-12
+"""[1] added to the diagonal of a correlation, so that parts that are known exactly can stay"""
 EARTH_RATE = 7.2921159e-5
 """[rad/s]"""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -58,7 +64,7 @@ class Modes:
 
 @dataclasses.dataclass(frozen=True)
 class Passage:
-    """What a time does to modes and to the displacement by them, each (mode,)."""
+    """Change of modes and of the displacement by them over a time, each (mode,)."""
 
     kept: Complex
     """of a mode"""
@@ -84,8 +90,8 @@ def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
     ]
 
     def add(name: str, deviation: float, memory: float, turn: float = 0.0) -> None:
+        variance = deviation**2
         if deviation > 0.0:
-            variance = deviation**2
             rows.append((name, complex(-1.0 / memory, turn), 2.0 * variance / memory, variance))
 
     add("eddy", parameters.eddy, parameters.eddy_time * HOUR)
@@ -93,22 +99,16 @@ def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
     add("inertial", parameters.inertial, parameters.inertial_time * DAY, coriolis)
     for name in parameters.constituents:
         one = CONSTITUENTS[name]
-        strongest = float(getattr(parameters, one.species))
+        deviation = float(getattr(parameters, one.species)) * relative_amplitude(name)
         turn = 2.0 * math.pi / (one.period * HOUR)
         for sense, sign in (("clockwise", turn), ("counterclockwise", -turn)):
-            deviation = strongest * relative_amplitude(name)
             add(f"{name} {sense}", deviation, parameters.tide_time * DAY, sign)
     names, rate, density, variance = zip(*rows, strict=True)
-    return Modes(
-        rate=np.array(rate, complex),
-        density=np.array(density),
-        variance=np.array(variance),
-        names=names,
-    )
+    return Modes(np.array(rate, complex), np.array(density), np.array(variance), names)
 
 
 def passage(modes: Modes, duration: float) -> Passage:
-    """What a time [s] of at most `LONGEST` does.
+    """Change of modes over a time [s] of at most `LONGEST`.
 
     The noise of a mode at time s before the end reaches the mode as e^(lambda s) and the
     displacement as the integral of that; their products are integrated by Gauss and Legendre.
@@ -182,7 +182,7 @@ def transition(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Innovation:
-    """Of one fix."""
+    """Difference of a fix from what the filter expected."""
 
     residual: Array
     """North, east [m], (2,): fix less prediction"""
@@ -200,3 +200,87 @@ class Innovation:
         """[1] squared distance in the covariance as it was stated: 2 in the mean where it is
         right."""
         return self.distance / self.inflation
+
+
+class Node(NamedTuple):
+    """One step of a filter."""
+
+    time: float
+    """[s] at its end"""
+    carry: Array
+    """Matrix that made it of the state before, (state, state)"""
+    predicted: Array
+    """State before the measurements of this time, (state,)"""
+    predicted_covariance: Array
+    estimate: Array
+    """State after them"""
+    covariance: Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CurrentForecast:
+    """The current at later times and the displacement by it, with their covariances."""
+
+    times: Array
+    """[s] on the filter's clock, (time,)"""
+    current: Array
+    """North, east [m/s], (time, 2)"""
+    current_covariance: Array
+    """[m2/s2], (time, 2, 2)"""
+    displacement: Array
+    """North, east [m] beyond the way through the water since the filter's time, (time, 2)"""
+    displacement_covariance: Array
+    """[m2], (time, 2, 2)"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SmoothedTrack:
+    """Positions and currents at the end of each recorded step; several may share a time."""
+
+    times: Array
+    """[s], (node,)"""
+    position: Array
+    """North, east [m], (node, 2)"""
+    position_covariance: Array
+    """[m2], (node, 2, 2)"""
+    current: Array
+    """North, east [m/s], (node, 2)"""
+    current_covariance: Array
+    """[m2/s2], (node, 2, 2)"""
+    dive: Array
+    """North, east [m/s] that the dive under way adds, (node, 2)"""
+
+
+def smoothed(
+    nodes: Sequence[Node], *, position: slice, current: Array, dive: slice
+) -> SmoothedTrack:
+    """The smoothed track of a filter's steps.
+
+    Args:
+      nodes: in order of time.
+      position, dive: where they are in the state.
+      current: what makes the current of a state, (2, state).
+    """
+    count, size = len(nodes), len(nodes[-1].estimate)
+    mean, spread = nodes[-1].estimate, nodes[-1].covariance
+    states, spreads = np.empty((count, size)), np.empty((count, size, size))
+    states[-1], spreads[-1] = mean, spread
+    for k in range(count - 2, -1, -1):
+        one, after = nodes[k], nodes[k + 1]
+        deviation = np.sqrt(np.maximum(np.diag(after.predicted_covariance), 0.0))
+        unit = np.where(deviation > 0.0, deviation, 1.0)
+        known = after.predicted_covariance / np.outer(unit, unit) + _JITTER * np.eye(size)
+        cross = (after.carry @ one.covariance) / unit[:, None]
+        gain = np.linalg.solve(known, cross).T / unit[None, :]
+        mean = one.estimate + gain @ (mean - after.predicted)
+        spread = one.covariance + gain @ (spread - after.predicted_covariance) @ gain.T
+        spread = 0.5 * (spread + spread.T)
+        states[k], spreads[k] = mean, spread
+    return SmoothedTrack(
+        times=np.array([node.time for node in nodes]),
+        position=states[:, position],
+        position_covariance=spreads[:, position, position],
+        current=states @ current.T,
+        current_covariance=current @ spreads @ current.T,
+        dive=states[:, dive],
+    )

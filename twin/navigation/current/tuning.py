@@ -1,4 +1,4 @@
-"""Tuning: the parameters of a current under which the fixes of a training part are likeliest.
+"""Tuning: legs between fixes, and the parameters of a current under which they are likeliest.
 
 The likelihood of a filter's innovations (Schweppe 1965, IEEE Trans. Inf. Theory 11), with Student's
 t in place of the normal distribution, so that a front crossed once does not set the scale, times
@@ -13,10 +13,9 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.navigation.current.current_parameters import (
@@ -31,10 +30,8 @@ from twin.navigation.current.current_parameters import (
     prior_cost,
 )
 from twin.navigation.current.filter import CurrentFilter
-from twin.navigation.current.leg import Leg, replay
 from twin.navigation.current.modes import Innovation
-
-Array = NDArray[np.float64]
+from twin.numbers import Array
 
 MOST_STEPS = 30
 """of the search; the likelihood is flat beyond what a few dozen dives can tell"""
@@ -46,14 +43,80 @@ WANDER, WANDER_SPREAD = 0.14, 1.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Leg:
+    """One dive between two fixes."""
+
+    start: float
+    """[s] of the fix before, on the clock of the deployment"""
+    duration: float
+    """[s] to the fix after"""
+    over_ground: tuple[float, float]
+    """North, east [m] from fix to fix"""
+    through_water: tuple[float, float] | None
+    """North, east [m]; None where it is not known"""
+    field: tuple[float, float] | None = None
+    """North, east [m/s], mean over the leg, that a forecast field foretells; None without"""
+
+    @property
+    def end(self) -> float:
+        """[s] of the fix after"""
+        return self.start + self.duration
+
+    @property
+    def velocity(self) -> Array | None:
+        """North, east through the water [m/s], mean over the leg, (2,); None without."""
+        return None if self.through_water is None else np.array(self.through_water) / self.duration
+
+    @property
+    def current(self) -> Array:
+        """North, east [m/s], mean over the leg, (2,); NaN where it is not known."""
+        through = (math.nan, math.nan) if self.through_water is None else self.through_water
+        return (np.array(self.over_ground) - np.array(through)) / self.duration
+
+    def foretold(self, parameters: CurrentParameters) -> Array:
+        """North, east [m/s] of the field as far as it is believed, (2,); 0 without."""
+        return parameters.field * np.array((0.0, 0.0) if self.field is None else self.field)
+
+
+def begin_leg(filter_: CurrentFilter, leg: Leg) -> None:
+    """Bring a filter to the fix before a leg; positions count from there."""
+    if leg.start > filter_.time:
+        filter_.step(leg.start - filter_.time, None)
+    filter_.locate((0.0, 0.0))
+
+
+def pass_leg(
+    filter_: CurrentFilter, leg: Leg, covariance: Array | None = None
+) -> Innovation | None:
+    """Let a filter make a leg, which it has begun, and take the fix after it.
+
+    covariance: [m2/s2], (2, 2), of the velocity through the water, mean over the leg.
+    """
+    field = leg.foretold(filter_.parameters)
+    filter_.step(leg.duration, leg.velocity, covariance, field=field)
+    return filter_.fix(leg.over_ground)
+
+
+def replay(
+    filter_: CurrentFilter, legs: Iterable[Leg], covariance: Array | None = None
+) -> Sequence[Innovation]:
+    """Innovations of a filter at the fixes of legs in order of time; `covariance` as `pass_leg`."""
+    found = []
+    for leg in legs:
+        begin_leg(filter_, leg)
+        found.append(pass_leg(filter_, leg, covariance))
+    return [innovation for innovation in found if innovation is not None]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Tuned:
-    """What a training part says."""
+    """Parameters that a training part makes likeliest."""
 
     parameters: CurrentParameters
     cost: float
     """Negative logarithm of likelihood and prior of the chosen parameters, without constants"""
     persistence_cost: float
-    """The same of persistence"""
+    """Negative logarithm for persistence"""
     legs: int
     """Legs that had a say"""
 
@@ -63,18 +126,18 @@ def tune(
     *,
     latitude: float,
     others: Sequence[Sequence[Leg]] = (),
-    constituents: Sequence[str] | None = None,
     speed_scale: float = CurrentParameters.speed_scale,
     compass: float = CurrentParameters.compass,
     may_persist: bool = True,
 ) -> Tuned:
     """The most likely parameters; the prior's centre where no leg tells anything.
 
+    Constituents of the tide are those that the longest record can tell apart.
+
     Args:
       legs: of the training part, in order of time.
       latitude: [degree]
       others: legs of other records in the same waters, each in order of time.
-      constituents: of the tide; by default those that the longest record can tell apart.
       speed_scale: [1] of the relative error of the speed through the water.
       compass: [degree] of the compass' offset.
       may_persist: whether persistence may be chosen: it says nothing of what happens in a dive.
@@ -86,19 +149,27 @@ def tune(
 
     records = [list(record) for record in (legs, *others) if record]
     for record in records:
-        check_order(record)
+        for k, (one, after) in enumerate(itertools.pairwise(record)):
+            if after.start < one.end - 1.0:
+                raise InputError(
+                    f"leg {k + 1} begins {one.end - after.start:.0f} s before leg {k} ends: sort "
+                    "them by time, and tune each deployment on its own"
+                )
     longest = max(records, key=len, default=[])
-    if constituents is None:
-        constituents = constituents_of(longest)
+    constituents = constituents_of(longest)
     start = likely_logarithms()
 
+    def filled(sought: Array) -> Array:
+        """All logarithms, the first of them sought."""
+        return np.concatenate([sought, start[len(sought) :]])
+
     def parameters_at(sought: Array, field: float) -> CurrentParameters:
-        found = parameters_of(_filled(start, sought), constituents)
+        found = parameters_of(filled(sought), constituents)
         return dataclasses.replace(found, speed_scale=speed_scale, compass=compass, field=field)
 
     def cost(sought: Array, field: float) -> float:
         found = parameters_at(sought, field)
-        return surprise(found, records, latitude) + prior_cost(_filled(start, sought))
+        return surprise(found, records, latitude) + prior_cost(filled(sought))
 
     def cost_beside_field(sought: Array) -> float:
         """The part that counts of the field, and the logarithms."""
@@ -136,11 +207,6 @@ def tune(
     )
 
 
-def _filled(start: Array, sought: Array) -> Array:
-    """All logarithms, the first of them sought."""
-    return np.concatenate([sought, start[len(sought) :]])
-
-
 def constituents_of(legs: Sequence[Leg]) -> tuple[str, ...]:
     """Names of the constituents that legs can tell apart."""
     if not legs:
@@ -154,27 +220,16 @@ def constituents_of(legs: Sequence[Leg]) -> tuple[str, ...]:
 def surprise(
     parameters: CurrentParameters, records: Sequence[Sequence[Leg]], latitude: float
 ) -> float:
-    """Negative log-likelihood of the fixes of the legs of some records, without constants."""
+    """Negative log-likelihood of the fixes of the legs of some records, without constants.
+
+    Innovations are currents, displacements by their durations, with Student's t of two dimensions.
+    """
     total = 0.0
     for legs in records:
-        filter_ = CurrentFilter(parameters, latitude=latitude, time=legs[0].start)
-        total += sum(_one(innovation) for innovation in replay(filter_, legs))
+        cost, filter_ = 0.0, CurrentFilter(parameters, latitude=latitude, time=legs[0].start)
+        for one in replay(filter_, legs):
+            _, volume = np.linalg.slogdet(one.covariance / one.duration**2)
+            tail = 0.5 * (DEGREES + 2.0) * math.log1p(one.distance / DEGREES)
+            cost += 0.5 * float(volume) + tail
+        total += cost
     return total
-
-
-def _one(innovation: Innovation) -> float:
-    """Of Student's t of two dimensions, the displacement by its duration: a current."""
-    spread = innovation.covariance / innovation.duration**2
-    _, volume = np.linalg.slogdet(spread)
-    tail = 0.5 * (DEGREES + 2.0) * math.log1p(innovation.distance / DEGREES)
-    return 0.5 * float(volume) + tail
-
-
-def check_order(legs: Sequence[Leg]) -> None:
-    """Raise InputError where a leg begins before the one before it has ended."""
-    for k, (one, after) in enumerate(itertools.pairwise(legs)):
-        if after.start < one.end - 1.0:
-            raise InputError(
-                f"leg {k + 1} begins {one.end - after.start:.0f} s before leg {k} ends: sort them "
-                "by time, and tune each deployment on its own"
-            )

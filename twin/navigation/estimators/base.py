@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twin import seams
 from twin.errors import InputError, unknown_name
-from twin.navigation.dead_reckoning import Array, Signals
+from twin.navigation.dead_reckoning import Array, Signals, values_of
 from twin.records.schema import VARIABLES
 from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
@@ -176,6 +176,9 @@ class VelocityEstimator(abc.ABC):
 
         Args:
           sample: a value for each of `channels`, in the schema's units.
+
+        Raises:
+          InputError: a channel is missing, or not finite where the method needs it.
         """
 
     def batch(self, signals: Signals) -> Estimate:
@@ -224,35 +227,26 @@ class Recent:
 
     def reset(self) -> None:
         """Forget all."""
-        self._rows = np.zeros((len(self.channels), self.samples))
-        self.count = 0
+        self._rows = np.zeros((len(self.channels), 0))
+
+    @property
+    def count(self) -> int:
+        """Samples so far."""
+        return self._rows.shape[1]
 
     def add(self, sample: Mapping[str, float]) -> None:
-        """Take a sample.
-
-        Raises:
-          InputError: a channel is missing.
-        """
-        try:
-            given = [sample[name] for name in self.channels]
-        except KeyError as lost:
-            raise InputError(
-                f"the sample has no channel {lost}: this estimator reads {', '.join(self.channels)}"
-            ) from None
-        if self.count < self.samples:
-            self._rows[:, self.count] = given
-            self.count += 1
-        else:
-            self._rows[:, :-1] = self._rows[:, 1:]
-            self._rows[:, -1] = given
+        """Take a sample."""
+        readers = f": this estimator reads {', '.join(self.channels)}"
+        given = np.array(values_of(sample, self.channels, readers))[:, None]
+        self._rows = np.concatenate([self._rows[:, 1 - self.samples :], given], axis=1)
 
     def signals(self) -> dict[str, Array]:
         """Samples of each channel so far, (count,)."""
-        return {name: self._rows[k, : self.count] for k, name in enumerate(self.channels)}
+        return dict(zip(self.channels, self._rows, strict=True))
 
     def state(self) -> dict[str, NDArray[Any]]:
         """The samples, (channels, count)."""
-        return {"recent": self._rows[:, : self.count].copy()}
+        return {"recent": self._rows.copy()}
 
     def restore(self, state: State) -> None:
         """Go on from `state`.
@@ -266,9 +260,7 @@ class Recent:
                 "this state is of another estimator or of another period: make the estimator as "
                 "it was when it was saved"
             )
-        self.reset()
-        self.count = rows.shape[1]
-        self._rows[:, : self.count] = rows
+        self._rows = np.array(rows, np.float64)
 
 
 class WindowedEstimator(VelocityEstimator):

@@ -125,21 +125,32 @@ class Dvl(WindowedEstimator):
         track = integrate(np.where(usable[:, None], over, guess), period)
         measured = water.mean() >= least_water
         return Estimate(
-            surge=surge if measured else None,
-            sway=sway if measured else None,
-            ground_track=track,
+            surge=surge if measured else None, sway=sway if measured else None, ground_track=track
         )
 
     def last(self, signals: Signals) -> BodyVelocity:
         """See `WindowedEstimator`; without any lock a glider's flight model's."""
-        if no_glider(self.vehicle):
-            return _last_measured(signals)
-        found = self.batch(signals, least_water=0.0)
-        if found.surge is None:
-            found = SteadyFlight(self.vehicle, self.period).batch(signals)
-        assert found.surge is not None
-        assert found.sway is not None
-        return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
+        if not no_glider(self.vehicle):
+            found = self.batch(signals, least_water=0.0)
+            if found.surge is None or found.sway is None:
+                surge, sway = self._flown(signals)[-1].tolist()
+                return BodyVelocity(surge=surge, sway=sway)
+            return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
+        log = _velocities(signals)  # the last that is no outlier, and at rest before the first
+        good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
+        for i in range(3):
+            good &= ~spikes(np.nan_to_num(log[:, i]), good)
+        if not good.any():
+            return BodyVelocity(surge=0.0, sway=0.0)
+        surge, sway, heave = log[np.flatnonzero(good)[-1]].tolist()
+        return BodyVelocity(surge=surge, sway=sway, heave=heave)
+
+    def _flown(self, signals: Signals) -> Array:
+        """Surge and sway [m/s] by a glider's flight model, (time, 2)."""
+        flight = SteadyFlight(self.vehicle, self.period).batch(signals)
+        assert flight.surge is not None
+        assert flight.sway is not None
+        return np.stack([flight.surge, flight.sway], axis=1)
 
     def _through_water(self, signals: Signals, log: Array, water: Mask) -> tuple[Array, Mask]:
         """Surge and sway [m/s] without the log's help, (time, 2), and where they can be trusted.
@@ -148,10 +159,7 @@ class Dvl(WindowedEstimator):
         lock is near.
         """
         if not no_glider(self.vehicle):
-            flight = SteadyFlight(self.vehicle, self.period).batch(signals)
-            assert flight.surge is not None
-            assert flight.sway is not None
-            return np.stack([flight.surge, flight.sway], axis=1), np.ones(len(log), bool)
+            return self._flown(signals), np.ones(len(log), bool)
         water = water & ~spikes(log[:, 0], water) & ~spikes(log[:, 1], water)
         held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
         age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
@@ -161,18 +169,6 @@ class Dvl(WindowedEstimator):
 def _velocities(signals: Signals) -> Array:
     """Velocities that the log measured [m/s], (time, 3)."""
     return np.stack([np.asarray(signals[name], float) for name in Dvl.channels[:3]], axis=1)
-
-
-def _last_measured(signals: Signals) -> BodyVelocity:
-    """The log's last velocity that is no outlier; at rest before the first."""
-    log = _velocities(signals)
-    good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
-    for i in range(3):
-        good &= ~spikes(np.nan_to_num(log[:, i]), good)
-    if not good.any():
-        return BodyVelocity(surge=0.0, sway=0.0)
-    surge, sway, heave = log[np.flatnonzero(good)[-1]]
-    return BodyVelocity(surge=float(surge), sway=float(sway), heave=float(heave))
 
 
 def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:

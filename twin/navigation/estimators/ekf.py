@@ -38,6 +38,7 @@ from twin.navigation.dead_reckoning import (
     afloat,
     finite_channel,
     no_glider,
+    values_of,
 )
 from twin.navigation.estimators.base import (
     BodyVelocity,
@@ -158,19 +159,11 @@ class Ekf(VelocityEstimator):
         self._carried = np.zeros(0)
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`.
-
-        Raises:
-          InputError: a channel is missing or not finite.
-        """
+        """See `VelocityEstimator`."""
         self.recent.add(sample)
-        try:
-            rows = np.array([[sample[name]] for name in INPUTS], np.float64)
-        except KeyError as lost:
-            raise InputError(f"the sample has no channel {lost}, which the EKF reads") from None
-        if not np.isfinite(rows).all():
-            bad = INPUTS[int(np.isfinite(rows[:, 0]).argmin())]
-            raise InputError(f"channel {bad} of the sample is not finite: the EKF needs it")
+        wrong = " of the sample is not finite: the EKF needs it"
+        given = values_of(sample, INPUTS, ", which the EKF reads", wrong)
+        rows = np.array(given)[:, None]
         depth = rows[0]
         still = depth < SURFACE_DEPTH
         if depth[0] < SHALLOW_DEPTH and self.recent.count > 1:
@@ -273,15 +266,6 @@ def _rates(model: EkfModel, x: Array, given: Array) -> Array:
 
 
 @jit
-def _between(start: Array, end: Array, part: float) -> Array:
-    """start + part (end - start), element by element."""
-    out = np.empty(start.size)
-    for i in range(start.size):
-        out[i] = start[i] + part * (end[i] - start[i])
-    return out
-
-
-@jit
 def _moved(x: Array, rate: Array, step: float) -> Array:
     """x + step rate, element by element."""
     out = np.empty(x.size)
@@ -293,13 +277,14 @@ def _moved(x: Array, rate: Array, step: float) -> Array:
 @jit
 def _predict(model: EkfModel, x: Array, before: Array, after: Array, period: float) -> Array:
     """State after one sample; inputs change linearly between two samples."""
-    h = period / SUBSTEPS
+    h, change = period / SUBSTEPS, _moved(after, before, -1.0)
     for step in range(SUBSTEPS):
-        middle = _between(before, after, (step + 0.5) / SUBSTEPS)
-        k1 = _rates(model, x, _between(before, after, step / SUBSTEPS))
+        start = _moved(before, change, step / SUBSTEPS)
+        middle = _moved(before, change, (step + 0.5) / SUBSTEPS)
+        end = _moved(before, change, (step + 1.0) / SUBSTEPS)
+        k1 = _rates(model, x, start)
         k2 = _rates(model, _moved(x, k1, 0.5 * h), middle)
         k3 = _rates(model, _moved(x, k2, 0.5 * h), middle)
-        end = _between(before, after, (step + 1.0) / SUBSTEPS)
         k4 = _rates(model, _moved(x, k3, h), end)
         x = x.copy()
         for i in range(x.size):

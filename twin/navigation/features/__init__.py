@@ -15,6 +15,7 @@ from twin.navigation.features.base import GLIDER_PARTS as GLIDER_PARTS
 from twin.navigation.features.base import SLOW_S as SLOW_S
 from twin.navigation.features.base import Channels as Channels
 from twin.navigation.features.base import Feature as Feature
+from twin.navigation.features.base import FeatureSteps as FeatureSteps
 from twin.navigation.features.base import Term as Term
 from twin.navigation.features.base import channels_of as channels_of
 from twin.navigation.features.base import feature as feature
@@ -23,7 +24,6 @@ from twin.navigation.features.base import is_part_channel as is_part_channel
 from twin.navigation.features.base import register as register
 from twin.navigation.features.base import trailing_mean as trailing_mean
 from twin.navigation.features.base import trailing_slope as trailing_slope
-from twin.navigation.features.feature_steps import FeatureSteps as FeatureSteps
 from twin.navigation.features.selection import DEFAULT_GROUPS as DEFAULT_GROUPS
 from twin.navigation.features.selection import FLIGHT as FLIGHT
 from twin.navigation.features.selection import INPUT_SETS as INPUT_SETS

@@ -1,22 +1,21 @@
-"""Base of the features: one definition that is computed over missions and step by step.
+"""Features by name: one definition that is computed over missions and sample by sample.
 
 A feature is a function of a few terms. A term looks at one signal: its last value, its mean or its
 slope over the last samples. Terms are linear in the samples that they look back on, which both ways
-of computing, and code for other machines, can rely on.
-
-Features are found by name; a vehicle's own parts have features too.
+of computing, and code for other machines, can rely on. A vehicle's own parts have features too.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from twin import seams
 from twin.errors import InputError, unknown_name
+from twin.navigation.dead_reckoning import values_of
 from twin.numbers import Array
 from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR
 from twin.registry import Registry
@@ -36,13 +35,13 @@ LOOKS: tuple[Look, ...] = get_args(Look)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Term:
-    """What a feature reads of one signal."""
+    """A look at one signal."""
 
     channel: str
     """Schema variable."""
     shape: Shape = "plain"
-    """What is made of each sample: nothing; its sine or cosine, of an angle in degrees; or the
-    angle in radians without jumps at 360 degrees."""
+    """Function of each sample: itself; sine or cosine of an angle in degrees; or the angle in
+    radians without jumps at 360 degrees."""
     look: Look = "last"
     """The last sample, or the mean or least-squares slope [unit/s] of the window."""
     seconds: float = 0.0
@@ -88,7 +87,7 @@ class Feature:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What it reads: schema variables, or `twin.navigation.settings`."""
+        """Variables that it reads, of the schema or of `twin.navigation.settings`."""
         return tuple(dict.fromkeys(term.channel for term in self.terms))
 
     def compute(self, signals: Channels, period: float) -> Array:
@@ -100,7 +99,7 @@ class Feature:
         return values[0] if self.combine is None else np.asarray(self.combine(*values))
 
     def flaw(self, name: str) -> str:
-        """What is wrong with it; a network must not see the truth."""
+        """The first thing that is wrong with it; a network must not see the truth."""
         if not name.isidentifier():
             return "its name must be of letters, digits and underscores"
         if not self.terms or (self.combine is None and len(self.terms) > 1):
@@ -138,16 +137,11 @@ def trailing_mean(values: Array, samples: int) -> Array:
     return (total[last] - total[first]) / (last - first) + values[0]
 
 
-def _turned(degrees: Array) -> Array:
-    """Angle [rad] without jumps at 360 degrees."""
-    return np.unwrap(np.deg2rad(degrees))
-
-
 _SHAPED: dict[str, Callable[[Array], Array]] = {
     "plain": lambda values: values,
     "sine": lambda values: np.sin(np.deg2rad(values)),
     "cosine": lambda values: np.cos(np.deg2rad(values)),
-    "angle": _turned,
+    "angle": lambda values: np.unwrap(np.deg2rad(values)),
 }
 
 
@@ -197,3 +191,120 @@ def is_part_channel(name: str) -> bool:
 def channels_of(features: Iterable[str]) -> tuple[str, ...]:
     """Channels that these features read, each once: of the schema, or estimated ones."""
     return tuple(dict.fromkeys(c for name in features for c in feature(name).channels))
+
+
+class FeatureSteps:
+    """Values of several features for one sample after the other, equal to `Feature.compute`.
+
+    Terms that several features share are looked up once. All looks are weighted sums over one
+    window of the last samples, (terms, samples).
+    """
+
+    def __init__(self, features: Sequence[str | Feature], period: float):
+        """Begin before the first sample.
+
+        Args:
+          features: names or features, in the order of the values.
+          period: [s] between samples.
+        """
+        self.period = period
+        self.features = tuple(feature(f) if isinstance(f, str) else f for f in features)
+        terms = tuple(dict.fromkeys(term for f in self.features for term in f.terms))
+        self.channels = tuple(dict.fromkeys(term.channel for term in terms))
+        """Schema variables that a sample must hold."""
+        column = {name: k for k, name in enumerate(self.channels)}
+        place = {term: k for k, term in enumerate(terms)}
+        self._columns = np.array([column[term.channel] for term in terms], int)
+        shapes = np.array([term.shape for term in terms])
+        self._sine, self._cosine, self._angle = (
+            np.flatnonzero(shapes == shape) for shape in ("sine", "cosine", "angle")
+        )
+        lengths = [term.samples(period) for term in terms]
+        self._weights = np.zeros((len(terms), max(lengths, default=1)))
+        for k, (term, length) in enumerate(zip(terms, lengths, strict=True)):
+            slope = term.look == "slope"
+            self._weights[k, -length:] = slope_weights(length, period) if slope else 1.0 / length
+        self._means = np.flatnonzero([term.look == "mean" for term in terms])
+        self._lengths = np.array(lengths, int)[self._means]
+        plain = [(k, place[f.terms[0]]) for k, f in enumerate(self.features) if f.combine is None]
+        self._combined = [
+            (k, f.combine, [place[term] for term in f.terms])
+            for k, f in enumerate(self.features)
+            if f.combine is not None
+        ]
+        self._to, self._from = np.array(plain, int).reshape(-1, 2).T
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin before the first sample again."""
+        self._window = np.zeros_like(self._weights)
+        self._angles = np.zeros(self._angle.size)
+        self._count = 0
+
+    def step(self, sample: Mapping[str, float]) -> Array:
+        """Values (features,) after a sample, in their own units.
+
+        Args:
+          sample: a finite value for each of `channels`, in the schema's units.
+
+        Raises:
+          InputError: a channel is missing or not finite.
+        """
+        readers = f"; its features read {', '.join(self.channels)}"
+        wrong = (
+            f" is not finite at sample {self._count}: hold the last good value, or leave the "
+            "sample out"
+        )
+        given = values_of(sample, self.channels, readers, wrong)
+        looked = self._look(np.array(given)[self._columns])
+        values = np.empty(len(self.features))
+        values[self._to] = looked[self._from]
+        for k, combine, places in self._combined:
+            values[k] = combine(*looked[places])
+        return values
+
+    def _look(self, given: Array) -> Array:
+        """Values of the terms, (terms,), after these samples of theirs, (terms,)."""
+        given[self._sine] = np.sin(np.deg2rad(given[self._sine]))
+        given[self._cosine] = np.cos(np.deg2rad(given[self._cosine]))
+        if self._angle.size:
+            turned = np.deg2rad(given[self._angle])
+            if self._count:
+                turn = turned - self._angles
+                turned = self._angles + turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+            given[self._angle] = self._angles = turned
+        if self._count:
+            self._window[:, :-1] = self._window[:, 1:]
+            self._window[:, -1] = given
+        else:  # before the first sample a signal is taken as constant
+            self._window[:] = given[:, None]
+        self._count += 1
+        looked = np.einsum("ts,ts->t", self._weights, self._window)
+        if self._count < self._weights.shape[1]:
+            for k, length in zip(self._means, self._lengths, strict=True):
+                if self._count < length:
+                    looked[k] = self._window[k, -self._count :].mean()
+        return looked
+
+    def state(self) -> dict[str, Array]:
+        """All that the next step depends on, as arrays by name."""
+        return {
+            "window": self._window.copy(),
+            "angles": self._angles.copy(),
+            "count": np.array(float(self._count)),
+        }
+
+    def restore(self, state: Mapping[str, Array]) -> None:
+        """Go on from where `state` was called, here or in another process.
+
+        Raises:
+          InputError: it is of other features or of another period.
+        """
+        if set(self.state()) - set(state) or np.shape(state["window"]) != self._window.shape:
+            raise InputError(
+                "this state is of other features or of another period: make the steps as they "
+                "were when it was saved"
+            )
+        self._window = np.array(state["window"], np.float64)
+        self._angles = np.array(state["angles"], np.float64)
+        self._count = int(state["count"])

@@ -25,7 +25,7 @@ SHAPED = {
     "cosine": f"gt_cosine({{value}} * {DEGREE})",
     "angle": f"gt_turned({{value}} * {DEGREE}, {{before}}, state->count)",
 }
-"""What is made of a reading before it goes into its window."""
+"""Expression of a reading that goes into its window, by the term's shape."""
 
 PRELUDE = """\
 /* The angle [rad] next to the one before, without the jump at a full turn. */
@@ -82,7 +82,7 @@ class CFeatures:
     longest: int
     """Samples after which `state->count` need not rise."""
     functions: str
-    """What the statements call, beside `PRELUDE`."""
+    """Functions that the statements call, beside `PRELUDE`."""
     statements: str
     """From `sample` and `state` to `feature[...]`; `state->count` is how many samples there were
     before this one."""
@@ -109,12 +109,12 @@ def c_features(features: Sequence[str | Feature], period: float) -> CFeatures:
     for (channel, shape, changes), length in signals.items():
         window, last = f"state->window + {place}, {length}", f"state->window[{place + length - 1}]"
         value = SHAPED[shape].format(value=f"sample->{channel}", before=last)
-        if not changes:
-            lines.append(f"gt_push({window}, {value}, state->count);")
-        elif shape == "angle":  # in degrees, whose differences are exact
-            lines.append(f"gt_change({window}, sample->{channel}, 360.0f, state->count);")
-        else:
-            lines.append(f"gt_change({window}, {value}, 0.0f, state->count);")
+        call = "gt_push"
+        if changes and shape == "angle":  # in degrees, whose differences are exact
+            call, value = "gt_change", f"sample->{channel}, 360.0f"
+        elif changes:
+            call, value = "gt_change", f"{value}, 0.0f"
+        lines.append(f"{call}({window}, {value}, state->count);")
         place += length
         ends[channel, shape, changes] = place
     tables: dict[str, str] = {}
@@ -139,7 +139,9 @@ def c_features(features: Sequence[str | Feature], period: float) -> CFeatures:
         if f.combine is None:
             lines.append(f"feature[{k}] = term[{own[0]}];")
             continue
-        functions.append(_function(f))
+        body = "\n".join(f"    {line}" for line in f.c.strip().splitlines())
+        head = f"static inline float gt_{f.name}(const float *t) /* [{f.unit}] */"
+        functions.append(f"{head}\n{{\n{body}\n}}\n")
         given = ", ".join(f"term[{n}]" for n in own)
         lines.append(f"{{ const float t[] = {{{given}}}; feature[{k}] = gt_{f.name}(t); }}")
     return CFeatures(
@@ -149,8 +151,3 @@ def c_features(features: Sequence[str | Feature], period: float) -> CFeatures:
         functions="\n".join(functions),
         statements="\n".join([*tables.values(), *lines]),
     )
-
-
-def _function(f: Feature) -> str:
-    body = "\n".join(f"    {line}" for line in f.c.strip().splitlines())
-    return f"static inline float gt_{f.name}(const float *t) /* [{f.unit}] */\n{{\n{body}\n}}\n"

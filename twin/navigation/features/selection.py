@@ -62,7 +62,7 @@ def groups() -> dict[str, tuple[str, ...]]:
 
 
 def features_of(sensor: str, features: Iterable[str] | None = None) -> tuple[str, ...]:
-    """Those of `features` that read a sensor of `SENSORS`, by the sensor's name."""
+    """Features among `features` that read a sensor of `SENSORS`, by its name."""
     channels = set(SENSORS[sensor])
     return tuple(
         name
@@ -156,7 +156,7 @@ def mirror_signs(
 
 
 def leave_out(channels: Iterable[str]) -> str:
-    """What to type so that networks read none of these channels; empty where none does."""
+    """Advice on networks that read none of these channels; empty where none reads one."""
     lost = set(channels)
     readers = [f.name for f in FEATURES.values() if lost & set(sources(f.channels))]
     readers += sorted(filter(is_part_channel, lost - {CTD}))

@@ -1,4 +1,4 @@
-"""Features: what networks see of depth, attitude, inertial sensors and controls.
+"""Shipped features: depth, attitude, inertial sensors and controls as networks see them.
 
 A glider hardly accelerates, so its accelerometer is an inclinometer without the errors that the
 gyros add to an attitude filter; the bias of the accelerometer is in both. The motion by the flight
@@ -19,16 +19,9 @@ from twin.navigation.features.base import SLOW_S, Feature, Look, Shape, Term
 
 
 def _one(
-    name: str,
-    group: str,
-    channel: str,
-    unit: str = "1",
-    shape: Shape = "plain",
-    look: Look = "last",
-    seconds: float = 0.0,
-    *,
-    odd: bool = False,
-) -> Feature:
+    name: str, group: str, channel: str, unit: str = "1", shape: Shape = "plain",
+    look: Look = "last", seconds: float = 0.0, *, odd: bool = False,
+) -> Feature:  # fmt: skip
     term = Term(channel=channel, shape=shape, look=look, seconds=seconds)
     return Feature(name=name, group=group, unit=unit, terms=(term,), odd=odd)
 
@@ -73,11 +66,7 @@ GLIDE_SPEED = _glide("glide_speed", "last", 0.0)
 GLIDE_SPEED_SLOW = _glide("glide_speed_slow", "mean", SLOW_S)
 
 
-FORCES = (
-    "measured_specific_force_x",
-    "measured_specific_force_y",
-    "measured_specific_force_z",
-)
+FORCES = tuple(f"measured_specific_force_{axis}" for axis in "xyz")
 
 
 def gravity_sine(x: Any, y: Any, z: Any) -> Any:
@@ -111,13 +100,9 @@ def _mean_force(seconds: float) -> tuple[Term, ...]:
 def _gravity_glide(name: str, seconds: float) -> Feature:
     rate = Term(channel="measured_depth", look="slope", seconds=seconds)
     return Feature(
-        name=name,
-        group="gravity",
-        unit="m s-1",
-        terms=(rate, *_mean_force(seconds)),
-        combine=gravity_glide_speed,
-        c=C_GRAVITY_GLIDE,
-    )
+        name=name, group="gravity", unit="m s-1", terms=(rate, *_mean_force(seconds)),
+        combine=gravity_glide_speed, c=C_GRAVITY_GLIDE,
+    )  # fmt: skip
 
 
 ROLL_RATE = _one("roll_rate", "gyroscope", "measured_roll_rate", "rad s-1", odd=True)
@@ -127,13 +112,9 @@ SPECIFIC_FORCE_X = _one("specific_force_x", "accelerometer", FORCES[0], "m s-2")
 SPECIFIC_FORCE_Y = _one("specific_force_y", "accelerometer", FORCES[1], "m s-2", odd=True)
 SPECIFIC_FORCE_Z = _one("specific_force_z", "accelerometer", FORCES[2], "m s-2")
 GRAVITY_PITCH_SINE = Feature(
-    name="gravity_pitch_sine",
-    group="gravity",
-    unit="1",
-    terms=_mean_force(SLOW_S),
-    combine=gravity_sine,
-    c=C_GRAVITY_SINE,
-)
+    name="gravity_pitch_sine", group="gravity", unit="1", terms=_mean_force(SLOW_S),
+    combine=gravity_sine, c=C_GRAVITY_SINE,
+)  # fmt: skip
 GRAVITY_GLIDE_SPEED = _gravity_glide("gravity_glide_speed", 0.0)
 GRAVITY_GLIDE_SPEED_SLOW = _gravity_glide("gravity_glide_speed_slow", SLOW_S)
 

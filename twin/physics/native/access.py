@@ -11,6 +11,7 @@ Raw memory access for native code: addresses are plain 64-bit integers.
 from __future__ import annotations
 
 import ctypes
+from typing import Any
 
 import numba
 from llvmlite import ir
@@ -21,82 +22,45 @@ from twin.compiled import inline, jit
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
 
-_I64 = ir.IntType(64)
-_F64 = ir.DoubleType()
+
+def _at(result: Any, element: ir.Type, load: bool) -> Any:
+    """An intrinsic of an address: what is there, or a pointer to it."""
+
+    @intrinsic
+    def found(typingctx, address):
+        def codegen(context, builder, signature, args):
+            pointer = builder.inttoptr(args[0], element.as_pointer())
+            return builder.load(pointer) if load else pointer
+
+        return result(types.int64), codegen
+
+    return found
 
 
-def _pointer(builder, address, element):
-    return builder.inttoptr(address, element.as_pointer())
-
-
-@intrinsic
-def load_f8(typingctx, address):
-    """The float64 at `address`."""
-
-    def codegen(context, builder, signature, args):
-        return builder.load(_pointer(builder, args[0], _F64))
-
-    return types.float64(types.int64), codegen
-
-
-@intrinsic
-def load_i8(typingctx, address):
-    """The int64 (or pointer) at `address`."""
-
-    def codegen(context, builder, signature, args):
-        return builder.load(_pointer(builder, args[0], _I64))
-
-    return types.int64(types.int64), codegen
-
-
-@intrinsic
-def load_i4(typingctx, address):
-    """The int32 at `address`."""
-
-    def codegen(context, builder, signature, args):
-        return builder.load(_pointer(builder, args[0], ir.IntType(32)))
-
-    return types.int32(types.int64), codegen
-
-
-@intrinsic
-def as_f8_pointer(typingctx, address):
-    """`address` as a pointer that `numba.carray` turns into an array."""
-
-    def codegen(context, builder, signature, args):
-        return _pointer(builder, args[0], _F64)
-
-    return types.CPointer(types.float64)(types.int64), codegen
-
-
-@intrinsic
-def as_void_pointer(typingctx, address):
-    """`address` as a pointer that `numba.carray` turns into an array of a given type."""
-
-    def codegen(context, builder, signature, args):
-        return builder.inttoptr(args[0], ir.IntType(8).as_pointer())
-
-    return types.voidptr(types.int64), codegen
-
-
+load_f8 = _at(types.float64, ir.DoubleType(), True)
+"""The float64 at an address."""
+load_i8 = _at(types.int64, ir.IntType(64), True)
+"""The int64 (or pointer) at an address."""
+load_i4 = _at(types.int32, ir.IntType(32), True)
+"""The int32 at an address."""
+as_f8_pointer = _at(types.CPointer(types.float64), ir.DoubleType(), False)
+"""An address as a pointer that `numba.carray` turns into an array."""
+as_void_pointer = _at(types.voidptr, ir.IntType(8), False)
+"""An address as a pointer that `numba.carray` turns into an array of a given type."""
 layout_table = types.ExternalFunction("glider_twin_layout", types.int64())
 """Address of the table of struct offsets that `struct_offsets.publish` made."""
 mismatch_text = types.ExternalFunction("glider_twin_mismatch", types.int64())
 """Address of MISMATCH."""
 mju_error = types.ExternalFunction("mju_error", types.void(types.int64))
-
 MISMATCH = ctypes.create_string_buffer(
     b"glider-twin: this model was changed after it was compiled, so that its sizes or tables are "
     b"not those of its parameter block; compile the vehicle again "
     b"(twin.physics.mujoco_model.compile_model)"
 )
-
-HEADER_BYTES = b.HEADER.itemsize
-HEADER_WORDS = b.HEADER_WORDS
-STATE_WORDS = b.STATE_WORDS
-PART_WORDS = b.PART_WORDS
-MAGIC, VERSION = b.MAGIC, b.VERSION
 HEADER, STATE, PART = b.HEADER, b.STATE, b.PART
+HEADER_WORDS, STATE_WORDS, PART_WORDS = b.HEADER_WORDS, b.STATE_WORDS, b.PART_WORDS
+HEADER_BYTES = HEADER.itemsize
+MAGIC, VERSION = b.MAGIC, b.VERSION
 
 
 @inline

@@ -19,12 +19,9 @@ from twin.vehicle.parts.base import VALUES
 NAME = "glider_twin_block"
 MAGIC = 7.316e-217  # a value no vehicle parameter has
 VERSION = 5.0
-
 CONTROL_NONE, CONTROL_MISSION, CONTROL_SCHEDULE = 0.0, 1.0, 2.0
-
 TABLE = np.dtype([("start", "f8"), ("size", "f8")])
 """A table inside the block: first number, counted from the block's, and how many numbers."""
-
 PART = np.dtype(
     [
         ("kind", "f8"),  # code in the registry of parts
@@ -44,7 +41,6 @@ PART = np.dtype(
         ("values", "f8", (VALUES,)),  # as its kernels read them
     ]
 )
-
 HEADER = np.dtype(
     [
         ("words", "f8"),  # numbers of the whole block, this header included
@@ -97,7 +93,6 @@ HEADER = np.dtype(
         ("magic", "f8"),
     ]
 )
-
 STATE = np.dtype(
     [
         ("ticks", "f8"),  # control ticks done
@@ -121,7 +116,6 @@ STATE = np.dtype(
         ("guidance", "f8", (GUIDANCE_STATE,)),
     ]
 )
-
 HEADER_WORDS = HEADER.itemsize // 8
 STATE_WORDS = STATE.itemsize // 8
 PART_WORDS = PART.itemsize // 8
@@ -149,8 +143,3 @@ def log_row(nq: int, nv: int, nu: int) -> np.dtype:
             ("acceleration", "f8", (6,)),  # d(qvel)/dt over the step after the sample
         ]
     )
-
-
-def row_words(nq: int, nv: int, nu: int) -> int:
-    """Numbers of a log row."""
-    return log_row(nq, nv, nu).itemsize // 8

@@ -10,10 +10,9 @@ Sample log: the samples of a run, written inside MuJoCo's step into the ring in 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
-from twin.compiled import dispatch, inline, jit
+from twin.compiled import dispatch, jit
 from twin.mission.guidance import guidance_step
 from twin.mission.mission_file import (
     HEADING_SETPOINT,
@@ -23,81 +22,46 @@ from twin.mission.mission_file import (
 )
 from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
-from twin.physics.native.access import array, field, load_f8, load_i4, load_i8, table_of
+from twin.physics.native.access import array, field, load_f8, load_i8, table_of
 from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
 
 _UNKNOWN = (math.nan,) * 6
-"""Of a kind that this process does not know: the run fails, which zero would hide."""
+"""Answer of a kind that this process does not know: the run fails, which zero would hide."""
 _MOTION = ("u", "v", "w", "p", "q", "r")
 
 
-def _laws(kernel: str) -> Callable[[], Mapping[int, Any]]:
-    return lambda: {
-        LAWS.code(kind): getattr(LAWS[kind], kernel)
-        for kind in LAWS
-        if getattr(LAWS[kind], kernel) is not None
-    }
+def _dispatch(
+    name: str, arguments: tuple[str, ...], kinds: Any, unknown: Any, **options: bool
+) -> Any:
+    kernel = f"native_{name.partition('_')[2]}"
+    return dispatch(
+        name, arguments, lambda: kinds.kernels(kernel), unknown, module=__name__, **options
+    )
 
 
-def _parts(kernel: str) -> Callable[[], Mapping[int, Any]]:
-    return lambda: {
-        PARTS.code(kind): getattr(PARTS[kind], kernel)
-        for kind in PARTS
-        if getattr(PARTS[kind], kernel) is not None
-    }
-
-
-law_wrench = dispatch(
-    "law_wrench",
-    ("values", "density", *_MOTION),
-    _laws("native_wrench"),
-    _UNKNOWN,
-    module=__name__,
-    forceinline=True,
+law_wrench = _dispatch(
+    "law_wrench", ("values", "density", *_MOTION), LAWS, _UNKNOWN, forceinline=True
 )
 """(code, values, density, u, v, w, p, q, r) -> X, Y, Z, K, M, N of the hull."""
-
-law_rate_damping = dispatch(
-    "law_rate_damping",
-    ("values", "timestep", "density", *_MOTION),
-    _laws("native_rate_damping"),
-    (math.nan, math.nan, math.nan),
-    module=__name__,
+law_rate_damping = _dispatch(
+    "law_rate_damping", ("values", "timestep", "density", *_MOTION), LAWS, _UNKNOWN[:3],
     forceinline=True,
-)
+)  # fmt: skip
 """(code, values, timestep, density, u, v, w, p, q, r) -> step times rate damping."""
-
-law_rotary_damping = dispatch(
-    "law_rotary_damping",
-    ("values", "density", *_MOTION),
-    _laws("native_rotary_damping"),
-    _UNKNOWN,
-    module=__name__,
-    forceinline=True,
+law_rotary_damping = _dispatch(
+    "law_rotary_damping", ("values", "density", *_MOTION), LAWS, _UNKNOWN, forceinline=True
 )
 """(code, values, density, u, v, w, p, q, r) -> pp, pq, qq, pr, qr, rr; NaN of a law that gives
 none."""
-
-part_wrench = dispatch(
-    "part_wrench",
-    ("values", "place", "position", *_MOTION, "density", "depth"),
-    _parts("native_wrench"),
-    _UNKNOWN,
-    module=__name__,
+part_wrench = _dispatch(
+    "part_wrench", ("values", "place", "position", *_MOTION, "density", "depth"), PARTS, _UNKNOWN
 )
 """(code, values, place, position, motion, density, depth) -> X, Y, Z, K, M, N of a part."""
-
-part_volume = dispatch(
-    "part_volume", ("values", "position"), _parts("native_volume"), math.nan, module=__name__
-)
+part_volume = _dispatch("part_volume", ("values", "position"), PARTS, math.nan)
 """(code, values, position) -> displaced volume [cm3]."""
-
-part_mass = dispatch(
-    "part_mass", ("values", "position"), _parts("native_mass"), math.nan, module=__name__
-)
+part_mass = _dispatch("part_mass", ("values", "position"), PARTS, math.nan)
 """(code, values, position) -> point mass [kg]."""
-
 CONTROL_SCHEDULE = b.CONTROL_SCHEDULE
 
 
@@ -124,7 +88,8 @@ def run_control(head, start, table, data, time, state):
         for i in range(count):
             control[i] = plan[k * width + 1 + i]
         return
-    if rows * (SEGMENT_COLUMNS + 3 * count) > plan.size:
+    columns = SEGMENT_COLUMNS + 3 * count
+    if rows * columns > plan.size:
         return
     hull = int(head.hull_body)
     velocity = array(field(table, data, at.D_QVEL), 6)
@@ -135,31 +100,12 @@ def run_control(head, start, table, data, time, state):
     if heading < 0.0:
         heading += 2.0 * math.pi
     position = array(field(table, data, at.D_QPOS), 7)
-    depth = -position[2]
+    segments = plan[: rows * columns].reshape((rows, columns))
     guidance_step(
-        plan[: rows * (SEGMENT_COLUMNS + 3 * count)].reshape((rows, SEGMENT_COLUMNS + 3 * count)),
-        head.gains,
-        state.guidance,
-        time,
-        depth,
-        roll,
-        pitch,
-        heading,
-        velocity[3],
-        -velocity[4],
-        -velocity[5],
-        control,
-        state.altitude,
-        position[0],
-        -position[1],
-    )
-
-
-@inline
-def note_contact(table, data, state):
-    """Remember that the vehicle touches something now, until the next log row."""
-    if load_i4(data + load_i8(table + 8 * at.D_NCON)) > 0:
-        state.contact = 1.0
+        segments, head.gains, state.guidance, time, -position[2], roll, pitch, heading,
+        velocity[3], -velocity[4], -velocity[5], control, state.altitude,
+        position[0], -position[1],
+    )  # fmt: skip
 
 
 @jit

@@ -18,21 +18,21 @@ STRIPS = 9
 
 
 @inline
-def added_momentum(added_mass, row, u, v, w, p, q, r):
-    """Component `row` of M_A (v_rel, omega)."""
+def added_momentum(m, u, v, w, p, q, r):
+    """M_A (v_rel, omega), six numbers; `m` is M_A."""
     return (
-        added_mass[row, 0] * u
-        + added_mass[row, 1] * v
-        + added_mass[row, 2] * w
-        + added_mass[row, 3] * p
-        + added_mass[row, 4] * q
-        + added_mass[row, 5] * r
+        m[0, 0] * u + m[0, 1] * v + m[0, 2] * w + m[0, 3] * p + m[0, 4] * q + m[0, 5] * r,
+        m[1, 0] * u + m[1, 1] * v + m[1, 2] * w + m[1, 3] * p + m[1, 4] * q + m[1, 5] * r,
+        m[2, 0] * u + m[2, 1] * v + m[2, 2] * w + m[2, 3] * p + m[2, 4] * q + m[2, 5] * r,
+        m[3, 0] * u + m[3, 1] * v + m[3, 2] * w + m[3, 3] * p + m[3, 4] * q + m[3, 5] * r,
+        m[4, 0] * u + m[4, 1] * v + m[4, 2] * w + m[4, 3] * p + m[4, 4] * q + m[4, 5] * r,
+        m[5, 0] * u + m[5, 1] * v + m[5, 2] * w + m[5, 3] * p + m[5, 4] * q + m[5, 5] * r,
     )
 
 
 @jit
 def added_mass_wrench(added_mass, coupling, motion, p, q, r, rate, gradient):
-    """What remains of the added-mass force once M_A d(twist)/dt is in the mass matrix.
+    """Rest of the added-mass force once M_A d(twist)/dt is in the mass matrix.
 
     With h = M_A (v_rel, omega_rel): the force is M_A (omega x v_rel + R^T dV_c/dt, 0) -
     (omega x h_1 + G^T h_1, omega x h_2 + v_rel x h_1). `motion` is (v_rel, omega_rel), the motion
@@ -45,40 +45,23 @@ def added_mass_wrench(added_mass, coupling, motion, p, q, r, rate, gradient):
     ax = q * w - r * v + rate[0]
     ay = r * u - p * w + rate[1]
     az = p * v - q * u + rate[2]
-    h1 = added_momentum(added_mass, 0, u, v, w, pr, qr, rr)
-    h2 = added_momentum(added_mass, 1, u, v, w, pr, qr, rr)
-    h3 = added_momentum(added_mass, 2, u, v, w, pr, qr, rr)
+    h1, h2, h3, h4, h5, h6 = added_momentum(added_mass, u, v, w, pr, qr, rr)
     strained = (
         gradient[0] * h1 + gradient[3] * h2 + gradient[6] * h3,
         gradient[1] * h1 + gradient[4] * h2 + gradient[7] * h3,
         gradient[2] * h1 + gradient[5] * h2 + gradient[8] * h3,
     )
-    h4, h5, h6 = 0.0, 0.0, 0.0
-    if coupling != 0.0:
-        h4 = added_momentum(added_mass, 3, u, v, w, pr, qr, rr)
-        h5 = added_momentum(added_mass, 4, u, v, w, pr, qr, rr)
-        h6 = added_momentum(added_mass, 5, u, v, w, pr, qr, rr)
-    else:
-        h1, h2, h3 = 0.0, 0.0, 0.0
-    x = added_momentum(added_mass, 0, ax, ay, az, 0.0, 0.0, 0.0) - (q * h3 - r * h2)
-    y = added_momentum(added_mass, 1, ax, ay, az, 0.0, 0.0, 0.0) - (r * h1 - p * h3)
-    z = added_momentum(added_mass, 2, ax, ay, az, 0.0, 0.0, 0.0) - (p * h2 - q * h1)
-    l = (
-        added_momentum(added_mass, 3, ax, ay, az, 0.0, 0.0, 0.0)
-        - (q * h6 - r * h5)
-        - (v * h3 - w * h2)
+    if coupling == 0.0:
+        h1, h2, h3, h4, h5, h6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    x, y, z, l, m, n = added_momentum(added_mass, ax, ay, az, 0.0, 0.0, 0.0)
+    return (
+        x - (q * h3 - r * h2) - strained[0],
+        y - (r * h1 - p * h3) - strained[1],
+        z - (p * h2 - q * h1) - strained[2],
+        l - (q * h6 - r * h5) - (v * h3 - w * h2),
+        m - (r * h4 - p * h6) - (w * h1 - u * h3),
+        n - (p * h5 - q * h4) - (u * h2 - v * h1),
     )
-    m = (
-        added_momentum(added_mass, 4, ax, ay, az, 0.0, 0.0, 0.0)
-        - (r * h4 - p * h6)
-        - (w * h1 - u * h3)
-    )
-    n = (
-        added_momentum(added_mass, 5, ax, ay, az, 0.0, 0.0, 0.0)
-        - (p * h5 - q * h4)
-        - (u * h2 - v * h1)
-    )
-    return x - strained[0], y - strained[1], z - strained[2], l, m, n
 
 
 @inline

@@ -16,8 +16,6 @@ from twin.errors import TwinError
 from twin.physics.native import late, plant
 from twin.physics.native import struct_offsets as at
 from twin.physics.native.access import MISMATCH
-from twin.physics.native.flow import SAMPLER
-from twin.physics.native.plane import LAYER
 
 _VOID = types.void(types.int64, types.int64)
 _PROTOTYPES = {
@@ -69,7 +67,7 @@ def install(*, current: bool = False, floor: bool = False) -> None:
     """
     with _lock:
         compiled = _compile(generation())
-        for one, wanted in ((SAMPLER, current), (LAYER, floor)):
+        for one, wanted in ((late.SAMPLER, current), (late.LAYER, floor)):
             one.renew()
             if wanted:
                 one.prepare()

@@ -9,38 +9,59 @@ compiling fails there, the address stays no function's and the caller gets not-a
 - A thread of MuJoCo's own, which nothing may unwind, logs the error, and the run fails. The next
   `install` has it tried again.
 - Ctrl-C waits until it is compiled, and comes when the step returns.
+
+Two are late, which most flights do not need: the sampler of currents, which holds the kernel of
+every kind of current, an eighth of what a first flight would compile; and the sea floor under the
+hull, for MuJoCo's contacts and the altitude.
 """
 
 from __future__ import annotations
 
 import ctypes
 import logging
+import math
 import sys
 from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import carray, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import intrinsic
 
-from twin.compiled import cfunc, generation, jit
-from twin.physics.native.access import load_i8, mju_error
+from twin.compiled import cfunc, generation, inline, jit
+from twin.physics.native import struct_offsets as at
+from twin.physics.native.access import (
+    array,
+    block_start,
+    field,
+    header_address,
+    header_at,
+    layout_table,
+    load_i8,
+    mju_error,
+    state_of,
+    table_of,
+)
+from twin.water.current.sampler import sample_gradient
+from twin.water.floor.lookup import floor_depth
 
+CURRENT, FLOOR = range(2)
+"""Slots"""
+FLOW = 15
+"""Numbers of `sample_gradient`"""
 SLOTS = 2
 WORDS = 2
-"""Of a slot in TABLE"""
+"""Words of a slot in TABLE"""
 REFUSED = 1
 """In place of an address: it could not be compiled, and is not tried again before `renew`"""
 TABLE = (ctypes.c_int64 * (WORDS * SLOTS + 1))()
-"""Of each slot: the function's address, and that of what compiles it; then Python's Ctrl-C"""
+"""Addresses, by slot, of the function and of what compiles it; then that of Python's Ctrl-C"""
 TABLE[WORDS * SLOTS] = ctypes.cast(ctypes.pythonapi.PyErr_SetInterrupt, ctypes.c_void_p).value or 0
 INTERRUPTED = -1
 """Instead of the address of an error's text"""
-
 late_table = types.ExternalFunction("glider_twin_late", types.int64())
 """Address of TABLE"""
-
 _log = logging.getLogger(__name__)
 
 
@@ -52,15 +73,15 @@ class Late:
         self._signature, self._function = signature, function
         self._made = -1
         self._kept: list[Any] = []
-        """Those of every generation: other threads may be running an older one"""
+        """Functions of every generation: other threads may be running an older one"""
         self._texts: list[Any] = []
-        """Of errors: MuJoCo reads one when Python has left it"""
+        """Texts of errors: MuJoCo reads one when Python has left it"""
         self._hook = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_int64))(self._asked)
         TABLE[WORDS * slot + 1] = ctypes.cast(self._hook, ctypes.c_void_p).value or 0
 
     @property
     def address(self) -> int:
-        """Of the function, 0 before it is compiled; or REFUSED."""
+        """Address of the function, 0 before it is compiled; or REFUSED."""
         return int(TABLE[WORDS * self.slot])
 
     @address.setter
@@ -162,3 +183,112 @@ def late_address(slot):
     if address == REFUSED:
         return 0
     return address
+
+
+_DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
+_POINTER = types.CPointer(types.float64)
+
+
+def sampled(program, size, time, north, east, down, out):
+    """`sample_gradient` as a C function."""
+    found, flow = sample_gradient(carray(program, size), time, north, east, down), carray(out, FLOW)
+    for i in range(FLOW):
+        flow[i] = found[i]
+
+
+_SIGNATURE = types.void(_POINTER, types.int64, *(types.float64,) * 4, _POINTER)
+SAMPLER = Late(CURRENT, "the sampler of currents", _SIGNATURE, sampled)
+_UNKNOWN = (math.nan,) * FLOW
+"""Without a sampler: the run fails, which still water would hide"""
+
+
+@intrinsic
+def _sampled_at(typingctx, address, program, size, t, north, east, down):
+    """Call the sampler at `address`: `sample_gradient` of the program at an address."""
+    result = types.UniTuple(types.float64, FLOW)
+    point = (types.float64,) * 4
+
+    def codegen(context, builder, signature, args):
+        pointer = _DOUBLE.as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [pointer, _WORD, *(_DOUBLE,) * 4, pointer])
+        with builder.goto_entry_block():
+            out = builder.alloca(_DOUBLE, FLOW)
+        call, first, words, *place = args
+        target = builder.inttoptr(call, kind.as_pointer())
+        builder.call(target, [builder.inttoptr(first, pointer), words, *place, out])
+        found = [builder.load(builder.gep(out, [ir.Constant(_WORD, i)])) for i in range(FLOW)]
+        return context.make_tuple(builder, result, found)
+
+    return result(types.int64, types.int64, types.int64, *point), codegen
+
+
+@jit
+def flow_at(program, t, north, east, down):
+    """`sample_gradient` of a current's program in a model's block; NaN if it cannot be compiled."""
+    address = late_address(CURRENT)
+    if address == 0:
+        return _UNKNOWN
+    return _sampled_at(address, program.ctypes.data, program.size, t, north, east, down)
+
+
+def laid(model, data):
+    """`lay_plane` as a C function, for a model of ours."""
+    table = layout_table()
+    address = header_address(table, model)
+    head = header_at(address)
+    floor = table_of(block_start(address, head), head, head.floor)
+    position = array(field(table, data, at.D_XPOS) + 24 * int(head.hull_body), 3)
+    lay_plane(head, floor, table, data, position, state_of(table, data))
+
+
+LAYER = Late(FLOOR, "the sea floor", types.void(types.int64, types.int64), laid)
+
+
+@intrinsic
+def _laid_by(typingctx, address, model, data):
+    """Call the function at an address with a model and its data."""
+
+    def codegen(context, builder, signature, args):
+        kind = ir.FunctionType(ir.VoidType(), [_WORD, _WORD])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), codegen
+
+
+@inline
+def follow_floor(head, model, data, state):
+    """Altitude of the CB, and the plane under the hull; inf where there is no floor.
+
+    Returns whether that could be done: NaN and False where its code cannot be compiled.
+    """
+    state.altitude = math.inf
+    if head.floor["size"] > 0.0:
+        address = late_address(FLOOR)
+        if address == 0:
+            state.altitude = math.nan
+            return False
+        _laid_by(address, model, data)
+    return True
+
+
+@jit
+def lay_plane(head, floor, table, data, position, state):
+    """Write the plane's place and attitude, and the altitude."""
+    north, east, arm = position[0], -position[1], 0.5 * head.length
+    state.altitude = floor_depth(floor, north, east) + position[2]
+    ahead, behind = floor_depth(floor, north + arm, east), floor_depth(floor, north - arm, east)
+    right, left = floor_depth(floor, north, east + arm), floor_depth(floor, north, east - arm)
+    # the floor's rise per metre along x (north) and y (west)
+    along, across = (behind - ahead) / (2.0 * arm), (right - left) / (2.0 * arm)
+    body = int(head.floor_body)
+    place = array(field(table, data, at.D_MOCAP_POS) + 24 * body, 3)
+    turn = array(field(table, data, at.D_MOCAP_QUAT) + 32 * body, 4)
+    place[0], place[1] = position[0], position[1]
+    place[2] = -0.25 * (ahead + behind + right + left)
+    # the quaternion that turns z into the normal (-along, -across, 1)
+    scale = 1.0 / math.sqrt(1.0 + along * along + across * across)
+    w = 1.0 + scale
+    norm = 1.0 / math.sqrt(w * w + (along * along + across * across) * scale * scale)
+    turn[0], turn[1], turn[2] = w * norm, across * scale * norm, -along * scale * norm
+    turn[3] = 0.0

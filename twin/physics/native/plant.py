@@ -24,6 +24,7 @@ from twin.physics.native.access import (
     header_at,
     layout_table,
     load_f8,
+    load_i4,
     load_i8,
     part_address,
     part_at,
@@ -35,14 +36,12 @@ from twin.physics.native.effects import (
     law_rate_damping,
     law_rotary_damping,
     law_wrench,
-    note_contact,
     part_mass,
     part_volume,
     part_wrench,
     run_control,
     run_log,
 )
-from twin.physics.native.flow import flow_at
 from twin.physics.native.hydrodynamics import (
     add_added_mass,
     add_point_mass,
@@ -55,21 +54,18 @@ from twin.physics.native.hydrodynamics import (
     point_mass_wrench,
     times,
 )
-from twin.physics.native.plane import follow_floor
+from twin.physics.native.late import flow_at, follow_floor
 from twin.water.density import density_at
 
 CONTROL_NONE = b.CONTROL_NONE
-
 ZERO = (0.0, 0.0, 0.0)
 FASTEST = 20.0
 """[m/s] through the water: what is faster has left physics, whatever it looks like later"""
 UNSTABLE = 2.0
-"""Of step times rotary damping over inertia: an explicit step does not settle beyond"""
+"""Step times rotary damping over inertia beyond which an explicit step does not settle"""
 RATE = 1e-4
 """[rad/s] of the differences by which a law's rotary damping is found"""
-
 _VOID = types.void(types.int64, types.int64)
-
 mj_make_mass = types.ExternalFunction("mj_makeM", _VOID)
 mj_factor_mass = types.ExternalFunction("mj_factorM", _VOID)
 
@@ -141,6 +137,27 @@ def along(local, a, n, e, d):
     )
 
 
+@inline
+def to_body(axes, n, e, d):
+    """A vector NED in body axes, which are given in NED."""
+    x, y, z = axes
+    return (
+        x[0] * n + x[1] * e + x[2] * d,
+        y[0] * n + y[1] * e + y[2] * d,
+        z[0] * n + z[1] * e + z[2] * d,
+    )
+
+
+@inline
+def to_world(rotation, x, y, z):
+    """A vector in hull axes in the world's, by the row-major matrix of the hull."""
+    return (
+        rotation[0] * x + rotation[1] * y + rotation[2] * z,
+        rotation[3] * x + rotation[4] * y + rotation[5] * z,
+        rotation[6] * x + rotation[7] * y + rotation[8] * z,
+    )
+
+
 @jit
 def water(model, data):
     """One evaluation of everything the water does; idempotent at a given state."""
@@ -207,9 +224,10 @@ def water(model, data):
         v2 += 0.5 * (v2 - state.earlier[2])
 
     # body axes FRD in NED: forward, starboard, down of the hull's forward-port-up matrix
-    xn, xe, xd = rotation[0], -rotation[3], -rotation[6]
-    yn, ye, yd = -rotation[1], rotation[4], rotation[7]
-    zn, ze, zd = -rotation[2], rotation[5], rotation[8]
+    ahead = (rotation[0], -rotation[3], -rotation[6])
+    side = (-rotation[1], rotation[4], rotation[7])
+    below = (-rotation[2], rotation[5], rotation[8])
+    axes = (ahead, side, below)
     p, q, r = velocity[3], -velocity[4], -velocity[5]
     cn, ce, cd = 0.0, 0.0, 0.0
     rate, fluid = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -222,31 +240,13 @@ def water(model, data):
         # its rate along the hull's path, and the acceleration of the water itself
         rn, re, rd = along(flow[3:6], a, v0, -v1, -v2)
         fluid = along(flow[3:6], a, cn, ce, cd)
-        rate = (
-            xn * rn + xe * re + xd * rd,
-            yn * rn + ye * re + yd * rd,
-            zn * rn + ze * re + zd * rd,
-        )
-        dx, dy, dz = (
-            along(ZERO, a, xn, xe, xd),
-            along(ZERO, a, yn, ye, yd),
-            along(ZERO, a, zn, ze, zd),
-        )
-        gradient = (
-            xn * dx[0] + xe * dx[1] + xd * dx[2],
-            xn * dy[0] + xe * dy[1] + xd * dy[2],
-            xn * dz[0] + xe * dz[1] + xd * dz[2],
-            yn * dx[0] + ye * dx[1] + yd * dx[2],
-            yn * dy[0] + ye * dy[1] + yd * dy[2],
-            yn * dz[0] + ye * dz[1] + yd * dz[2],
-            zn * dx[0] + ze * dx[1] + zd * dx[2],
-            zn * dy[0] + ze * dy[1] + zd * dy[2],
-            zn * dz[0] + ze * dz[1] + zd * dz[2],
-        )
-    dn, de, dd = v0 - cn, -v1 - ce, -v2 - cd
-    u = xn * dn + xe * de + xd * dd
-    v = yn * dn + ye * de + yd * dd
-    w = zn * dn + ze * de + zd * dd
+        rate = to_body(axes, rn, re, rd)
+        # column by column: how the velocity changes along each axis of the body
+        dx = to_body(axes, *along(ZERO, a, *ahead))
+        dy = to_body(axes, *along(ZERO, a, *side))
+        dz = to_body(axes, *along(ZERO, a, *below))
+        gradient = (dx[0], dy[0], dz[0], dx[1], dy[1], dz[1], dx[2], dy[2], dz[2])
+    u, v, w = to_body(axes, v0 - cn, -v1 - ce, -v2 - cd)
     if u * u + v * v + w * w > FASTEST * FASTEST:
         fail(state, time)
 
@@ -254,11 +254,8 @@ def water(model, data):
     p_change, q_change, r_change = 0.0, 0.0, 0.0
     implicit = centred and head.implicit == 1.0
     if centred:
-        p_change, q_change, r_change = (
-            0.5 * (p - state.earlier[3]),
-            0.5 * (q + state.earlier[4]),
-            0.5 * (r + state.earlier[5]),
-        )
+        p_change = 0.5 * (p - state.earlier[3])
+        q_change, r_change = 0.5 * (q + state.earlier[4]), 0.5 * (r + state.earlier[5])
         if not implicit:
             dp, dq, dr = law_rate_damping(
                 law, values, law_scale * timestep, density, u, v, w, p, q, r
@@ -286,16 +283,9 @@ def water(model, data):
     xa, ya, za, la, ma, na = added_mass_wrench(
         head.added_mass, head.coupling, (u, v, w, pw, qw, rw), p, q, r, rate, gradient
     )
-    x, y, z = (
-        law_scale * x + water_scale * xa,
-        -(law_scale * y + water_scale * ya),
-        -(law_scale * z + water_scale * za),
-    )
-    l, m, n = (
-        law_scale * l + water_scale * la,
-        -(law_scale * m + water_scale * ma),
-        -(law_scale * n + water_scale * na),
-    )
+    x, l = law_scale * x + water_scale * xa, law_scale * l + water_scale * la
+    y, z = -(law_scale * y + water_scale * ya), -(law_scale * z + water_scale * za)
+    m, n = -(law_scale * m + water_scale * ma), -(law_scale * n + water_scale * na)
 
     # buoyancy, and the parts: their wrenches in FRD become hull axes here
     warming = 0.0
@@ -311,19 +301,9 @@ def water(model, data):
             # NED down in body axes is (-R20, R21, R22) of the hull's forward-port-up matrix
             there = depth - rotation[6] * place[0] + rotation[7] * place[1] + rotation[8] * place[2]
             px, py, pz, pl, pm, pn = part_wrench(
-                int(part.kind),
-                part.values,
-                place,
-                act[k] + part.zero,
-                u,
-                v,
-                w,
-                pw,
-                qw,
-                rw,
-                density,
-                there,
-            )
+                int(part.kind), part.values, place, act[k] + part.zero,
+                u, v, w, pw, qw, rw, density, there,
+            )  # fmt: skip
             x, y, z, l, m, n = x + px, y - py, z - pz, l + pl, m - pm, n - pn
         if part.gives_volume != 0.0 and (place[0] != 0.0 or place[1] != 0.0 or place[2] != 0.0):
             # buoyancy of its own volume acts where it is: moment place x up, FRD to hull axes
@@ -342,17 +322,16 @@ def water(model, data):
             x, y, z, l, m, n = x + px, y - py, z - pz, l + pl, m - pm, n - pn
 
     # hull axes to world, moment moved from the CB to the centre of mass
-    fx = rotation[0] * x + rotation[1] * y + rotation[2] * z
-    fy = rotation[3] * x + rotation[4] * y + rotation[5] * z
-    fz = rotation[6] * x + rotation[7] * y + rotation[8] * z + fraction * lift
+    fx, fy, fz = to_world(rotation, x, y, z)
+    fz += fraction * lift
     # Froude-Krylov: the pressure that accelerates the water acts on the hull in its place
     displaced = fraction * density * total_volume
     fx += displaced * fluid[0]
     fy -= displaced * fluid[1]
     fz -= displaced * fluid[2]
-    mx = rotation[0] * l + rotation[1] * m + rotation[2] * n + arm * lift * rotation[3]
-    my = rotation[3] * l + rotation[4] * m + rotation[5] * n - arm * lift * rotation[0]
-    mz = rotation[6] * l + rotation[7] * m + rotation[8] * n
+    mx, my, mz = to_world(rotation, l, m, n)
+    mx += arm * lift * rotation[3]
+    my -= arm * lift * rotation[0]
     centre = array(field(table, data, at.D_XIPOS) + 24 * hull, 3)
     ox, oy, oz = centre[0] - position[0], centre[1] - position[1], centre[2] - position[2]
     force[0], force[1], force[2] = fx, fy, fz
@@ -401,7 +380,8 @@ def control(model, data):
     if state.failed != 0.0:
         return
     time = load_f8(data + load_i8(table + 8 * at.D_TIME))
-    note_contact(table, data, state)
+    if load_i4(data + load_i8(table + 8 * at.D_NCON)) > 0:  # until the next log row
+        state.contact = 1.0
     if head.control != CONTROL_NONE:
         run_control(head, block_start(address, head), table, data, time, state)
     if head.log_period > 0.0:

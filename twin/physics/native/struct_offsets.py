@@ -25,45 +25,21 @@ from mujoco.introspect.structs import STRUCTS
 
 from twin.errors import LayoutError
 
-# Slots of the table that native code reads.
-M_NUMERIC_COUNT, M_NUMERIC_DATA, M_TIMESTEP = 0, 1, 2
-D_TIME, D_QPOS, D_QVEL, D_ACT, D_CTRL, D_USERDATA = 3, 4, 5, 6, 7, 8
-D_XFRC_APPLIED, D_XPOS, D_XMAT, D_XIPOS, D_MASS = 9, 10, 11, 12, 13
-D_QFRC_PASSIVE = 20
-M_NQ, M_NV, M_NU, M_NA, M_NBODY, M_NUSERDATA = 14, 15, 16, 17, 18, 19
-M_NMOCAP, D_MOCAP_POS, D_MOCAP_QUAT, D_NCON = 21, 22, 23, 24
-SLOTS = 25
-
-_MODEL_FIELDS = {
-    M_NUMERIC_COUNT: "nnumericdata",
-    M_NUMERIC_DATA: "numeric_data",
-    M_NQ: "nq",
-    M_NV: "nv",
-    M_NU: "nu",
-    M_NA: "na",
-    M_NBODY: "nbody",
-    M_NUSERDATA: "nuserdata",
-    M_NMOCAP: "nmocap",
-}
-_DATA_FIELDS = {
-    D_TIME: "time",
-    D_QPOS: "qpos",
-    D_QVEL: "qvel",
-    D_ACT: "act",
-    D_CTRL: "ctrl",
-    D_USERDATA: "userdata",
-    D_XFRC_APPLIED: "xfrc_applied",
-    D_XPOS: "xpos",
-    D_XMAT: "xmat",
-    D_XIPOS: "xipos",
-    D_MASS: "M",
-    D_QFRC_PASSIVE: "qfrc_passive",
-    D_MOCAP_POS: "mocap_pos",
-    D_MOCAP_QUAT: "mocap_quat",
-    D_NCON: "ncon",
-}
-_HALF_WORDS = (D_NCON,)
-"""Slots of 32-bit integers"""
+_MODEL_FIELDS = (
+    "nnumericdata", "numeric_data", "nq", "nv", "nu", "na", "nbody", "nuserdata", "nmocap",
+)  # fmt: skip
+_DATA_FIELDS = (
+    "time", "qpos", "qvel", "act", "ctrl", "userdata", "xfrc_applied", "xpos", "xmat", "xipos", "M",
+    "qfrc_passive", "mocap_pos", "mocap_quat", "ncon",
+)  # fmt: skip
+_FIELDS = [("mjModel", n) for n in _MODEL_FIELDS] + [("mjData", n) for n in _DATA_FIELDS]
+"""Fields of the table that native code reads, by slot; the time step follows"""
+SLOTS = len(_FIELDS) + 1
+(
+    M_NUMERIC_COUNT, M_NUMERIC_DATA, M_NQ, M_NV, M_NU, M_NA, M_NBODY, M_NUSERDATA, M_NMOCAP,
+    D_TIME, D_QPOS, D_QVEL, D_ACT, D_CTRL, D_USERDATA, D_XFRC_APPLIED, D_XPOS, D_XMAT, D_XIPOS,
+    D_MASS, D_QFRC_PASSIVE, D_MOCAP_POS, D_MOCAP_QUAT, D_NCON, M_TIMESTEP,
+) = range(SLOTS)  # fmt: skip
 _SCALARS: dict[str, Any] = {
     "mjtSize": ctypes.c_int64,
     "mjtNum": ctypes.c_double,
@@ -103,19 +79,15 @@ def _structure(name: str, fields: Any) -> type[ctypes.Structure]:
 
 def derive() -> np.ndarray:
     """The table of byte offsets, int64, shape (SLOTS,), from the introspection tables."""
-    model = _structure("mjModel", STRUCTS["mjModel"].fields)
-    data = _structure("mjData", STRUCTS["mjData"].fields)
-    option = _structure("mjOption", STRUCTS["mjOption"].fields)
-    table = np.zeros(SLOTS, np.int64)
+    structs: dict[str, Any] = {
+        name: _structure(name, STRUCTS[name].fields) for name in ("mjModel", "mjData", "mjOption")
+    }
     try:
-        for slot, name in _MODEL_FIELDS.items():
-            table[slot] = getattr(model, name).offset
-        table[M_TIMESTEP] = model.opt.offset + option.timestep.offset
-        for slot, name in _DATA_FIELDS.items():
-            table[slot] = getattr(data, name).offset
+        table = [getattr(structs[owner], name).offset for owner, name in _FIELDS]
+        table.append(structs["mjModel"].opt.offset + structs["mjOption"].timestep.offset)
     except AttributeError as error:
         raise LayoutError(f"MuJoCo {mujoco.__version__}: {error}; {_ADVICE}") from error
-    return table
+    return np.array(table, np.int64)
 
 
 def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
@@ -138,28 +110,19 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
     data = mujoco.MjData(model)
     data.time = time
     mujoco.mj_fwdPosition(model, data)  # finds three contacts
-
-    def word(owner: Any, slot: int, kind: Any) -> Any:
-        return kind.from_address(owner._address + int(table[slot])).value
-
-    checks: list[tuple[str, Any, Any]] = [
-        ("mjModel.nnumericdata", word(model, M_NUMERIC_COUNT, ctypes.c_int64), numeric_size),
-        ("mjModel.opt.timestep", word(model, M_TIMESTEP, ctypes.c_double), timestep),
-        ("mjData.time", word(data, D_TIME, ctypes.c_double), time),
-    ]
-    for owner, fields, label in ((model, _MODEL_FIELDS, "mjModel"), (data, _DATA_FIELDS, "mjData")):
-        for slot, name in fields.items():
-            value = getattr(owner, name)
-            if isinstance(value, int):
-                kind = ctypes.c_int32 if slot in _HALF_WORDS else ctypes.c_int64
-                checks.append((f"{label}.{name}", word(owner, slot, kind), value))
-            if isinstance(value, np.ndarray):
-                address = word(owner, slot, ctypes.c_size_t)
-                checks.append((f"{label}.{name}", address, value.ctypes.data))
-    for name, found, expected in checks:
+    owners = {"mjModel": model, "mjData": data}
+    checks = [(owner, name, getattr(owners[owner], name)) for owner, name in _FIELDS]
+    checks.append(("mjModel", "opt.timestep", timestep))
+    assert checks[M_NUMERIC_COUNT][2] == numeric_size
+    assert checks[D_TIME][2] == time
+    for slot, (owner, name, value) in enumerate(checks):
+        expected = value.ctypes.data if isinstance(value, np.ndarray) else value
+        whole = ctypes.c_int32 if slot == D_NCON else ctypes.c_int64
+        kind: Any = ctypes.c_double if isinstance(value, float) else whole
+        found = kind.from_address(owners[owner]._address + int(table[slot])).value
         if found != expected:
             raise LayoutError(
-                f"MuJoCo {mujoco.__version__}: {name} is not at byte {table.tolist()}: "
+                f"MuJoCo {mujoco.__version__}: {owner}.{name} is not at byte {table.tolist()}: "
                 f"found {found}, expected {expected}; {_ADVICE}"
             )
 

@@ -3,19 +3,165 @@
 Three groups are told apart by prefix and by the attribute `signal_group`: `true_*` is what
 happened, `measured_*` what the sensors said, `commanded_*` what was asked for. Angles are degrees
 in stores, radians in code.
+
+The signals that the twin simulates or an import brings stand in `signals.csv`, a row each, in the
+order of storage. Standard names are CF's where one exists; `gaps` marks what may be NaN inside a
+mission; `held_by` says where it is not of every simulated mission. Sensors, parts and stores of
+others declare more.
 """
 
-from twin.records.schema.declared import HYDROGRAPHY as HYDROGRAPHY
-from twin.records.schema.declared import LOGGED_ONLY as LOGGED_ONLY
-from twin.records.schema.declared import MISSION as MISSION
-from twin.records.schema.declared import SCHEMA_VERSION as SCHEMA_VERSION
-from twin.records.schema.declared import SIGNALS as SIGNALS
-from twin.records.schema.declared import SIMULATED as SIMULATED
-from twin.records.schema.declared import TIME as TIME
-from twin.records.schema.declared import VARIABLES as VARIABLES
-from twin.records.schema.declared import WITH_FLOOR as WITH_FLOOR
-from twin.records.schema.declared import Variable as Variable
-from twin.records.schema.declared import declare as declare
-from twin.records.schema.declared import declare_stored as declare_stored
-from twin.records.schema.declared import variable as variable
-from twin.records.schema.declared import variables as variables
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from twin.errors import InputError, UnknownName
+
+SCHEMA_VERSION = 1
+MISSION, TIME = "mission", "time"
+
+GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
+"""Attribute `signal_group` by the prefix of a name"""
+_UNIT_DECIMALS = {"degree": 4, "rad s-1": 7, "m s-1": 6, "m s-2": 5, "cm3": 3, "kg": 6,
+                  "kg m-3": 4, "dbar": 5, "S m-1": 7}  # fmt: skip
+"""1e-4 degree is 2e-6 rad, 1e-6 m/s drifts 1 cm in 3 h."""
+_HORIZONTAL_DECIMALS, _DEPTH_DECIMALS, _BATTERY_DECIMALS = 3, 5, 7
+"""[m]: tracks to 1 mm; depth finer, since its rate is taken over half a second; 1e-7 m of battery
+moves pitch by 1e-4 degree."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """One stored signal."""
+
+    name: str
+    units: str
+    """As CF (UDUNITS) writes it; "1" is dimensionless."""
+    long_name: str
+    """A short noun phrase"""
+    standard_name: str | None = None
+    limits: tuple[float, float] | None = None
+    """Lowest and highest possible value; None: those of the table of limits, by unit and name."""
+    gaps: bool = False
+    """Whether it may be NaN inside a mission: no fix, no lock, no setpoint."""
+    comment: str = ""
+    """Conventions, and where it is NaN."""
+
+    @property
+    def decimals(self) -> int | None:
+        """Decimals that bulk stores keep, far below any sensor; None keeps full float32."""
+        if self.units != "m":
+            return _UNIT_DECIMALS.get(self.units)
+        if self.name.endswith(("north", "east")):
+            return _HORIZONTAL_DECIMALS
+        return _BATTERY_DECIMALS if self.name.endswith("shift") else _DEPTH_DECIMALS
+
+    @property
+    def group(self) -> str:
+        """truth, measured or commanded."""
+        return GROUPS[self.name.split("_", 1)[0]]
+
+    def attributes(self) -> dict[str, Any]:
+        """CF attributes."""
+        lowest, highest = self.limits or (None, None)
+        attributes = {
+            "units": self.units,
+            "long_name": self.long_name,
+            "signal_group": self.group,
+            "standard_name": self.standard_name or None,
+            "comment": self.comment or None,
+            "positive": "down" if self.standard_name == "depth" else None,
+            "valid_min": lowest,
+            "valid_max": highest,
+            "gaps": 1 if self.gaps else None,
+        }
+        return {name: value for name, value in attributes.items() if value is not None}
+
+    def stored_attributes(self) -> dict[str, str | int]:
+        """Attributes in bulk stores, which keep so many decimals."""
+        kept = {} if self.decimals is None else {"least_significant_digit": self.decimals}
+        return {**self.attributes(), **kept}
+
+
+def _read_signals() -> tuple[dict[str, Variable], dict[str, str]]:
+    """The rows of `signals.csv` by name, and what each says in `held_by`."""
+    found: dict[str, Variable] = {}
+    held: dict[str, str] = {}
+    with Path(__file__).with_name("signals.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            name, standard, gaps = row["name"], row["standard_name"] or None, bool(row["gaps"])
+            held[name], words = row["held_by"], (row["units"], row["long_name"], standard)
+            found[name] = Variable(name, *words, gaps=gaps, comment=row["comment"])
+    return found, held
+
+
+VARIABLES, _HELD_BY = _read_signals()
+"""Every variable by name, in storage order."""
+SIGNALS = tuple(VARIABLES.values())
+"""Those of the table"""
+LOGGED_ONLY = frozenset(name for name, held in _HELD_BY.items() if held == "logs")
+"""Variables that only stores of real logs hold; the twin does not simulate them."""
+HYDROGRAPHY = frozenset(name for name, held in _HELD_BY.items() if held == "hydrography")
+"""Variables of simulated missions in water whose temperature and salinity are known."""
+WITH_FLOOR = tuple(name for name, held in _HELD_BY.items() if held == "floor")
+"""Variables of simulated missions that have a sea floor; contact also of those with obstacles."""
+SIMULATED = tuple(name for name, held in _HELD_BY.items() if not held)
+"""Variables of every simulated mission, in storage order."""
+
+_STORED: set[str] = set()
+"""Names that this process knows from a store alone"""
+
+
+def variable(name: str) -> Variable:
+    """The variable of that name; raises UnknownName (an InputError and a KeyError) otherwise."""
+    try:
+        return VARIABLES[name]
+    except KeyError:
+        raise UnknownName("variable", name, VARIABLES) from None
+
+
+def variables(*names: str) -> tuple[Variable, ...]:
+    """The variables of these names; raises as `variable`."""
+    return tuple(variable(name) for name in names)
+
+
+def declare(entry: Variable) -> None:
+    """Add a variable to `VARIABLES`, as sensors and parts of your own do.
+
+    Raises:
+      InputError: the name has no group, or is declared with another meaning already. What only
+        a store said of the name gives way.
+    """
+    if entry.name.split("_", 1)[0] not in GROUPS:
+        raise InputError(
+            f"variable {entry.name!r} must begin with {', '.join(f'{g}_' for g in GROUPS)}"
+        )
+    if entry.name in _STORED:
+        _STORED.discard(entry.name)
+        VARIABLES[entry.name] = entry
+    known = VARIABLES.setdefault(entry.name, entry)
+    if known != entry:
+        raise InputError(f"variable {entry.name!r} exists already as {known}, not {entry}")
+
+
+def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
+    """Declare a signal that a store holds and this process does not know, as the store says."""
+    if name in VARIABLES or "units" not in attributes or name.split("_", 1)[0] not in GROUPS:
+        return
+    known = "valid_min" in attributes and "valid_max" in attributes
+    lowest, highest = (float(attributes.get(end, 0.0)) for end in ("valid_min", "valid_max"))
+    declare(
+        Variable(
+            name,
+            str(attributes["units"]),
+            str(attributes.get("long_name", name)),
+            attributes.get("standard_name"),
+            (lowest, highest) if known else None,
+            bool(attributes.get("gaps", 0)),
+            str(attributes.get("comment", "")),
+        )
+    )
+    _STORED.add(name)

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from twin.records.storage.disk import remove as remove
     from twin.records.storage.disk import sweep as sweep
     from twin.records.storage.disk import temporary_name as temporary_name
-    from twin.records.storage.object_storage import files_at as files_at
     from twin.records.storage.store_path import StorePath as StorePath
+    from twin.records.storage.store_path import files_at as files_at
     from twin.records.storage.whole import check_folder_target as check_folder_target
     from twin.records.storage.whole import clean as clean
     from twin.records.storage.whole import whole_folder as whole_folder

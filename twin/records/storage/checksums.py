@@ -18,18 +18,22 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from twin.bounded import FREE_BYTES, check_regular, regular_files
 from twin.errors import StoreError
 from twin.records.attributes import N_SAMPLES, SPLIT
 from twin.records.schema import TIME
 from twin.records.storage.disk import write_whole
-from twin.records.storage.object_storage import files_at
-from twin.records.storage.store_path import StorePath, store_path
-from twin.records.storage.stored_files import Files, FileSum, file_sum
+from twin.records.storage.store_path import (
+    Files,
+    FileSum,
+    StorePath,
+    file_sum,
+    files_at,
+    store_path,
+)
 
 LIST = "checksums.json"
 """The list of a plain folder."""
@@ -39,20 +43,16 @@ ZARR_LIST = f"checksums/{ZARR_METADATA}"
 
 MOST_LIST = 2**30
 """[byte] of a list; a store of a million missions has one of some megabytes"""
-
 FILES_AT_ONCE = 1000
 """That wait for the threads that read them"""
 
-What = Literal["changed", "missing", "unknown", "unreadable"]
 
-
-@dataclass(frozen=True)
-class Damage:
+class Damage(NamedTuple):
     """One file that is not what the list says."""
 
     path: str
     """relative to the folder, with slashes"""
-    what: What
+    what: Literal["changed", "missing", "unknown", "unreadable"]
     """`unknown` are files that the list does not name"""
     detail: str = ""
 
@@ -114,14 +114,11 @@ def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
         }
         whole = data == list_text(sums, zarr=key == ZARR_LIST)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        why = " ".join(str(error).split())
-        raise StoreError(
-            f"the list of checksums {place} is damaged ({type(error).__name__}: {why})"
-        ) from error
+        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise StoreError(f"the list of checksums {place} is damaged ({why})") from error
     if not whole:
-        raise StoreError(
-            f"the list of checksums {place} is damaged: it does not have its own digest"
-        )
+        why = "it does not have its own digest"
+        raise StoreError(f"the list of checksums {place} is damaged: {why}")
     return sums
 
 
@@ -193,39 +190,31 @@ def damaged_files(
         yield Damage(key, "changed", str(error))
         return
     chosen = None if only is None else tuple(only)
+
+    def compare(name: str) -> Damage | None:
+        size, expected = sums[name].bytes, sums[name]
+        try:
+            found = files.size(name)
+            if found is None:
+                return Damage(name, "missing")
+            if found != size:  # what was cut need not be read
+                return Damage(name, "changed", f"{found} bytes instead of {size}")
+            if files.sum(name) != expected:
+                return Damage(name, "changed", "its SHA-256 is another one")
+        except OSError as error:
+            return Damage(name, "unreadable", error.strerror or str(error))
+        return None
+
     asked = [
         name
         for name in sums
         if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen)
     ]
-
-    def compare(name: str) -> Damage | None:
-        return _compare(files, name, sums[name])
-
-    if workers == 1:
-        yield from filter(None, map(compare, asked))
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            for first in range(0, len(asked), FILES_AT_ONCE):
-                batch = asked[first : first + FILES_AT_ONCE]
-                yield from filter(None, pool.map(compare, batch))
+    with ThreadPoolExecutor(workers) as pool:
+        for first in range(0, len(asked), FILES_AT_ONCE):
+            yield from filter(None, pool.map(compare, asked[first : first + FILES_AT_ONCE]))
     if chosen is None:
         yield from (Damage(name, "unknown") for name in _names(files) if name not in sums)
-
-
-def _compare(files: Files, name: str, expected: FileSum) -> Damage | None:
-    try:
-        size = files.size(name)
-        if size is None:
-            return Damage(name, "missing")
-        if size != expected.bytes:  # what was cut need not be read
-            return Damage(name, "changed", f"{size} bytes instead of {expected.bytes}")
-        found = files.sum(name)
-    except OSError as error:
-        return Damage(name, "unreadable", error.strerror or str(error))
-    if found != expected:
-        return Damage(name, "changed", "its SHA-256 is another one")
-    return None
 
 
 def _list_of(files: Files) -> str | None:
@@ -270,11 +259,7 @@ def array_checksums(store: Path) -> dict[str, str]:
 
 def store_hash(store: str | StorePath) -> str:
     """SHA-256 over the names and bytes of all files of a store that are not hidden."""
-    files, digest = files_at(store), hashlib.sha256()
-    for key in _shown(files):
-        digest.update(key.encode())
-        digest.update(files.read(key))
-    return digest.hexdigest()
+    return _hash({"": files_at(store)})
 
 
 def content_hash(store: str | StorePath, names: Iterable[str]) -> str:
@@ -283,17 +268,17 @@ def content_hash(store: str | StorePath, names: Iterable[str]) -> str:
     The store's own attributes are left out: they say when it was made, and the same recipe makes
     the same arrays again.
     """
-    root, digest = files_at(store), hashlib.sha256()
-    for name in sorted({TIME, N_SAMPLES, SPLIT, *names}):
-        files = root.below(name)
-        for key in _shown(files):
-            digest.update(f"{name}/{key}".encode())
+    root = files_at(store)
+    return _hash({f"{n}/": root.below(n) for n in sorted({TIME, N_SAMPLES, SPLIT, *names})})
+
+
+def _hash(places: Mapping[str, Files]) -> str:
+    """SHA-256 over keys and bytes of the files of places by prefix, in the order of paths, without
+    the hidden ones: what a killed writer left is no content."""
+    digest = hashlib.sha256()
+    for prefix, files in places.items():
+        keys = (key for key in files.all_keys() if not key.rpartition("/")[2].startswith("."))
+        for key in sorted(keys, key=lambda key: key.split("/")):
+            digest.update(f"{prefix}{key}".encode())
             digest.update(files.read(key))
     return digest.hexdigest()
-
-
-def _shown(files: Files) -> list[str]:
-    """Keys in the order of paths, without the hidden ones: what a killed writer left is no
-    content."""
-    keys = (key for key in files.all_keys() if not key.rpartition("/")[2].startswith("."))
-    return sorted(keys, key=lambda key: key.split("/"))

@@ -64,10 +64,8 @@ def sync_all(files: Sequence[Path], folders: Collection[Path]) -> None:
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(SYNCS_AT_ONCE) as threads:
-        for _ in threads.map(sync_file, files):
-            pass
-        for _ in threads.map(sync_folder, folders):
-            pass
+        list(threads.map(sync_file, files))
+        list(threads.map(sync_folder, folders))
 
 
 def files_below(folder: Path) -> Iterator[Path]:
@@ -89,9 +87,7 @@ def write_whole(path: Path, data: bytes) -> None:
     the same name removes it, or `sweep`.
     """
     for left in temporaries(path):
-        with dead(left) as gone:
-            if gone:
-                remove(left)
+        remove_dead(left)
     while not _written(temporary_name(path), path, data):
         pass
     sync_folder(path.parent)
@@ -139,10 +135,8 @@ def lock(descriptor: int) -> bool:
     """
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True
+    except OSError as error:
+        return not isinstance(error, BlockingIOError)
     return True
 
 
@@ -175,14 +169,19 @@ def remove(path: Path) -> None:
         path.unlink()
 
 
+def remove_dead(path: Path) -> None:
+    """Remove a temporary file or folder whose writer is gone."""
+    with dead(path) as gone:
+        if gone:
+            remove(path)
+
+
 def sweep(folder: Path) -> None:
     """Remove what processes that are gone left half-written in a folder and its folders."""
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
             if name.startswith(".") and WRITING in name:
-                with dead(Path(place, name)) as gone:
-                    if gone:
-                        remove(Path(place, name))
+                remove_dead(Path(place, name))
 
 
 def exchange(one: Path, other: Path) -> bool:

@@ -24,14 +24,13 @@ from typing import Any
 
 from twin.errors import InputError
 from twin.extras import require
-from twin.records.storage.store_path import StorePath, Url, store_path
-from twin.records.storage.stored_files import Files, FileSum
+from twin.records.storage.store_path import Files, FileSum, Url
 
-RETRIES, RETRY_S = 8, 60
+PATIENT = {"max_retries": 8, "retry_timeout": datetime.timedelta(seconds=60)}
 """Times that a request is repeated when the storage does not answer or says that it is busy, and
-[s] after which it is not repeated"""
-FIRST_RETRIES, FIRST_S = 2, 8
-"""The same of a process's first request: an address that leads nowhere is told soon. One try takes
+time after which it is not repeated"""
+FIRST = {"max_retries": 2, "retry_timeout": datetime.timedelta(seconds=8)}
+"""Those of a process's first request: an address that leads nowhere is told soon. One try takes
 up to 5 s to connect and up to 30 s until there is an answer"""
 KEY, PROFILE = "AWS_ACCESS_KEY_ID", "AWS_PROFILE"
 CREDENTIALS_FILE = "AWS_SHARED_CREDENTIALS_FILE"
@@ -48,18 +47,11 @@ ALLOW_HTTP = {"s3": "AWS_ALLOW_HTTP", "gs": "GOOGLE_ALLOW_HTTP", "az": "AZURE_AL
 NO_BUCKET = ("NoSuchBucket", "ContainerNotFound", "The specified bucket does not exist")
 FORBIDDEN = ("401 Unauthorized", "403 Forbidden")
 REFUSED = "the storage refuses what these credentials ask for"
+LISTED = 1000
+"""Keys that a storage tells at a time"""
+PUT_AT_ONCE = 16
+"""Files that are put at a time: each waits for the network"""
 UNREACHED = ("error sending request", "operation timed out", "connection closed")
-
-
-def open_objects(url: Url) -> Any:
-    """obstore's view of the objects whose keys begin with an address.
-
-    Raises:
-      InputError: the address or its configuration cannot be used, or boto3 is missing.
-      OSError: no such storage or bucket answers.
-    """
-    _meet(_root(url))
-    return _open(url, {"max_retries": RETRIES, "retry_timeout": _seconds(RETRY_S)})
 
 
 def explained(error: Exception, place: str) -> OSError:
@@ -102,10 +94,8 @@ def _meet(root: Url) -> None:
     import obstore
     from obstore.exceptions import BaseError
 
-    retry = {"max_retries": FIRST_RETRIES, "retry_timeout": _seconds(FIRST_S)}
-    first = _open(root, retry)
     try:
-        next(iter(obstore.list(first, chunk_size=1)), None)
+        next(iter(obstore.list(_open(root, FIRST), chunk_size=1)), None)
     except (BaseError, OSError) as error:
         told = explained(error, str(root))
         if not str(told.strerror).startswith(REFUSED):  # who may not list may perhaps read
@@ -116,35 +106,29 @@ def _open(url: Url, retry: Any) -> Any:
     from obstore.exceptions import BaseError
     from obstore.store import from_url
 
+    scheme = url.parts[0].rstrip(":")
+    name, path = os.environ.get(PROFILE), os.environ.get(CREDENTIALS_FILE, "~/.aws/credentials")
     options: dict[str, Any] = {}
-    credentials = _profile() if _scheme(url) == "s3" else None
-    if credentials is not None:
-        options = {"credential_provider": credentials[0], "config": credentials[1]}
+    if (
+        scheme == "s3"
+        and not {KEY, UNSIGNED} & os.environ.keys()  # a key of the environment goes before profiles
+        and (name is not None or Path(path).expanduser().is_file())
+    ):
+        options = _read_profile(name, path)
     try:
         return from_url(str(url), retry_config=retry, **options)
     except (BaseError, ValueError) as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{url} cannot be used: {reason}: {WHO[_scheme(url)]}") from error
+        raise InputError(f"{url} cannot be used: {reason}: {WHO[scheme]}") from error
 
 
-def _profile() -> tuple[Any, dict[str, str]] | None:
-    """What gives the credentials of a profile in ~/.aws, and what else the profile says; None when
-    the environment has a key itself, or there are no profiles.
+@functools.cache
+def _read_profile(name: str | None, path: str) -> dict[str, Any]:
+    """Options of `from_url` by a profile in ~/.aws: what gives its credentials, and its endpoint.
 
     Raises:
       InputError: boto3 is not installed, or there is no such profile.
     """
-    environment = os.environ
-    if KEY in environment or UNSIGNED in environment:
-        return None
-    name, path = environment.get(PROFILE), environment.get(CREDENTIALS_FILE, "~/.aws/credentials")
-    if name is None and not Path(path).expanduser().is_file():
-        return None
-    return _read_profile(name, path)
-
-
-@functools.cache
-def _read_profile(name: str | None, path: str) -> tuple[Any, dict[str, str]]:
     what = f"{PROFILE}={name}" if name else f"the profile in {path}"
     require("boto3", extra="aws", purpose=what)
     import boto3
@@ -162,26 +146,8 @@ def _read_profile(name: str | None, path: str) -> tuple[Any, dict[str, str]]:
     except (BotoCoreError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{what} gives no credentials ({reason}): {WHO['s3']}") from error
-    return provider, {"endpoint": endpoint} if endpoint else {}
-
-
-def _root(url: Url) -> Url:
-    """The bucket of an address."""
-    return Url(*url.parts[:2])
-
-
-def _scheme(url: Url) -> str:
-    return url.parts[0].rstrip(":")
-
-
-def _seconds(number: float) -> datetime.timedelta:
-    return datetime.timedelta(seconds=number)
-
-
-LISTED = 1000
-"""Keys that a storage tells at a time"""
-PUT_AT_ONCE = 16
-"""Files that are put at a time: each waits for the network"""
+    config = {"endpoint": endpoint} if endpoint else {}
+    return {"credential_provider": provider, "config": config}
 
 
 class ObjectFiles(Files):
@@ -197,8 +163,14 @@ class ObjectFiles(Files):
 
     @functools.cached_property
     def _objects(self) -> Any:
-        """obstore's view of the place."""
-        return open_objects(self.url)
+        """obstore's view of the place.
+
+        Raises:
+          InputError: the address or its configuration cannot be used, or boto3 is missing.
+          OSError: no such storage or bucket answers.
+        """
+        _meet(Url(*self.url.parts[:2]))
+        return _open(self.url, PATIENT)
 
     @functools.cached_property
     def _obstore(self) -> ModuleType:
@@ -308,13 +280,3 @@ class ObjectFiles(Files):
             if isinstance(error, OSError) and error.errno is not None:
                 raise  # of this machine's disk, or explained already
             raise explained(error, place) from error
-
-
-def files_at(place: str | StorePath) -> Files:
-    """The files of a folder of this machine, or below an address.
-
-    Raises:
-      InputError: an address that cannot be used, or obstore is not installed.
-    """
-    path = store_path(place)
-    return ObjectFiles(path) if isinstance(path, Url) else Files(path)

@@ -2,33 +2,37 @@
 
 One mission is one chunk. Chunks are packed into shards of many missions, so that a store of
 thousands of missions has hundreds of files, and each carries a CRC-32C, so that damage is found
-wherever it is read. Whoever flies missions writes shards by `shard_file`, and one process the rest.
+wherever it is read. Whoever flies missions writes shards by `ShardWriter`, and one process the rest
+by `ShardedStore`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import importlib.util
 import json
 import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.errors import StoreError
 from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import MISSION, TIME
 from twin.records.storage.checksums import ZARR_LIST, list_text
-from twin.records.storage.store_path import StorePath
-from twin.records.storage.stored_files import Files, FileSum
+from twin.records.storage.store_path import Files, FileSum, StorePath
 
 if TYPE_CHECKING:
     import zarr
+    from zarr.abc.store import Store
+
+    AnyStore: TypeAlias = Store
 
 COMPRESSOR: Literal["zstd"] = "zstd"
 LEVEL = 1
@@ -38,8 +42,8 @@ DTYPE = np.dtype("<f4")
 BESIDE = "coordinates"
 """CF attribute that names what xarray makes coordinates"""
 METADATA = "zarr.json"
-TEXT = "T"
-"""Kind of numpy's type of strings."""
+NO_CHUNK = 2**64 - 1
+"""Stands in a shard's index for a mission that the store does not have"""
 PYTHON_PIPELINE = "zarr.core.codec_pipeline.BatchedCodecPipeline"
 RUST_PIPELINE = "zarrs.ZarrsCodecPipeline"
 _MEMBERS = (
@@ -54,16 +58,6 @@ def load_zarr() -> None:
     import zarr  # noqa: F401
 
 
-@dataclass(frozen=True)
-class ArrayMeta:
-    """An array that is not a signal: a coordinate, or one value or a few of each mission."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    dimensions: tuple[str, ...]
-    attributes: Mapping[str, Any]
-
-
 def stored_values(values: NDArray[np.float64], decimals: int | None) -> NDArray[np.float32]:
     """`values` as bulk stores keep them: float32, rounded to a binary step below 10**-decimals.
 
@@ -73,6 +67,113 @@ def stored_values(values: NDArray[np.float64], decimals: int | None) -> NDArray[
         return values.astype(DTYPE)
     scale = 2.0 ** math.ceil(decimals * math.log2(10.0))
     return (np.rint(values * scale) / scale).astype(DTYPE)
+
+
+def fill_value(dtype: np.dtype[Any]) -> Any:
+    """What stands where an array has nothing: NaN, the least number of 8 bytes, no text, or 0."""
+    if dtype.kind in "fT":
+        return np.nan if dtype.kind == "f" else ""
+    return np.iinfo(dtype).min if dtype == np.dtype("<i8") else 0
+
+
+def flag_attributes(long_name: str, meanings: Sequence[str], first: int = 0) -> dict[str, Any]:
+    """CF attributes of an integer that stands for one of `meanings`."""
+    return {
+        "long_name": long_name,
+        "flag_values": list(range(first, first + len(meanings))),
+        "flag_meanings": " ".join(meanings),
+    }
+
+
+class ShardWriter:
+    """Signals of the missions of one shard, a file of each in a folder of this machine; a context
+    manager that closes them.
+
+    Missions are encoded as they come, so that memory does not grow with the shard. The bytes are
+    those that zarr-python writes, as the tests compare: encoded chunks one after the other, then
+    offset and size of each, each with a CRC-32C.
+    """
+
+    def __init__(self, folder: Path, *, missions: int, samples: int):
+        """`missions` of a full shard; `samples` of the longest mission of the store."""
+        import numcodecs
+
+        self.folder, self.missions, self.samples = folder, missions, samples
+        self._rows = 0
+        self._opened = contextlib.ExitStack()
+        self._signals: dict[str, _SignalFile] = {}
+        # with threads, the order of the blocks in a chunk would be one of chance
+        self._opened.callback(setattr, numcodecs.blosc, "use_threads", numcodecs.blosc.use_threads)
+        numcodecs.blosc.use_threads = False
+        folder.mkdir(parents=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._opened.close()
+
+    def add(self, signals: Mapping[str, NDArray[Any]]) -> None:
+        """Encode one mission, whose signals are padded, and missing ones filled; raises OSError."""
+        for name, values in signals.items():
+            if name not in self._signals:
+                file = self._opened.enter_context((self.folder / name).open("wb"))
+                one = self._signals[name] = _SignalFile(file, self.samples, values.dtype)
+                for _ in range(self._rows):
+                    one.add(values[:0])
+        for name, one in self._signals.items():
+            one.add(signals.get(name, np.zeros(0, one.dtype)))
+        self._rows += 1
+
+    def finish(self) -> dict[str, FileSum]:
+        """Write the indices; the checksum of each signal's file. Raises OSError."""
+        found = {name: one.finish(self.missions) for name, one in self._signals.items()}
+        self._opened.close()
+        return found
+
+
+class _SignalFile:
+    """One signal of a shard."""
+
+    def __init__(self, file: BinaryIO, samples: int, dtype: np.dtype[Any]):
+        import numcodecs
+        from numcodecs.checksum32 import CRC32C
+
+        self.file, self.dtype = file, dtype
+        shuffle = numcodecs.Blosc.SHUFFLE
+        self._blosc = numcodecs.Blosc(cname=COMPRESSOR, clevel=LEVEL, shuffle=shuffle)
+        self._checksum = CRC32C(location="end")
+        self._row: NDArray[Any] = np.empty(samples, dtype)
+        self._digest, self._size = hashlib.sha256(), 0
+        self._index: list[tuple[int, int]] = []
+
+    def add(self, values: NDArray[Any]) -> None:
+        self._row[: len(values)] = values
+        self._row[len(values) :] = fill_value(self.dtype)
+        start = self._size
+        self._write(self._blosc.encode(self._row))
+        self._index.append((start, self._size - start))
+
+    def finish(self, missions: int) -> FileSum:
+        index = np.full((missions, 2), NO_CHUNK, "<u8")
+        index[: len(self._index)] = self._index
+        self._write(index.tobytes())
+        return FileSum(self._size, self._digest.hexdigest())
+
+    def _write(self, data: bytes) -> None:
+        checked = self._checksum.encode(data)
+        self.file.write(checked)
+        self._digest.update(checked)
+        self._size += len(checked)
+
+
+class ArrayMeta(NamedTuple):
+    """An array that is not a signal: a coordinate, or one value or a few of each mission."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    dimensions: tuple[str, ...]
+    attributes: Mapping[str, Any]
 
 
 class ShardedStore:
@@ -94,13 +195,17 @@ class ShardedStore:
         self.sums: dict[str, FileSum] = {}
         """checksums of all that is written, by key; whoever writes shards adds theirs"""
         self._metadata: dict[str, Any] = {}
-        self._alike: dict[Any, tuple[dict[str, Any], zarr.Array[Any]]] = {}
+        # many arrays of a store are alike but for their values, and making one takes milliseconds
+        self._alike = functools.cache(self._rows)
 
     def write_rows(self, name: str, number: int, values: NDArray[Any], meta: ArrayMeta) -> None:
         """Write chunk `number` of an array other than the signals, whose first axis may be shorter
         than the array's."""
-        with _plain_pipeline():
-            memory, array = self._rows(meta.dtype, meta.shape, meta.dimensions)
+        import zarr
+
+        # zarr encodes by itself, whatever an environment sets
+        with zarr.config.set({"codec_pipeline.path": PYTHON_PIPELINE}):
+            memory, array = self._alike(*meta[:3])
             first = number * array.chunks[0]
             array[first : first + len(values)] = values
         (chunk,) = (key for key in memory if key != METADATA)
@@ -111,7 +216,7 @@ class ShardedStore:
     def write_group(self, name: str, attributes: Mapping[str, Any]) -> None:
         """Write a group that holds nothing but attributes."""
         key = f"{name}/{METADATA}"
-        self.sums[key] = self.files.put(key, _compact(_group(dict(attributes))))
+        self.sums[key] = self.files.put(key, _compact(_group(attributes)))
 
     def finish(
         self,
@@ -125,10 +230,8 @@ class ShardedStore:
           signals: type and attributes of each array over mission and time, by name.
           attributes: of the store.
         """
-        like: dict[np.dtype[Any], zarr.Array[Any]] = {}
+        like = {dtype: self._signal(dtype) for dtype, _ in signals.values()}
         for name, (dtype, said) in signals.items():
-            if dtype not in like:
-                like[dtype] = self._signal(dtype)
             self._metadata[name] = _document(like[dtype], said)
         for name, document in self._metadata.items():
             key = f"{name}/{METADATA}"
@@ -161,45 +264,69 @@ class ShardedStore:
         )
 
     def _rows(
-        self, dtype: np.dtype[Any], shape: tuple[int, ...], dimensions: tuple[str, ...]
+        self, shape: tuple[int, ...], dtype: np.dtype[Any], dimensions: tuple[str, ...]
     ) -> tuple[dict[str, Any], zarr.Array[Any]]:
-        """An array in memory whose chunks are not compressed, and that memory. Many arrays of a
-        store are alike but for their values, and making one takes zarr some milliseconds."""
+        """An array in memory whose chunks are not compressed, and that memory."""
         import zarr
         from zarr.codecs import BytesCodec, Crc32cCodec
 
-        kind = (dtype, shape, dimensions)
-        if kind not in self._alike:
-            memory: dict[str, Any] = {}
-            rows = self.row_missions if dimensions[0] == MISSION else shape[0]
-            self._alike[kind] = (
-                memory,
-                zarr.create_array(
-                    memory,
-                    shape=shape,
-                    chunks=(min(rows, shape[0]), *shape[1:]),
-                    dtype=dtype,
-                    fill_value="" if dtype.kind == TEXT else fill_value(dtype),
-                    serializer="auto" if dtype.kind == TEXT else BytesCodec(),
-                    compressors=[Crc32cCodec()],
-                    dimension_names=dimensions,
-                    config={"write_empty_chunks": True},
-                ),
-            )
-        return self._alike[kind]
-
-
-def fill_value(dtype: np.dtype[Any]) -> Any:
-    """What stands where an array has nothing: NaN, or the least number of 8 bytes, or 0."""
-    if dtype.kind == "f":
-        return np.nan
-    return np.iinfo(dtype).min if dtype == np.dtype("<i8") else 0
+        memory: dict[str, Any] = {}
+        rows = self.row_missions if dimensions[0] == MISSION else shape[0]
+        return memory, zarr.create_array(
+            memory,
+            shape=shape,
+            chunks=(min(rows, shape[0]), *shape[1:]),
+            dtype=dtype,
+            fill_value=fill_value(dtype),
+            serializer="auto" if dtype.kind == "T" else BytesCodec(),
+            compressors=[Crc32cCodec()],
+            dimension_names=dimensions,
+            config={"write_empty_chunks": True},
+        )
 
 
 def _document(array: zarr.Array[Any], attributes: Mapping[str, Any]) -> dict[str, Any]:
     """The metadata of an array like this one with these attributes, as its file says them."""
     found: dict[str, Any] = {**array.metadata.to_dict(), "attributes": dict(attributes)}
     return {member: found.get(member, []) for member in _MEMBERS}
+
+
+def _group(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    return {"zarr_format": 3, "node_type": "group", "attributes": attributes}
+
+
+def _compact(value: Mapping[str, Any]) -> bytes:
+    """JSON without white space: a small store is mostly metadata."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
+
+
+def check_empty(store: AnyStore) -> None:
+    """Raise StoreError unless a zarr store is empty and open for writing."""
+    import asyncio
+
+    if store.read_only:
+        raise StoreError(f"{store} is read-only: open it for writing")
+    if not asyncio.run(store.is_empty("")):
+        raise StoreError(f"{store} holds something already: missions go into an empty store")
+
+
+def copy_into(files: Files, store: AnyStore) -> None:
+    """Copy all keys into a zarr store: metadata of an array before its chunks, which some stores
+    ask for, and those of the whole first of all."""
+    import asyncio
+
+    from zarr.core.buffer import default_buffer_prototype
+
+    buffer = default_buffer_prototype().buffer
+
+    def place(key: str) -> tuple[bool, int, str]:
+        return not key.endswith(METADATA), key.count("/"), key
+
+    async def copy() -> None:
+        for key in sorted(files.all_keys(), key=place):
+            await store.set(key, buffer.from_bytes(files.read(key)))
+
+    asyncio.run(copy())
 
 
 def fast_pipeline() -> str:
@@ -219,28 +346,3 @@ def fast_reading(store: StorePath) -> Iterator[None]:
         for text in ("Array is unsupported by Zarrs", ".*does not have a Zarr V3 specification"):
             warnings.filterwarnings("ignore", text)
         yield
-
-
-def _plain_pipeline() -> contextlib.AbstractContextManager[Any]:
-    """Have zarr encode by itself, whatever an environment sets."""
-    import zarr
-
-    return zarr.config.set({"codec_pipeline.path": PYTHON_PIPELINE})
-
-
-def _group(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    return {"zarr_format": 3, "node_type": "group", "attributes": attributes}
-
-
-def _compact(value: Mapping[str, Any]) -> bytes:
-    """JSON without white space: a small store is mostly metadata."""
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
-
-
-def flag_attributes(long_name: str, meanings: Sequence[str], first: int = 0) -> dict[str, Any]:
-    """CF attributes of an integer that stands for one of `meanings`."""
-    return {
-        "long_name": long_name,
-        "flag_values": list(range(first, first + len(meanings))),
-        "flag_meanings": " ".join(meanings),
-    }

@@ -1,16 +1,30 @@
-"""Store path: where a store lies, a path of this machine or the address of an object storage."""
+"""Store path: where a store lies, a path of this machine or the address of an object storage.
+
+Files: a store's bytes there, by keys such as `true_depth/c/0/0`. A file appears under its key whole
+or not at all.
+"""
 
 from __future__ import annotations
 
+import errno
+import hashlib
+import os
 import re
+import shutil
+from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePath, PurePosixPath
-from typing import NoReturn, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 
+from twin.bounded import MOST_TEXT, check_regular
 from twin.errors import InputError, unknown_name
+from twin.lazy import resolve
+from twin.records.storage.disk import files_below, remove, sync_all, temporary_name, write_whole
 
 SCHEMES = {"s3": "Amazon S3 and what speaks like it", "gs": "Google Cloud", "az": "Azure"}
 """What may stand before :// in an address, and whose it is"""
 MARK = "://"
+_ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(?:/+(.*))?", re.DOTALL)
+"""An address, with both slashes or with the one that a path makes of them"""
 
 
 class Url(PurePosixPath):
@@ -28,10 +42,6 @@ class Url(PurePosixPath):
 
 
 StorePath: TypeAlias = Path | Url
-
-
-_ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(?:/+(.*))?", re.DOTALL)
-"""An address, with both slashes or with the one that a path makes of them"""
 
 
 def store_path(place: str | PurePath) -> StorePath:
@@ -75,3 +85,165 @@ def check_addresses(place: object) -> None:
     for one in place if isinstance(place, tuple | list) else (place,):
         if isinstance(one, PurePath):
             store_path(one)
+
+
+class FileSum(NamedTuple):
+    """Size and hash of a file."""
+
+    bytes: int
+    sha256: str
+    """hexadecimal"""
+
+
+def file_sum(path: Path) -> FileSum:
+    """Size and hash of a file of this machine, read piece by piece; raises OSError, as OddFile
+    where it is no regular file."""
+    check_regular(path)
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return FileSum(file.tell(), digest)
+
+
+class GiantFile(OSError, ValueError):
+    """A file is larger than its kind ever is: it is damaged, or made to fill the memory."""
+
+
+class Files:
+    """Files of a folder of this machine, which is made when the first one is written; `ObjectFiles`
+    has those of an object storage. Picklable, so that tasks on other machines find them again.
+
+    What reaches for a file raises OSError where that cannot be done, and FileNotFoundError where
+    there is none.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self._fresh: set[Path] = set()
+        """written and perhaps not on the disk yet"""
+
+    @property
+    def name(self) -> str:
+        """How people call the place: a path or an address."""
+        return str(self.folder)
+
+    def below(self, key: str) -> Files:
+        """The place that begins at `key`."""
+        return Files(self.folder / key)
+
+    def read(self, key: str) -> bytes:
+        """All of a file."""
+        check_regular(self.folder / key)
+        return (self.folder / key).read_bytes()
+
+    def read_small(self, key: str, most: int = MOST_TEXT) -> bytes:
+        """All of a file of at most `most` bytes; raises GiantFile for a larger one."""
+        size = self.size(key)
+        if size is not None and size > most:
+            reason = f"it has {size} bytes, which no such file needs"
+            raise GiantFile(errno.EFBIG, reason, f"{self.name}/{key}")
+        return self.read(key)
+
+    def write(self, key: str, data: bytes, *, safe: bool = False) -> None:
+        """Make or replace a file, under another name first.
+
+        Args:
+          safe: of a small file: it is safe from a loss of power when this returns.
+        """
+        target = self._parent(key)
+        if safe:
+            write_whole(target, data)
+            return
+        temporary = temporary_name(target)
+        try:
+            temporary.write_bytes(data)
+            temporary.replace(target)
+        except BaseException:
+            remove(temporary)
+            raise
+        self._fresh.add(target)
+
+    def put(self, key: str, data: bytes) -> FileSum:
+        """`write`, and the checksum of what was written."""
+        self.write(key, data)
+        return FileSum(len(data), hashlib.sha256(data).hexdigest())
+
+    def take(self, files: Mapping[str, Path]) -> None:
+        """Make or replace files, by key, from some of this machine, which are moved away."""
+        for key, path in files.items():
+            target = self._parent(key)
+            path.replace(target)
+            self._fresh.add(target)
+
+    def settle(self) -> None:
+        """Return when all that was written through this object is safe from a loss of power."""
+        sync_all(sorted(self._fresh), {path.parent for path in self._fresh})
+        self._fresh.clear()
+
+    def size(self, key: str) -> int | None:
+        """Size [bytes] of a file, None when there is none; raises OddFile for no regular file."""
+        try:
+            return check_regular(self.folder / key)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+
+    def exists(self, key: str) -> bool:
+        """Whether anything is there."""
+        return (self.folder / key).exists()
+
+    def sum(self, key: str) -> FileSum:
+        """Size and hash of a file, read piece by piece."""
+        return file_sum(self.folder / key)
+
+    def sizes(self) -> Iterator[tuple[str, int]]:
+        """Key and size [bytes] of every file, those of a folder in the order of their names."""
+        for key in self.all_keys():
+            yield key, (self.folder / key).lstat().st_size
+
+    def all_keys(self) -> Iterator[str]:
+        """Keys of all files, of which some may go away meanwhile."""
+        if self.folder.is_dir():
+            yield from (p.relative_to(self.folder).as_posix() for p in files_below(self.folder))
+
+    def stored_bytes(self) -> int:
+        """Size of all files together."""
+        return sum(size for _, size in self.sizes())
+
+    def folders(self) -> list[str]:
+        """First parts of the keys that have more than one, sorted."""
+        try:
+            with os.scandir(self.folder) as entries:
+                return sorted(entry.name for entry in entries if entry.is_dir())
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+
+    def zarr_store(self) -> Any:
+        """What zarr and xarray open to read."""
+        return str(self.folder)
+
+    def remove(self, key: str) -> None:
+        """Remove a file if there is one."""
+        (self.folder / key).unlink(missing_ok=True)
+        self._fresh.discard(self.folder / key)
+
+    def remove_all(self) -> None:
+        """Remove every file as far as that is allowed."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _parent(self, key: str) -> Path:
+        """The file of a key, in a folder that is there."""
+        target = self.folder / key
+        target.parent.mkdir(parents=True, exist_ok=True)
+        return target
+
+
+def files_at(place: str | StorePath) -> Files:
+    """The files of a folder of this machine, or below an address.
+
+    Raises:
+      InputError: an address that cannot be used, or obstore is not installed.
+    """
+    path = store_path(place)
+    if isinstance(path, Path):
+        return Files(path)
+    found: Files = resolve("twin.records.storage.object_storage:ObjectFiles")(path)
+    return found

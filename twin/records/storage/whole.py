@@ -125,10 +125,9 @@ def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
     """
     target = _target(path)
     check_place(target)
-    if target.is_dir():
-        raise WriteError(f"{path} is a folder; give the name of a file")
     if target.exists() and not target.is_file():
-        raise WriteError(f"{path} is not a plain file; give the name of a file")
+        what = "a folder" if target.is_dir() else "not a plain file"
+        raise WriteError(f"{path} is {what}; give the name of a file")
     if target.exists() and not overwrite:
         raise WriteError(f"{path} already exists; use --overwrite or choose another name")
 
@@ -139,11 +138,9 @@ def check_place(target: Path) -> None:
     Raises:
       WriteError: a file stands where a folder of the path must be, or the disk refuses.
     """
-    for place in target.parents:
-        if place.is_dir():
-            break
-        if place.exists():
-            raise WriteError(f"cannot write {target}: {place} is a file, not a folder")
+    place = next(place for place in target.parents if place.exists())
+    if not place.is_dir():
+        raise WriteError(f"cannot write {target}: {place} is a file, not a folder")
     tried = temporary_name(place / target.name)
     try:
         tried.mkdir()
@@ -160,11 +157,7 @@ def recover(path: str | Path) -> None:
     Does nothing where something is under the name, or its writer lives.
     """
     target = _target(path)
-    if target.exists():
-        return
-    if not target.parent.is_dir():
-        return
-    for hidden in temporaries(target):
+    for hidden in [] if target.exists() else temporaries(target):
         with dead(hidden) as gone:
             if gone and (hidden / REPLACED).is_dir() and not target.exists():
                 new = hidden / target.name
@@ -250,12 +243,9 @@ def _hidden(target: Path) -> tuple[Path, int]:
             descriptor = os.open(hidden, os.O_RDONLY | os.O_DIRECTORY)
         except FileNotFoundError:
             continue  # a writer that cleaned at this moment took it away
-        try:
-            same = lock(descriptor) and hidden.stat().st_ino == os.fstat(descriptor).st_ino
-        except FileNotFoundError:
-            same = False
-        if same:
-            return hidden, descriptor
+        with contextlib.suppress(FileNotFoundError):
+            if lock(descriptor) and hidden.stat().st_ino == os.fstat(descriptor).st_ino:
+                return hidden, descriptor
         os.close(descriptor)
 
 

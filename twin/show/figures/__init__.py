@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from twin.show.figures.map_ground import NEIGHBOURS as NEIGHBOURS
     from twin.show.figures.map_ground import box_around as box_around
     from twin.show.figures.map_ground import rings as rings
-    from twin.show.figures.overview import overview_figure as overview_figure
     from twin.show.figures.page_layout import INDEX as INDEX
     from twin.show.figures.page_layout import Page as Page
     from twin.show.figures.page_layout import add_caption as add_caption
     from twin.show.figures.page_layout import check_page_target as check_page_target
     from twin.show.figures.page_layout import mission_caption as mission_caption
     from twin.show.figures.page_layout import missions_caption as missions_caption
+    from twin.show.figures.section import overview_figure as overview_figure
     from twin.show.figures.section import section_figure as section_figure
     from twin.show.figures.signals import actuator_figure as actuator_figure
     from twin.show.figures.signals import sensor_figure as sensor_figure

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LOG, OVERVIEW = "log", "overview"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class FigureKind:
     """One figure of a mission."""
 

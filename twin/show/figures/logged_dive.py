@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
 from twin.show import style
-from twin.show.dates import label_time
 from twin.show.figures.base import FigureKind
 from twin.show.figures.signals import (
     STACK_HEIGHT,
@@ -24,37 +23,43 @@ from twin.show.figures.signals import (
 )
 
 Array = NDArray[np.float64]
+GAP_COLOUR = "#F3E3B5"
+"""Behind every panel where the log has no sample and values are straight lines"""
+DEPTH_HEIGHT = 1.7  # [in] of the panel that spans the page
+RATE_WINDOW = 20.0
+"""[s] over which the vertical speed is taken: pressure steps vanish, inflections stay"""
+UNDER_WATER = 2.0
+"""[m] Shallower a vehicle rolls and pitches in the waves, which no axis should show in full."""
+SHOWN, MARGIN = (0.3, 99.7), 0.08
+"""Percentiles under water that the axes cover, and part of their range beyond it"""
+LOG, TWIN = "log", "twin"  # what lines are called where both are drawn
 
 
-@dataclass(frozen=True, kw_only=True)
-class Panel:
+class Panel(NamedTuple):
     """One panel: a signal, its command where there is one, and how it is shown."""
 
     signal: str
     title: str
     unit: str
-    factor: float = 1.0
-    circular: bool = False
     least: float = 0.0
     """Span that the axis has at least, so that noise stays small; in the shown unit."""
+    factor: float = 1.0
+    circular: bool = False
 
 
 PANELS = (
-    Panel(signal="measured_pitch", title="pitch", unit="[°]", least=4.0),
-    Panel(signal="measured_pump", title="pumped volume", unit="[cm³]", least=10.0),
-    Panel(signal="measured_roll", title="roll, starboard down", unit="[°]", least=4.0),
-    Panel(signal="measured_shift", title="battery shift", unit="[mm]", factor=1e3,
-          least=1.0),
-    Panel(signal="measured_heading", title="heading from true north", unit="[°]", circular=True,
-          least=10.0),
-    Panel(signal="measured_rotation", title="battery rotation", unit="[°]", least=4.0),
-    Panel(signal="measured_fin", title="rudder", unit="[°]", least=4.0),
-    Panel(signal="measured_temperature", title="temperature", unit="[°C]", least=0.5),
-    Panel(signal="measured_salinity", title="salinity (PSS-78)", unit="[1]", least=0.2),
-    Panel(signal="measured_density", title="density", unit="[kg/m³]", least=0.5),
-    Panel(signal="true_speed", title="speed through the water (DVL or ADCP)", unit="[m/s]",
-          least=0.1),
-)  # fmt: skip
+    Panel("measured_pitch", "pitch", "[°]", 4.0),
+    Panel("measured_pump", "pumped volume", "[cm³]", 10.0),
+    Panel("measured_roll", "roll, starboard down", "[°]", 4.0),
+    Panel("measured_shift", "battery shift", "[mm]", 1.0, factor=1e3),
+    Panel("measured_heading", "heading from true north", "[°]", 10.0, circular=True),
+    Panel("measured_rotation", "battery rotation", "[°]", 4.0),
+    Panel("measured_fin", "rudder", "[°]", 4.0),
+    Panel("measured_temperature", "temperature", "[°C]", 0.5),
+    Panel("measured_salinity", "salinity (PSS-78)", "[1]", 0.2),
+    Panel("measured_density", "density", "[kg/m³]", 0.5),
+    Panel("true_speed", "speed through the water (DVL or ADCP)", "[m/s]", 0.1),
+)
 """In order of importance; those without a value are left out."""
 PHASE_COLOURS = {
     0.0: ("surface", style.GUIDE),
@@ -63,20 +68,6 @@ PHASE_COLOURS = {
     3.0: ("inflection or level", style.PALETTE["black"]),
 }
 """Flag of `measured_phase`: name and colour."""
-GAP_COLOUR = "#F3E3B5"
-"""Behind every panel where the log has no sample and values are straight lines"""
-DEPTH_HEIGHT = 1.7
-"""[in] of the panel that spans the page"""
-RATE_WINDOW = 20.0
-"""[s] over which the vertical speed is taken: pressure steps vanish, inflections stay"""
-UNDER_WATER = 2.0
-"""[m] Shallower a vehicle rolls and pitches in the waves, which no axis should show in full."""
-SHOWN = 0.3, 99.7
-"""Percentiles under water that the axes cover"""
-MARGIN = 0.08
-"""Of the range, beyond it"""
-LOG, TWIN = "log", "twin"
-"""What lines are called where both are drawn"""
 
 
 def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figure:
@@ -89,10 +80,11 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
       beside: a flight of the twin to draw over it, its signals under the log's names (measured_*)
         and its time on the log's clock.
     """
+    both = [trajectory] if beside is None else [trajectory, beside]
     shown = [
-        p
-        for p in (*PANELS, *_other_parts(trajectory))
-        if has_values(trajectory, p.signal) or (beside is not None and has_values(beside, p.signal))
+        panel
+        for panel in (*PANELS, *_other_parts(trajectory))
+        if any(has_values(one, panel.signal) for one in both)
     ]
     rows = -(-(len(shown) + 1) // 2)
     with style.styled():
@@ -107,13 +99,13 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
         _vertical_speed(places[0], trajectory, beside)
         for place, panel in zip(places[1:], shown, strict=True):
             _draw(place, trajectory, panel, beside)
-        seconds, unit = thinned_time(trajectory)[1:]
+        _, seconds, unit = thinned_time(trajectory)
         for place in (top, *places):
-            _shade_gaps(place, trajectory)
+            _shade_gaps(place, trajectory, seconds)
         for place in places[:-2]:
             place.tick_params(labelbottom=False)
         for place in (top, *places[-2:]):  # the wide panel has a time axis of its own length
-            label_time(place, trajectory, seconds, unit)
+            style.label_mission_time(place, trajectory, seconds, unit)
         figure.align_ylabels()
     return figure
 
@@ -121,15 +113,12 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
 def _other_parts(trajectory: Trajectory) -> list[Panel]:
     """A panel for each part of the vehicle, measured and commanded, that PANELS does not know."""
     known = {panel.signal for panel in PANELS} | {"measured_depth"}
-    names = [name for name in trajectory if name.startswith("measured_") and name not in known]
     return [
-        Panel(
-            signal=name,
-            title=variable(name).long_name.partition(",")[0],
-            unit=unit_text(variable(name).units),
-        )
-        for name in names
-        if name.replace("measured_", "commanded_", 1) in trajectory
+        Panel(name, variable(name).long_name.partition(",")[0], unit_text(variable(name).units))
+        for name in trajectory
+        if name.startswith("measured_")
+        and name not in known
+        and name.replace("measured_", "commanded_", 1) in trajectory
     ]
 
 
@@ -166,12 +155,10 @@ def gap_spans(gap: Array) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _draw(
-    axes: Axes, trajectory: Trajectory, panel: Panel, beside: Trajectory | None = None
-) -> None:
+def _draw(axes: Axes, trajectory: Trajectory, panel: Panel, beside: Trajectory | None) -> None:
     entries = []
     if has_values(trajectory, panel.signal):
-        entries.append((panel.signal, LOG if beside is not None else "measured", style.TRUTH))
+        entries.append((panel.signal, "measured" if beside is None else LOG, style.TRUTH))
     command = panel.signal.replace("measured_", "commanded_", 1)
     if command != panel.signal and not panel.circular and has_values(trajectory, command):
         entries.append((command, "command", style.COMMAND))
@@ -182,12 +169,17 @@ def _draw(
         if panel.circular and entries:
             values = centred_line(values, circular_mean(trajectory[panel.signal]))
         _draw_beside(axes, trajectory, beside, values)
-    if not panel.circular:
-        _limit(axes, panel, trajectory, beside)
-    else:
+    if panel.circular:
         style.pad_limits(axes, least=panel.least)
-    labelled = len(axes.get_lines()) > 1
-    if labelled and not any(a.get_legend() for a in axes.figure.axes[1:]):
+    else:  # what happens under water in the log and in the twin's flight
+        limits = [
+            robust_limits(panel.factor * one[panel.signal], one["measured_depth"], panel.least)
+            for one in (trajectory, beside)
+            if one is not None and has_values(one, panel.signal)
+        ]
+        if known := [pair for pair in limits if pair is not None]:
+            axes.set_ylim(min(low for low, _ in known), max(high for _, high in known))
+    if len(axes.get_lines()) > 1 and not any(a.get_legend() for a in axes.figure.axes[1:]):
         style.legend_above(axes, 3)
     axes.set_title(panel.title)
     axes.set_ylabel(panel.unit)
@@ -198,24 +190,6 @@ def _draw_beside(axes: Axes, log: Trajectory, beside: Trajectory, values: Array)
     seconds, _ = style.time_unit(log.time)
     time, shown = style.thin(beside.time, values)
     axes.plot(time / seconds, shown, color=style.ESTIMATE, lw=1.0, label=TWIN, zorder=2.5)
-
-
-def _limit(axes: Axes, panel: Panel, trajectory: Trajectory, beside: Trajectory | None) -> None:
-    """The range that shows what happens under water in the log and in the twin's flight."""
-    found = [
-        limits
-        for one in (trajectory, beside)
-        if one is not None
-        and has_values(one, panel.signal)
-        and (
-            limits := robust_limits(
-                panel.factor * one[panel.signal], one["measured_depth"], panel.least
-            )
-        )
-        is not None
-    ]
-    if found:
-        axes.set_ylim(min(low for low, _ in found), max(high for _, high in found))
 
 
 def _vertical_speed(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
@@ -243,17 +217,14 @@ def _depth_rate(trajectory: Trajectory) -> Array:
     return rate
 
 
-def _shade_gaps(axes: Axes, trajectory: Trajectory) -> None:
-    gap = trajectory.signals.get("measured_gap")
+def _shade_gaps(axes: Axes, trajectory: Trajectory, seconds: float) -> None:
+    time, gap = trajectory.time, trajectory.signals.get("measured_gap")
     if gap is None:
         return
-    seconds, _ = style.time_unit(trajectory.time)
-    half = 0.5 * float(np.median(np.diff(trajectory.time))) if len(gap) > 1 else 0.0
+    half = 0.5 * float(np.median(np.diff(time))) if len(gap) > 1 else 0.0
     for first, last in gap_spans(gap):
-        axes.axvspan(
-            (trajectory.time[first] - half) / seconds, (trajectory.time[last] + half) / seconds,
-            color=GAP_COLOUR, lw=0, zorder=0,
-        )  # fmt: skip
+        ends = (time[first] - half) / seconds, (time[last] + half) / seconds
+        axes.axvspan(*ends, color=GAP_COLOUR, lw=0, zorder=0)
 
 
 def _depth(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
@@ -285,7 +256,7 @@ def _depth(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> Non
 
 
 FIGURE = FigureKind(
-    name="log",
-    summary="what a real vehicle measured; drawn for `overview` where the truth is missing",
-    draw=log_figure,
+    "log",
+    "what a real vehicle measured; drawn for `overview` where the truth is missing",
+    log_figure,
 )

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,33 +34,23 @@ from twin.show.figures.map_ground import (
 Array = NDArray[np.float64]
 
 SEA = "#F4F8FB"
-TRUE = "true track"
-"""Name of the track of a simulated mission"""
-SIZE = (5.4, 3.8)
-"""[in] of the figure"""
-SHAPE = 1.05
-"""Width over height of the map"""
+TRUE = "true track"  # name of the track of a simulated mission
+SIZE, SHAPE = (5.4, 3.8), 1.05  # [in] of the figure; width over height of the map
 UNDER_WATER = 3.0
 """[m] that a vehicle passes between two fixes of a dive; shallower it hangs at the surface"""
-STRETCHES = 12
-"""Equal parts of a mission without fixes whose mean currents are drawn"""
-LONGEST_ARROW = 0.45
-"""[in] of a strong current's arrow: the 90th percentile"""
+STRETCHES = 12  # equal parts of a mission without fixes whose mean currents are drawn
+LONGEST_ARROW = 0.45  # [in] of a strong current's arrow: the 90th percentile
 ROUND_SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """[m/s] lengths that the key of the arrows may have"""
 ARROW: dict[str, Any] = {"angles": "uv", "scale_units": "inches", "width": 0.011, "units": "inches"}
-LOCATOR = 16.0
-"""Times the map's span that the small map beside it shows at least"""
-LOCATOR_LEAST = 8.0
-"""[degree of latitude] of that map"""
-LOCATOR_ID, KEY_ID = "locator", "key"
-"""Of the axes beside a map, whose numbers need no unit"""
-LOCATOR_MOST = 90.0
-"""[degree] likewise, where no coast is nearer"""
+LOCATOR, LOCATOR_LEAST, LOCATOR_MOST = 16.0, 8.0, 90.0
+"""Times the map's span that the small map beside it shows at least, and [degree of latitude] that
+it shows at least, and at most where no coast is nearer"""
+LETTERS = 24  # of a line of a name in the key
+LOCATOR_ID, KEY_ID = "locator", "key"  # names of the axes beside a map, whose numbers need no unit
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Currents:
+class Currents(NamedTuple):
     """Currents at some places, each (n,)."""
 
     latitude: Array
@@ -75,8 +64,7 @@ class Currents:
     colour: str = style.TRUTH
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class MapContent:
+class MapContent(NamedTuple):
     """What a map shows; positions in degrees."""
 
     tracks: tuple[tuple[Array, Array], ...]
@@ -104,17 +92,15 @@ def content_of(trajectory: Trajectory) -> MapContent:
     except InputError as error:
         raise InputError(f"{error}; the track figure draws it in metres") from error
     longitude = joined(longitude)
-    fixed = fix_samples(trajectory)
-    # beside the track by as much as the fix is: the same plane to first order
-    fixes = None
-    if len(fixed):
+    fixed, fixes = fix_samples(trajectory), None
+    if len(fixed):  # beside the track by as much as the fix is: the same plane to first order
         scale = np.radians(1.0) * 6_371_000.0
-        away = [
+        north, east = (
             trajectory[f"measured_gps_{name}"][fixed] - trajectory[f"true_{name}"][fixed]
             for name in ("north", "east")
-        ]
+        )
         shrink = np.cos(np.radians(latitude[fixed]))
-        fixes = (latitude[fixed] + away[0] / scale, longitude[fixed] + away[1] / scale / shrink)
+        fixes = (latitude[fixed] + north / scale, longitude[fixed] + east / scale / shrink)
     nominal = "place" in str(trajectory.provenance.get(NOMINAL, ""))
     word = f"{TRUE} (nominal place)" if nominal else TRUE
     return MapContent(
@@ -161,20 +147,17 @@ def mean_currents(
         pairs = list(itertools.pairwise(edges))
     rows = []
     for a, b in pairs:
-        part = slice(a, b + 1)
-        known = np.isfinite(north[part]) & np.isfinite(east[part])
-        middle = (a + b) // 2
-        if known.any() and np.isfinite([latitude[middle], longitude[middle]]).all():
-            rows.append(
-                (latitude[middle], longitude[middle], north[part][known].mean(),
-                 east[part][known].mean())
-            )  # fmt: skip
+        flow = np.stack([north[a : b + 1], east[a : b + 1]])
+        known = flow[:, np.isfinite(flow).all(axis=0)]
+        place = (latitude[(a + b) // 2], longitude[(a + b) // 2])
+        if known.size and np.isfinite(place).all():
+            rows.append((*place, known[0].mean(), known[1].mean()))
     if not rows:
         return ()
     word = source_of(trajectory, "true_current_north", "true current")
     over = "" if word == AVERAGED else ", mean of each dive" if dives else ", means"
     la, lo, n, e = np.array(rows).T
-    return (Currents(latitude=la, longitude=lo, north=n, east=e, name=word + over),)
+    return (Currents(la, lo, n, e, word + over),)
 
 
 def draw_content(content: MapContent) -> Figure:
@@ -183,10 +166,8 @@ def draw_content(content: MapContent) -> Figure:
     Raises:
       InputError: no position is known.
     """
-    latitude, longitude = (np.concatenate([t[k] for t in content.tracks]) for k in (0, 1))
-    if content.fixes is not None:
-        latitude = np.concatenate([latitude, content.fixes[0]])
-        longitude = np.concatenate([longitude, content.fixes[1]])
+    places = [*content.tracks, *([] if content.fixes is None else [content.fixes])]
+    latitude, longitude = (np.concatenate([place[k] for place in places]) for k in (0, 1))
     if not (np.isfinite(latitude) & np.isfinite(longitude)).any():
         raise InputError("no position on Earth is known: there is nothing to put on a map")
     box = box_around(latitude, longitude, SHAPE)
@@ -304,16 +285,10 @@ def draw_key(
         axes.text(0.46, y, f"{text}, {one.name}" if heading else text, va="center", fontsize=7.5,
                   color=one.colour if heading else style.COMMAND)  # fmt: skip
         if not heading:
-            axes.text(0.0, y - 0.055, wrapped(one.name), va="top", fontsize=7.5, color=one.colour)
-
-
-def wrapped(text: str, letters: int = 24) -> str:
-    """A text in lines of at most `letters` letters."""
-    return "\n".join(textwrap.wrap(text, letters))
+            name = "\n".join(textwrap.wrap(one.name, LETTERS))
+            axes.text(0.0, y - 0.055, name, va="top", fontsize=7.5, color=one.colour)
 
 
 FIGURE = FigureKind(
-    name="map",
-    summary="the mission on a map: coordinates, coast, fixes, track, currents as arrows",
-    draw=map_figure,
+    "map", "the mission on a map: coordinates, coast, fixes, track, currents as arrows", map_figure
 )

@@ -26,10 +26,21 @@ Array = NDArray[np.float64]
 
 LAND = "#E8E2D0"
 SHORE = "#8C8570"
-COAST_NOTE = "coast: Natural Earth 1:50m, coarse"
-"""What a map with land says of it"""
+COAST_NOTE = "coast: Natural Earth 1:50m, coarse"  # what a map with land says of it
 NEIGHBOURS = (-360.0, 0.0, 360.0)
 """[degree] by which the world is repeated, for maps across the date line"""
+STEPS = (
+    *(0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0),
+    *(60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0),
+)
+"""[minute] between lines"""
+MOST_LINES = 5  # of one direction: more labels would touch
+EDGE = 0.06  # of a span, at either end, that has no line: its label would reach beyond the map
+LEAST_SPAN = 0.004  # [degree of latitude] of a map at least: half a kilometre
+MARGIN = 0.17  # of the larger span, on every side
+BARS = (*(m * 10**k for k in range(6) for m in (1, 2, 5)), 1_000_000)
+"""[m] lengths that a scale bar may have"""
+BAR_SHARE = 0.3  # of the map's width that a scale bar has at most
 
 
 @functools.cache
@@ -64,24 +75,20 @@ def _unrolled(ring: Array) -> Array:
 
 def land_within(west: float, east: float, south: float, north: float) -> list[Array]:
     """The rings that reach into a box [degree], moved by whole turns to where the box is."""
-    found = []
-    for ring in rings():
-        low, high = ring.min(axis=0), ring.max(axis=0)
-        if high[1] < south or low[1] > north:
-            continue
-        for turn in NEIGHBOURS:
-            if high[0] + turn >= west and low[0] + turn <= east:
-                found.append(ring + np.array([turn, 0.0]))
-    return found
+    return [
+        ring + np.array([turn, 0.0])
+        for ring in rings()
+        if ring[:, 1].max() >= south and ring[:, 1].min() <= north
+        for turn in NEIGHBOURS
+        if ring[:, 0].max() + turn >= west and ring[:, 0].min() + turn <= east
+    ]
 
 
 def coast_within(west: float, east: float, south: float, north: float) -> bool:
     """Whether a box [degree] holds a point of a coast."""
-    for ring in land_within(west, east, south, north):
-        x, y = ring.T
-        if ((x > west) & (x < east) & (y > south) & (y < north)).any():
-            return True
-    return False
+    low, high = (west, south), (east, north)
+    rings = land_within(west, east, south, north)
+    return any(((ring > low) & (ring < high)).all(axis=1).any() for ring in rings)
 
 
 def land_in_view(west: float, east: float, south: float, north: float) -> bool:
@@ -107,25 +114,6 @@ def draw_land(axes: Axes, box: tuple[float, float, float, float], **look: Any) -
 
 Box = tuple[float, float, float, float]
 """West, east, south, north [degree]; west and east may lie beyond 180"""
-
-STEPS = (
-    *(0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0),
-    *(60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0),
-)
-"""[minute] between lines"""
-MOST_LINES = 5
-"""Of one direction: more labels would touch"""
-EDGE = 0.06
-"""Of a span, at either end, that has no line: its label would reach beyond the map"""
-LEAST_SPAN = 0.004
-"""[degree of latitude] of a map at least: half a kilometre"""
-MARGIN = 0.17
-"""Of the larger span, on every side"""
-BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000,
-        200_000, 500_000, 1_000_000)  # fmt: skip
-"""[m] lengths that a scale bar may have"""
-BAR_SHARE = 0.3
-"""Of the map's width that a scale bar has at most"""
 
 
 def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
@@ -174,8 +162,7 @@ def draw_graticule(axes: Axes, box: Box, *, lines: int = MOST_LINES) -> None:
     axes.tick_params(axis="y", labelrotation=90)
     for label in axes.get_yticklabels():
         label.set_verticalalignment("center")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(True)
+    axes.spines[["top", "right"]].set_visible(True)
     axes.set_xlabel("longitude")
     axes.set_ylabel("latitude")
 
@@ -198,9 +185,8 @@ def longitude_text(value: float, step: float = 1.0) -> str:
 
 
 def _text(value: float, step: float) -> str:
-    digits = max(0, -math.floor(math.log10(step) + 1e-9)) if step < 1.0 else 0
-    minutes = round(60.0 * value, digits)
-    whole, rest = divmod(minutes, 60.0)
+    digits = max(0, -math.floor(math.log10(step) + 1e-9))
+    whole, rest = divmod(round(60.0 * value, digits), 60.0)
     if step % 60.0 == 0.0:
         return f"{whole:.0f}°"
     width = 2 + (digits + 1 if digits else 0)

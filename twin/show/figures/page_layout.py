@@ -20,7 +20,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from twin.cli.text_table import MISSING, format_number, printable
+from twin.cli.text_table import format_number, printable
 from twin.records.attributes import DIVE, PRESET, SCENARIO, SEED, SETTINGS, says_simulated
 from twin.records.coordinates import (
     NOMINAL,
@@ -37,8 +37,10 @@ from twin.records.storage.whole import check_folder_target, whole_folder
 
 DPI = 200
 INDEX, PICTURE = "index.html", ".png"
-SHORT = 16
-"""Letters of a cell of words that stay on one line"""
+SHORT = 16  # letters of a cell of words that stay on one line
+LETTERS_PER_INCH, LINE_HEIGHT, FONT_SIZE = 13.0, 0.16, 7.5
+"""At the caption's size, with room to spare; [in]; and [point]"""
+MINUTES = "%Y-%m-%d %H:%M"  # how figures write a moment
 
 
 class Page:
@@ -95,15 +97,14 @@ class Page:
     ) -> None:
         """Rows with one column per key; with `first` the first row stands out."""
         columns = list(dict.fromkeys(key for row in rows for key in row))
-        lines = [columns, *([_cell(row.get(name)) for name in columns] for row in rows)]
-        words = [
-            k > 0 and _is_words(column[1:]) for k, column in enumerate(zip(*lines, strict=True))
-        ]
+        lines = [columns, *([format_number(row.get(name), 3) for name in columns] for row in rows)]
+        words = [_is_words(column[1:]) for column in zip(*lines, strict=True)]
         table = Markup()
         for k, line in enumerate(lines):
-            kinds = ["short words" if k and len(text) <= SHORT else "words" for text in line]
-            classes = [f' class="{kind}"' * word for kind, word in zip(kinds, words, strict=True)]
-            cells = zip(map(Markup, classes), line, strict=True)
+            cells = []
+            for place, text in enumerate(line):
+                kind = "short words" if k and len(text) <= SHORT else "words"
+                cells.append((Markup(f' class="{kind}"' * (place > 0 and words[place])), text))
             row = _each("<td{}>{}</td>" if k else "<th{}>{}</th>", cells)
             table += _html("<tr class='first'>{}</tr>" if first and k == 1 else "<tr>{}</tr>", row)
         note = _html('<p class="lead">{}</p>', _words(caption)) if caption else ""
@@ -165,7 +166,7 @@ def html_page(title: str, body: str, *, style: str | None = None, head: str = ""
         colours --ground and --shade.
       head: further HTML of the head.
     """
-    style = (_file("page.css") if style is None else style) + SHADED
+    style = (_file("page.css") if style is None else style) + _file("shade.css")
     whole = {"body": Markup(body), "style": Markup(style), "head": Markup(head)}
     return Markup(_file("page.html")).format(title=printable(title), **whole)
 
@@ -188,10 +189,6 @@ def _file(name: str) -> str:
     return resources.files(__package__).joinpath(name).read_text("utf-8")
 
 
-SHADED = _file("shade.css")
-"""Style of what scrolls sideways, on a page that has the colours --ground and --shade"""
-
-
 def check_page_target(folder: Path) -> None:
     """Refuse, before long work, a folder that a page cannot be written to.
 
@@ -208,23 +205,10 @@ def _is_page(folder: Path, beside: Sequence[str] = ()) -> bool:
     return not others.isdisjoint({INDEX, *beside}) and others <= {INDEX, LIST, *beside}
 
 
-def _cell(value: object) -> str:
-    return MISSING if value is None else format_number(value, 3)
-
-
 def _is_words(cells: Sequence[str]) -> bool:
     """Whether a column has words rather than numbers."""
     letters, digits = (sum(map(kind, "".join(cells))) for kind in (str.isalpha, str.isdigit))
     return letters > digits
-
-
-LETTERS_PER_INCH = 13.0
-"""At the caption's size, with room to spare"""
-LINE_HEIGHT = 0.16
-"""[in]"""
-FONT_SIZE = 7.5
-MINUTES = "%Y-%m-%d %H:%M"
-"""How figures write a moment"""
 
 
 def mission_caption(store: MissionStore, mission: int) -> str:
@@ -261,14 +245,17 @@ def _logged(store: MissionStore, mission: int) -> str:
     if np.isfinite(dive):
         parts.append(f"dive {dive:.0f}")
     if np.isfinite(row.start):
-        moment = datetime.datetime.fromtimestamp(row.start, datetime.UTC)
-        parts.append(f"{moment:{MINUTES}} UTC")
-    latitude, longitude = (numbers(store, f"start_{n}")[mission] for n in ("latitude", "longitude"))
-    if np.isfinite(latitude) and np.isfinite(longitude):
-        parts.append(place(latitude, longitude))
+        parts.append(f"{_moment(row.start)} UTC")
+    began = [float(numbers(store, name)[mission]) for name in (START_LATITUDE, START_LONGITUDE)]
+    if np.isfinite(began).all():
+        parts.append(place(*began))
     if says_simulated(store.attributes):
         parts.append("simulated")
     return ", ".join(parts)
+
+
+def _moment(unix: float) -> str:
+    return f"{datetime.datetime.fromtimestamp(unix, datetime.UTC):{MINUTES}}"
 
 
 def missions_caption(store: MissionStore, missions: Sequence[int], vehicle: str | None) -> str:
@@ -281,8 +268,7 @@ def missions_caption(store: MissionStore, missions: Sequence[int], vehicle: str 
         ends = [rows[k].start + rows[k].duration for k in missions]
         moments = [rows[first].start, max(ends) if np.isfinite(ends).all() else rows[last].start]
         if np.isfinite(moments).all():
-            begin, end = (datetime.datetime.fromtimestamp(m, datetime.UTC) for m in moments)
-            text += f", {begin:{MINUTES}} to {end:{MINUTES}} UTC"
+            text += f", {' to '.join(map(_moment, moments))} UTC"
     return text if vehicle is None else f"{text}, flight model {vehicle}"
 
 
@@ -315,11 +301,6 @@ def add_caption(figure: Figure, text: str) -> None:
         for legend in figure.legends:
             legend.set_bbox_to_anchor((0.02, 0.99 * kept), transform=figure.transFigure)
     figure.text(
-        0.02,
-        1.0 - 0.04 / (height + room),
-        "\n".join(lines),
-        va="top",
-        ha="left",
-        fontsize=FONT_SIZE,
-        color="#444444",
-    )
+        0.02, 1.0 - 0.04 / (height + room), "\n".join(lines),
+        va="top", ha="left", fontsize=FONT_SIZE, color="#444444",
+    )  # fmt: skip

@@ -1,12 +1,12 @@
-"""Sections: a mission's depth against time in the colours of a signal, and transects.
+"""Sections and overview: a mission's depth against time, coloured by a signal; all on a page.
 
 A transect is temperature and salinity, depth down, over the distance along the track.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,25 +16,23 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, unknown_name
 from twin.records.logged import source_of
+from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.show import style
-from twin.show.dates import label_time
 from twin.show.figures.base import FigureKind
-from twin.show.figures.water import draw_sections, ocean_map, water_of
+from twin.show.figures.signals import ATTITUDE, draw_actuators, draw_attitude, thinned_time
+from twin.show.figures.track import LEGEND_ROW, draw_legend, draw_track, legend_rows
+from twin.show.figures.water import draw_current, draw_sections, ocean_map, water_of
 
 Array = NDArray[np.float64]
+FLOOR_IN_SIGHT = 1.5
+"""A sea floor within so many times the deepest point widens the axis to show it"""
+HEIGHTS, PANEL_HEIGHT = (1.9, 2.75), 0.87
+"""[in] of section and track in an overview, and of each signal below them"""
+LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks
 
 
-def _speed(trajectory: Trajectory) -> Array:
-    return np.asarray(np.linalg.norm(trajectory.v_rel, axis=-1))
-
-
-def _current(trajectory: Trajectory) -> Array:
-    return np.hypot(trajectory["true_current_north"], trajectory["true_current_east"])
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Colour:
+class Colour(NamedTuple):
     """What a section can be coloured by."""
 
     label: str
@@ -45,25 +43,18 @@ class Colour:
 
 
 COLOURS = {
-    "speed": Colour(label="speed through water", unit="m/s", source="true_surge", values=_speed),
-    "current": Colour(label="current speed", unit="m/s", source="true_current_north",
-                      values=_current),
-    "density": Colour(label="density", unit="kg/m³", source="true_density",
-                      values=lambda t: t["true_density"]),
-    "temperature": Colour(label="temperature", unit="°C", source="true_temperature",
-                          values=lambda t: water_of(t).temperature),
-    "salinity": Colour(label="salinity", unit="PSS-78", source="true_salinity",
-                       values=lambda t: water_of(t).salinity),
-    "net_mass": Colour(label="net buoyancy mass", unit="kg", source="true_net_mass",
-                       values=lambda t: t["true_net_mass"]),
-    "pitch": Colour(label="pitch", unit="°", source="true_pitch",
-                    values=lambda t: t["true_pitch"]),
+    "speed": Colour("speed through water", "m/s", "true_surge",
+                    lambda t: np.asarray(np.linalg.norm(t.v_rel, axis=-1))),
+    "current": Colour("current speed", "m/s", "true_current_north",
+                      lambda t: np.hypot(t["true_current_north"], t["true_current_east"])),
+    "density": Colour("density", "kg/m³", "true_density", lambda t: t["true_density"]),
+    "temperature": Colour("temperature", "°C", "true_temperature",
+                          lambda t: water_of(t).temperature),
+    "salinity": Colour("salinity", "PSS-78", "true_salinity", lambda t: water_of(t).salinity),
+    "net_mass": Colour("net buoyancy mass", "kg", "true_net_mass", lambda t: t["true_net_mass"]),
+    "pitch": Colour("pitch", "°", "true_pitch", lambda t: t["true_pitch"]),
 }  # fmt: skip
 """What a section can be coloured by, by name"""
-
-
-FLOOR_IN_SIGHT = 1.5
-"""A sea floor within so many times the deepest point widens the axis to show it"""
 
 
 def section_figure(trajectory: Trajectory, colour: str = "speed") -> Figure:
@@ -112,14 +103,12 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
         ground = np.full_like(floor, 2.0 * max(deepest, float(floor.max())))
         axes.fill_between(time / seconds, floor, ground, color=style.GROUND, lw=0)
     style.depth_axis(axes, deepest)
-    label_time(axes, trajectory, seconds, unit)
+    style.label_mission_time(axes, trajectory, seconds, unit)
     label = f"{chosen.label} [{chosen.unit}]" + (f"\n{word}" if word else "")
     style.colour_bar(axes, lines, label, pad=0.02, aspect=22)
 
 
-FIGURE = FigureKind(
-    name="section", summary="depth against time, coloured by speed", draw=section_figure
-)
+FIGURE = FigureKind("section", "depth against time, coloured by speed", section_figure)
 
 
 def transect_figure(trajectory: Trajectory) -> Figure:
@@ -143,7 +132,54 @@ def along_track(trajectory: Trajectory) -> Array:
 
 
 TRANSECT = FigureKind(
-    name="transect",
-    summary="temperature and salinity over the distance along the track and depth",
-    draw=transect_figure,
+    "transect",
+    "temperature and salinity over the distance along the track and depth",
+    transect_figure,
+)
+
+
+def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
+    """Depth section, track, current profile, attitude and actuators on one page."""
+    with style.styled():
+        names = LEGEND_ROW * legend_rows(tracks, LEGEND_COLUMNS)
+        panels = len(ATTITUDE) + len(trajectory.actuators)
+        heights = [HEIGHTS[0], HEIGHTS[1] + names, PANEL_HEIGHT * panels]
+        figure = style.new_figure(style.PAGE_WIDTH, sum(heights))
+        rows = figure.subfigures(3, 1, squeeze=False, height_ratios=heights)
+        top, middle, bottom = rows[:, 0]
+        section = top.add_subplot()
+        draw_section(section, trajectory)
+        section.set_title(_headline(trajectory))
+        left, right = middle.subplots(1, 2, width_ratios=[1.45, 1.0])
+        draw_track(left, trajectory, tracks)
+        draw_legend(middle, left, tracks, LEGEND_COLUMNS)
+        left.set_title(source_of(trajectory, "true_north", "track over ground"))
+        if all(f"true_current_{name}" in trajectory for name in ("north", "east")):
+            draw_current(right, trajectory)
+            right.set_title("current met on the way")
+        else:
+            right.set_axis_off()
+            right.text(0.5, 0.5, "the log has no current", transform=right.transAxes, ha="center")
+        grid = bottom.subplots(panels, 1, sharex=True)
+        draw_attitude(grid[: len(ATTITUDE)], trajectory)
+        draw_actuators(grid[len(ATTITUDE) :], trajectory)
+        style.label_mission_time(grid[-1], trajectory, *thinned_time(trajectory)[1:])
+        bottom.align_ylabels()
+    return figure
+
+
+def _headline(trajectory: Trajectory) -> str:
+    seconds, unit = style.time_unit(trajectory.time)
+    span = (trajectory.time[-1] - trajectory.time[0]) / seconds
+    distance = float(trajectory.distance_through_water()[-1])
+    deepest = float(np.nanmax(trajectory["true_depth"]))
+    through = f"{distance / 1000:.1f} km" if distance >= 2000 else f"{distance:.0f} m"
+    return f"{span:.3g} {unit}, {through} through the water, down to {deepest:.0f} m"
+
+
+WHOLE = FigureKind(
+    "overview",
+    "section, track, current, attitude and actuators on a page",
+    overview_figure,
+    takes_tracks=True,
 )

@@ -8,6 +8,7 @@ over ground.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,20 +22,34 @@ from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, variable
 from twin.records.trajectory import Trajectory
 from twin.sensors import SENSORS, Sensor
 from twin.show import style
-from twin.show.dates import label_time
 from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
 
-STACK_HEIGHT = 1.0
-"""[in] of one panel in a stack that shares its time axis"""
+STACK_HEIGHT = 1.0  # [in] of one panel in a stack that shares its time axis
+HEADING_STEPS, MOST_TICKS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0), 4
+"""[degree] between ticks of a heading, and how many there are at most"""
+UNIT_TEXT = {
+    "degree": "°", "m s-1": "m/s", "m s-2": "m/s²", "rad s-1": "rad/s", "cm3": "cm³",
+    "kg m-3": "kg/m³", "degree_Celsius": "°C",
+}  # fmt: skip
+"""How figures write the schema's units."""
+WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}  # words of signals as titles write them
+DEFAULT = (
+    *("pitch", "roll", "heading", "depth", "yaw_rate", "specific_force_x", "temperature"),
+    *("dvl_surge", "onboard_north", "onboard_east"),
+)
+"""Signals shown when none are named, those that the trajectory has."""
+MOST_SHOWN = 6  # of the others, where it has none of them
+ABOVE_TITLE = 1.2
+"""Of the first axes' height, where in a narrow figure title and legend have no room side by side"""
+ATTITUDE = ("pitch", "heading")
 
 
-def stack(panels: int, *, height: float = STACK_HEIGHT) -> tuple[Figure, list[Axes]]:
+def stack(panels: int, *, height: float) -> tuple[Figure, list[Axes]]:
     """A column of panels that share the time axis; call it inside `style.styled()`."""
     figure = style.new_figure(height=0.45 + height * panels)
-    axes = figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0]
-    return figure, list(axes)
+    return figure, list(figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0])
 
 
 def draw_lines(
@@ -51,27 +66,16 @@ def draw_lines(
     for name, label, colour in entries:
         (values,) = style.thin(trajectory[name])
         values = centred_line(values, centre) if unwrap else values
-        dashed = name.startswith("commanded_")
-        axes.plot(
-            time / seconds,
-            values * factor,
-            color=colour,
-            label=label,
-            lw=0.9 if dashed else 1.2,
-            ls=(0, (4, 2)) if dashed else "-",
-            zorder=3 if dashed else 2,
-        )
+        look: dict[str, Any] = {"lw": 1.2, "ls": "-", "zorder": 2}
+        if name.startswith("commanded_"):
+            look = {"lw": 0.9, "ls": (0, (4, 2)), "zorder": 3}
+        axes.plot(time / seconds, values * factor, color=colour, label=label, **look)
     axes.set_xlim(time[0] / seconds, time[-1] / seconds)
     if unwrap:
         low, high = axes.get_ylim()
         step = next((s for s in HEADING_STEPS if (high - low) / s <= MOST_TICKS), HEADING_STEPS[-1])
         axes.yaxis.set_major_locator(MultipleLocator(step))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value % 360.0:g}"))
-
-
-HEADING_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
-"""[degree] between ticks of a heading"""
-MOST_TICKS = 4
 
 
 def circular_mean(heading: Array) -> float:
@@ -95,39 +99,12 @@ def centred_line(heading: Array, centre: float) -> Array:
 def thinned_time(trajectory: Trajectory) -> tuple[Array, float, str]:
     """The time [s] of thinned signals, seconds per shown unit and the unit's name."""
     (time,) = style.thin(trajectory.time)
-    seconds, unit = style.time_unit(time)
-    return time, seconds, unit
-
-
-UNIT_TEXT = {
-    "degree": "°", "m s-1": "m/s", "m s-2": "m/s²", "rad s-1": "rad/s", "cm3": "cm³",
-    "kg m-3": "kg/m³", "degree_Celsius": "°C",
-}  # fmt: skip
-"""How figures write the schema's units."""
+    return time, *style.time_unit(time)
 
 
 def unit_text(units: str) -> str:
     """A unit of the schema as figures write it, in brackets."""
     return f"[{UNIT_TEXT.get(units, units)}]"
-
-
-WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}
-"""Words of signals as titles write them"""
-DEFAULT = (
-    "pitch",
-    "roll",
-    "heading",
-    "depth",
-    "yaw_rate",
-    "specific_force_x",
-    "temperature",
-    "dvl_surge",
-    "onboard_north",
-    "onboard_east",
-)
-"""Signals shown when none are named, those that the trajectory has."""
-MOST_SHOWN = 6
-"""Of the others, where it has none of them"""
 
 
 def truth_of(name: str, trajectory: Trajectory) -> Array | None:
@@ -142,18 +119,10 @@ def truth_of(name: str, trajectory: Trajectory) -> Array | None:
     return _sensor_of(name).observed(name, trajectory)
 
 
-def word_of(name: str, trajectory: Trajectory) -> str:
-    """What the signal is that `truth_of` gives: true, or what a log has in its place."""
-    bare = name.removeprefix("gps_").removeprefix("onboard_").removeprefix("dvl_")
-    return source_of(trajectory, f"true_{bare}", "true")
-
-
 def _sensor_of(name: str) -> type[Sensor]:
     written = f"measured_{name}"
-    for sensor in SENSORS.values():
-        if any(entry.name == written for entry in sensor.writes):
-            return sensor
-    return Sensor
+    found = (s for s in SENSORS.values() if any(entry.name == written for entry in s.writes))
+    return next(found, Sensor)
 
 
 def _of_ones_own(name: str, trajectory: Trajectory) -> bool:
@@ -182,12 +151,12 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
     logged = isinstance(trajectory, LoggedTrajectory)
     if logged:  # its track goes through its fixes
         have = [n for n in have if not n.startswith("gps_")]
-    if not have and logged:
+    if not have:
         raise InputError(
             "a log has no truth to compare its sensors with; the log figure shows what it measured"
+            if logged
+            else "this trajectory has no measured signals: simulate it with sensors"
         )
-    if not have:
-        raise InputError("this trajectory has no measured signals: simulate it with sensors")
     for name in names:
         if name not in have:
             raise UnknownName("measured signal", name, have)
@@ -200,16 +169,16 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
         time = time / seconds
         for (left, right), name in zip(axes, shown, strict=True):
             values, truth = trajectory[f"measured_{name}"], truth_of(name, trajectory)
-            known = truth is not None
-            measured, true = style.thin(values, np.asarray(truth) if known else values)
-            error = measured - true if known else np.full(len(measured), np.nan)
+            measured, true = style.thin(values, values if truth is None else np.asarray(truth))
+            error = np.full(len(measured), np.nan) if truth is None else measured - true
             units = variable(f"measured_{name}").units
             if units == "degree":  # the short way round
                 error = (error + 180.0) % 360.0 - 180.0
             sparse = bool(np.isnan(measured).mean() > 0.5)
             mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
-            if known:
-                word = word_of(name, trajectory)
+            if truth is not None:  # of a log, what stands for it
+                bare = name.removeprefix("gps_").removeprefix("onboard_").removeprefix("dvl_")
+                word = source_of(trajectory, f"true_{bare}", "true")
                 left.plot(time, true, color=style.TRUTH, lw=2.2, label=word)
             left.plot(time, measured, color=style.ESTIMATE, label="measured", **mark)
             right.axhline(0.0, color=style.GUIDE, lw=0.7)
@@ -218,32 +187,23 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
                 panel.set_ylabel(unit_text(units))
             left.set_title(" ".join(WORDS.get(w, w) for w in name.split("_")))
             finite = error[np.isfinite(error)]
-            spread = f"mean {finite.mean():.3g}, std {finite.std():.3g}" if len(finite) else "none"
-            if not known:
-                spread = "no true signal"
+            spread = "none" if truth is not None else "no true signal"
+            if len(finite):
+                spread = f"mean {finite.mean():.3g}, std {finite.std():.3g}"
             what = "difference" if logged else "measured − true"
             right.set_title(f"{what}: {spread}", fontweight="normal")
             if logged or left is axes[0, 0]:  # in logs each row may have another reference
                 style.legend_above(left, 2, 1.2 if logged else 0.98)
         axes[0, 0].set_xlim(time[0], time[-1])
         for panel in axes[-1]:
-            label_time(panel, trajectory, seconds, unit)
+            style.label_mission_time(panel, trajectory, seconds, unit)
         figure.align_ylabels()
     return figure
 
 
 SENSOR_FIGURE = FigureKind(
-    name="sensor",
-    summary="each measured signal over the true one, and the difference",
-    draw=sensor_figure,
+    "sensor", "each measured signal over the true one, and the difference", sensor_figure
 )
-
-
-MILLIMETRES = 1000.0
-"""[mm/m] parts slide by millimetres"""
-ABOVE_TITLE = 1.2
-"""Of the first axes' height, where in a narrow figure title and legend have no room side by side"""
-ATTITUDE = ("pitch", "heading")
 
 
 def actuator_figure(trajectory: Trajectory) -> Figure:
@@ -253,7 +213,7 @@ def actuator_figure(trajectory: Trajectory) -> Figure:
         figure, axes = stack(parts + len(ATTITUDE), height=0.92)
         draw_actuators(axes[:parts], trajectory, legend_at=ABOVE_TITLE)
         draw_attitude(axes[parts:], trajectory)
-        label_time(axes[-1], trajectory, *thinned_time(trajectory)[1:])
+        style.label_mission_time(axes[-1], trajectory, *thinned_time(trajectory)[1:])
         figure.align_ylabels()
     return figure
 
@@ -273,7 +233,7 @@ def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory, legend_at: floa
             (f"true_{part}", word or "position", style.TRUTH),
         ]
         present = [entry for entry in entries if entry[0] in trajectory]  # logs lack some commands
-        draw_lines(panel, trajectory, present, factor=MILLIMETRES if slides else 1.0)
+        draw_lines(panel, trajectory, present, factor=1000.0 if slides else 1.0)
         panel.set_title(position.long_name.partition(",")[0])
         panel.set_ylabel("[mm]" if slides else unit_text(position.units))
     if len(axes):
@@ -288,49 +248,41 @@ def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:
         if setpoint is not None and np.isfinite(setpoint).any():
             entries.insert(0, (f"commanded_{name}", "setpoint", style.COMMAND))
         draw_lines(panel, trajectory, entries, unwrap=name == "heading")
-        word = source_of(trajectory, f"true_{name}", "")
-        panel.set_title(
-            f"{word} {name}".strip() + (" and its setpoint" if len(entries) > 1 else "")
-        )
+        title = f"{source_of(trajectory, f'true_{name}', '')} {name}".strip()
+        panel.set_title(title + " and its setpoint" * (len(entries) > 1))
         panel.set_ylabel("[°]")
         style.pad_limits(panel, least=2.0)
 
 
 ACTUATORS = FigureKind(
-    name="actuator",
-    summary="commands and positions of the vehicle's parts, attitude and its setpoints",
-    draw=actuator_figure,
+    "actuator",
+    "commands and positions of the vehicle's parts, attitude and its setpoints",
+    actuator_figure,
 )
 
 
 def velocity_figure(trajectory: Trajectory) -> Figure:
     """Surge, sway and heave through the water, and the speed over ground."""
+    titles = {"surge": "surge", "sway": "sway (starboard)", "heave": "heave (down)"}
     with style.styled():
         figure, axes = stack(4, height=0.95)
-        for panel, (name, title) in zip(
-            axes,
-            (("surge", "surge"), ("sway", "sway (starboard)"), ("heave", "heave (down)")),
-            strict=False,
-        ):
+        for panel, (name, title) in zip(axes, titles.items(), strict=False):
             draw_lines(panel, trajectory, [(f"true_{name}", name, style.TRUTH)])
             word = source_of(trajectory, f"true_{name}", "through the water")
             panel.set_title(f"{title}, {word}")
-            panel.set_ylabel("[m/s]")
             style.pad_limits(panel, least=0.01)
         over_ground = np.hypot(trajectory["true_velocity_north"], trajectory["true_velocity_east"])
         time, seconds, unit = thinned_time(trajectory)
         (speed,) = style.thin(over_ground)
         axes[-1].plot(time / seconds, speed, color=style.PALETTE["green"])
         track = source_of(trajectory, "true_velocity_north", "")
-        axes[-1].set_title(
-            f"speed over ground, {track}" if track else "horizontal speed over ground"
-        )
-        axes[-1].set_ylabel("[m/s]")
-        label_time(axes[-1], trajectory, seconds, unit)
+        title = f"speed over ground, {track}" if track else "horizontal speed over ground"
+        axes[-1].set_title(title)
+        for panel in axes:
+            panel.set_ylabel("[m/s]")
+        style.label_mission_time(axes[-1], trajectory, seconds, unit)
         figure.align_ylabels()
     return figure
 
 
-VELOCITIES = FigureKind(
-    name="velocity", summary="surge, sway, heave and the speed over ground", draw=velocity_figure
-)
+VELOCITIES = FigureKind("velocity", "surge, sway, heave and the speed over ground", velocity_figure)

@@ -23,16 +23,23 @@ from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
 
-MARKS = {"start": (0, "o"), "end": (-1, "s")}
-"""Sample and marker of a track's ends"""
-MOST_COLUMNS = 3
-"""Columns of a legend at column width"""
-LONG_NAME = 14
-"""Letters of a name from which a legend at column width has one column less"""
-ABOVE_LEGEND = 18.0
-"""[point] of a title above the axes, so that start and end are named below it"""
-LEGEND_ROW = 0.16
-"""[in] height of a legend's row"""
+MARKS = {"start": (0, "o"), "end": (-1, "s")}  # sample and marker of a track's ends
+MOST_COLUMNS, LONG_NAME = 3, 14
+"""Columns of a legend at column width, and letters of a name from which it has one less"""
+ABOVE_LEGEND = 18.0  # [point] of a title above the axes, so that start and end are named below it
+LEGEND_ROW = 0.16  # [in] height of a legend's row
+VIEW_ELEVATION, VIEW_AZIMUTH = 24, -58  # [degree] from where the box is seen
+BOX, ZOOM = (1.25, 1.25, 0.9), 0.92
+"""East, north and depth sides of the box; smaller than matplotlib's 1, so that no label is cut"""
+TICKS = 4
+PANE = (0.97, 0.98, 0.99, 1.0)  # colour of the box's walls
+BOTTOM, RIGHT = 0.02, 0.94
+"""Edges of the axes over the figure's size: the depth label reaches beyond the right one"""
+BLANK = 0.15  # part of a square's height that a box this flat leaves free above itself
+LEGEND: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.02, 0.99), "columnspacing": 1.0}
+"""Where `figure.legend` goes"""
+SPACE_HEIGHT = 2.95  # [in] of a figure with one row of names
+MOST_3D = 2500  # points of a line
 
 
 def track_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
@@ -69,34 +76,23 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
         lines.set_capstyle("round")
         axes.add_collection(lines)
         axes.autoscale_view()
-        label = f"time [{time_name}]"
-        style.colour_bar(axes, lines, label, shrink=0.85, pad=0.02, aspect=25)
+        style.colour_bar(axes, lines, f"time [{time_name}]", shrink=0.85, pad=0.02, aspect=25)
     known = np.flatnonzero(np.isfinite(north) & np.isfinite(east))
     for name, (end, marker) in MARKS.items():
-        index = known[end]
-        x, y = east[index] / metres, north[index] / metres
+        x, y = east[known[end]] / metres, north[known[end]] / metres
         axes.plot(x, y, marker, ms=5, label=name, **style.END)
-    if isinstance(trajectory, LoggedTrajectory):
-        _draw_fixes(axes, trajectory, metres)
+    names = ("measured_gps_east", "measured_gps_north")
+    if isinstance(trajectory, LoggedTrajectory) and all(name in trajectory for name in names):
+        east, north = (trajectory[name] / metres for name in names)  # where it was corrected
+        axes.plot(east, north, ".", ms=3.5, color=style.COMMAND, ls="none", label="fix", zorder=2.5)
     axes.set_xlabel(f"east [{unit}]")
     axes.set_ylabel(f"north [{unit}]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06)
 
 
-def _draw_fixes(axes: Axes, trajectory: LoggedTrajectory, metres: float) -> None:
-    """The fixes of a log, which its track was corrected at."""
-    names = ("measured_gps_east", "measured_gps_north")
-    if all(name in trajectory for name in names):
-        east, north = (trajectory[name] / metres for name in names)
-        axes.plot(east, north, ".", ms=3.5, color=style.COMMAND, ls="none", label="fix", zorder=2.5)
-
-
 def draw_legend(
-    figure: Figure | SubFigure,
-    axes: Axes,
-    tracks: Sequence[NamedTrack],
-    columns: int,
+    figure: Figure | SubFigure, axes: Axes, tracks: Sequence[NamedTrack], columns: int
 ) -> None:
     """Name what `draw_track` drew: in the corner above the axes, or beside other tracks above all.
 
@@ -125,28 +121,11 @@ def legend_rows(tracks: Sequence[NamedTrack], columns: int) -> int:
 
 
 FIGURE = FigureKind(
-    name="track",
-    summary="the track from above, beside dead-reckoned tracks (`--tracks`, `--only`)",
-    draw=track_figure,
+    "track",
+    "the track from above, beside dead-reckoned tracks (`--tracks`, `--only`)",
+    track_figure,
     takes_tracks=True,
 )
-
-
-VIEW_ELEVATION, VIEW_AZIMUTH = 24, -58
-"""[degree] from where the box is seen"""
-BOX = (1.25, 1.25, 0.9)
-"""East, north and depth sides of the box; the vertical scale is its own"""
-ZOOM = 0.92
-"""Smaller than matplotlib's 1, so that no label is cut off"""
-TICKS = 4
-PANE = (0.97, 0.98, 0.99, 1.0)
-"""Colour of the box's walls"""
-BOTTOM, RIGHT = 0.02, 0.94
-"""Edges of the axes over the figure's size: the depth label reaches beyond the right one"""
-BLANK = 0.15
-"""Of a square's height that a box this flat leaves free above itself"""
-LEGEND: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.02, 0.99), "columnspacing": 1.0}
-"""Where `figure.legend` goes"""
 
 
 def space_axes(figure: Figure, *, floor: float, unit: str, top: float) -> Any:
@@ -176,12 +155,6 @@ def space_axes(figure: Figure, *, floor: float, unit: str, top: float) -> Any:
     return axes
 
 
-SPACE_HEIGHT = 2.95
-"""[in] of a figure with one row of names"""
-MOST_3D = 2500
-"""Points of a line"""
-
-
 def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
     """The track in space, depth down; the vertical scale is its own, as oceanographers plot it."""
     with style.styled():
@@ -200,27 +173,23 @@ def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
         floor = float(np.nanmax(depth)) * 1.1 + 1.0
         top = 1.0 - (LEGEND_ROW * rows + 0.12) / height
         axes = space_axes(figure, floor=floor, unit=unit, top=top)
-        axes.plot(east / metres, north / metres, depth, color=style.TRUTH, lw=1.6, label=word)
-        axes.plot(
-            east / metres, north / metres, floor, color=style.GUIDE, lw=0.8, label="on the chart"
-        )
+        x, y = east / metres, north / metres
+        axes.plot(x, y, depth, color=style.TRUTH, lw=1.6, label=word)
+        axes.plot(x, y, floor, color=style.GUIDE, lw=0.8, label="on the chart")
         for index, track in enumerate(tracks):
             n, e, t = style.thin(track.north, track.east, track.time, most=MOST_3D)
-            d = np.interp(t, time, depth)
-            axes.plot(
-                e / metres, n / metres, d, lw=0.9, label=track.title, **style.track_look(index)
-            )
+            place = (e / metres, n / metres, np.interp(t, time, depth))
+            axes.plot(*place, lw=0.9, label=track.title, **style.track_look(index))
         for name, (end, marker) in MARKS.items():
-            index = known[end]
-            x, y = east[index] / metres, north[index] / metres
-            axes.plot(x, y, depth[index], marker, ms=5, label=name, zorder=10, **style.END)
+            place = (x[known[end]], y[known[end]], depth[known[end]])
+            axes.plot(*place, marker, ms=5, label=name, zorder=10, **style.END)
         figure.legend(**LEGEND, ncols=columns)
     return figure
 
 
 TRACK_3D = FigureKind(
-    name="track_3d",
-    summary="the track in space, beside dead-reckoned tracks",
-    draw=track_3d_figure,
+    "track_3d",
+    "the track in space, beside dead-reckoned tracks",
+    track_3d_figure,
     takes_tracks=True,
 )

@@ -6,8 +6,8 @@ shown.
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,14 +20,26 @@ from twin.records.coordinates import START_LATITUDE, START_LONGITUDE
 from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.trajectory import Trajectory
 from twin.show import style
-from twin.show.dates import label_time
 from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
+NOMINAL_LATITUDE = 45.0  # [degree] for the pressure of a mission without a place
+MOST_BINS, BIN_LEAST = 40, 1.0  # depth bins of the mean profile, and [m] that each has at least
+MOST_POINTS = 12_000
+LEAST_SPAN, MARGIN = (0.05, 0.5), 0.07
+"""[g/kg], [degree_Celsius] that the axes have at least, so that noise stays small; and beyond"""
+GRID = 80
+LEVELS, MOST_LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0), 9
+"""[kg/m3] between lines of density, and how many there are at most"""
+COVERED = 0.05, 99.95  # percentiles that the axes show: single spikes of a CTD lie outside
+PANELS = (("temperature", "[°C]"), ("salinity", "[PSS-78]"))
+PANEL_HEIGHT, WIDTH = 1.75, 5.4  # [in]
+NARROW, WIDE = 2.0, 4.5
+"""[point] sides of the dots: as wide as a section of few profiles leaves room for"""
+SHOWN_PERCENTILES = 1.0, 99.0  # percentiles that the colours cover
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Water:
+class Water(NamedTuple):
     """What the water was along the way, each (time,), NaN where it is not known."""
 
     temperature: Array
@@ -44,16 +56,14 @@ def water_of(trajectory: Trajectory) -> Water:
     Raises:
       InputError: it has neither.
     """
-    for kind, default in (("true", "true"), ("measured", "measured")):
-        names = [f"{kind}_{quantity}" for quantity in ("temperature", "salinity")]
+    quantities = ("temperature", "salinity")
+    for kind in ("true", "measured"):
+        names = [f"{kind}_{quantity}" for quantity in quantities]
         there = [trajectory.signals.get(name) for name in names]
         if all(values is not None and np.isfinite(values).any() for values in there):
+            words = [source_of(trajectory, name, kind) for name in names]
             temperature, salinity = (np.asarray(values, float) for values in there)
-            words = {
-                name.removeprefix(f"{kind}_"): source_of(trajectory, name, default)
-                for name in names
-            }
-            return Water(temperature=temperature, salinity=salinity, words=words)
+            return Water(temperature, salinity, dict(zip(quantities, words, strict=True)))
     raise InputError(
         "this mission has no temperature and salinity: a log has them from its CTD, a simulated "
         "mission in water that has both (`--density` names such water)"
@@ -66,12 +76,13 @@ def absolute(trajectory: Trajectory, water: Water) -> tuple[Array, Array, str]:
     """
     import gsw
 
-    depth = trajectory["true_depth" if "true_depth" in trajectory else "measured_depth"]
     about = trajectory.provenance
     known = START_LATITUDE in about
     latitude = float(about[START_LATITUDE]) if known else NOMINAL_LATITUDE
     longitude = float(about[START_LONGITUDE]) if known else 0.0
-    pressure = np.maximum(np.asarray(gsw.p_from_z(-np.maximum(depth, 0.0), latitude)), 0.0)
+    pressure = np.maximum(
+        np.asarray(gsw.p_from_z(-np.maximum(_depth(trajectory), 0.0), latitude)), 0.0
+    )
     if known:
         salinity = np.asarray(gsw.SA_from_SP(water.salinity, pressure, longitude, latitude))
     else:
@@ -80,19 +91,11 @@ def absolute(trajectory: Trajectory, water: Water) -> tuple[Array, Array, str]:
     return salinity, conservative, "absolute salinity" if known else "reference salinity"
 
 
-NOMINAL_LATITUDE = 45.0
-"""[degree] for the pressure of a mission without a place"""
+def _depth(trajectory: Trajectory) -> Array:
+    return trajectory["true_depth" if "true_depth" in trajectory else "measured_depth"]
 
 
-MOST_BINS = 40
-"""Depth bins of the mean profile; at least BIN_LEAST metres each."""
-BIN_LEAST = 1.0
-"""[m]"""
-
-
-def mean_profile(
-    depth: Array, *values: Array, bins: int = MOST_BINS
-) -> tuple[Array, tuple[Array, ...]]:
+def mean_profile(depth: Array, *values: Array) -> tuple[Array, tuple[Array, ...]]:
     """Means of `values` in equal depth bins; empty bins are left out, and samples without a value.
 
     Returns the bins' centres [m], shape (n,), and the means, each (n,).
@@ -100,16 +103,14 @@ def mean_profile(
     known = np.isfinite([depth, *values]).all(axis=0)
     depth, values = depth[known], tuple(v[known] for v in values)
     deepest = max(float(depth.max(initial=0.0)), BIN_LEAST)
-    count = int(np.clip(deepest / BIN_LEAST, 1, bins))
+    count = int(np.clip(deepest / BIN_LEAST, 1, MOST_BINS))
     edges = np.linspace(0.0, deepest, count + 1)
     index = np.clip(np.digitize(depth, edges) - 1, 0, count - 1)
     samples = np.bincount(index, minlength=count)
     full = samples > 0
+    sums = [np.bincount(index, weights=v, minlength=count)[full] for v in values]
     centres = (edges[:-1] + edges[1:]) / 2
-    means = tuple(
-        np.bincount(index, weights=v, minlength=count)[full] / samples[full] for v in values
-    )
-    return centres[full], means
+    return centres[full], tuple(one / samples[full] for one in sums)
 
 
 def current_figure(trajectory: Trajectory) -> Figure:
@@ -129,18 +130,16 @@ def draw_current(axes: Axes, trajectory: Trajectory) -> None:
         )
     depth = trajectory["true_depth"]
     word = source_of(trajectory, "true_current_north", "current")
-    components = (
-        ("true_current_north", "north", style.PALETTE["blue"]),
-        ("true_current_east", "east", style.PALETTE["vermillion"]),
-    )
-    centres, means = mean_profile(depth, *(trajectory[name] for name, _, _ in components))
-    for (name, label, colour), mean in zip(components, means, strict=True):
-        values, where = style.thin(trajectory[name], depth, most=3000)
+    colours = {"north": style.PALETTE["blue"], "east": style.PALETTE["vermillion"]}
+    components = [trajectory[f"true_current_{name}"] for name in colours]
+    centres, means = mean_profile(depth, *components)
+    for (name, colour), component, mean in zip(colours.items(), components, means, strict=True):
+        values, where = style.thin(component, depth, most=3000)
         if word == AVERAGED:  # one number of each dive is no profile
-            axes.plot(values, where, ".", ms=2.0, color=colour, label=f"{label}ward")
-            continue
-        axes.plot(values, where, ".", ms=1.5, color=colour, alpha=0.15, rasterized=True)
-        axes.plot(mean, centres, color=colour, lw=1.8, label=f"{label}ward")
+            axes.plot(values, where, ".", ms=2.0, color=colour, label=f"{name}ward")
+        else:
+            axes.plot(values, where, ".", ms=1.5, color=colour, alpha=0.15, rasterized=True)
+            axes.plot(mean, centres, color=colour, lw=1.8, label=f"{name}ward")
     axes.axvline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
     style.depth_axis(axes, float(np.nanmax(depth)))
     style.pad_limits(axes, least=0.05, which="x")
@@ -160,32 +159,18 @@ OCEAN_MAPS = {
     "vertical_velocity": "balance",
 }
 """cmocean's map of each quantity; `balance` is for signed ones and belongs on symmetric limits"""
-OTHER = "cividis"
-"""Of what is no property of the water"""
 
 
 def ocean_map(quantity: str) -> Colormap | str:
     """The colour map of a quantity of `OCEAN_MAPS`, or that of everything else."""
     if quantity not in OCEAN_MAPS:
-        return OTHER
+        return style.SEQUENTIAL_MAP
     with warnings.catch_warnings():
         # cmocean 4.0.3 hands matplotlib an argument that goes away in 3.13
         warnings.filterwarnings("ignore", "Passing 'N' to ListedColormap")
         from cmocean import cm
     found: Colormap = getattr(cm, OCEAN_MAPS[quantity])
     return found
-
-
-MOST_POINTS = 12_000
-LEAST_SPAN = (0.05, 0.5)
-"""[g/kg], [degree_Celsius] that the axes have at least, so that noise stays small"""
-MARGIN = 0.07
-GRID = 80
-LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""[kg/m3] between lines of density"""
-MOST_LEVELS = 9
-COVERED = 0.05, 99.95
-"""Percentiles that the axes show: single spikes of a CTD lie outside"""
 
 
 def ts_figure(trajectory: Trajectory) -> Figure:
@@ -198,14 +183,17 @@ def ts_figure(trajectory: Trajectory) -> Figure:
 
     water = water_of(trajectory)
     salinity, temperature, name = absolute(trajectory, water)
-    depth = trajectory["true_depth" if "true_depth" in trajectory else "measured_depth"]
-    known = np.isfinite(salinity) & np.isfinite(temperature) & np.isfinite(depth)
-    s, t, d = style.thin(salinity[known], temperature[known], depth[known], most=MOST_POINTS)
+    values = np.stack([salinity, temperature, _depth(trajectory)])
+    s, t, d = style.thin(*values[:, np.isfinite(values).all(axis=0)], most=MOST_POINTS)
     with style.styled():
         figure = style.new_figure(width=4.2, height=3.6)
         axes = figure.add_subplot()
         axes.grid(visible=False)
-        limits = [_limits(values, least) for values, least in zip((s, t), LEAST_SPAN, strict=True)]
+        limits = []
+        for shown, least in zip((s, t), LEAST_SPAN, strict=True):
+            low, high = (float(v) for v in np.percentile(shown, COVERED))
+            reach = (0.5 + MARGIN) * max(high - low, least)
+            limits.append((0.5 * (low + high) - reach, 0.5 * (low + high) + reach))
         grid = np.meshgrid(*(np.linspace(*pair, GRID) for pair in limits))
         sigma = np.asarray(gsw.sigma0(*grid))
         span = float(sigma.max() - sigma.min())
@@ -229,29 +217,9 @@ def ts_figure(trajectory: Trajectory) -> Figure:
     return figure
 
 
-def _limits(values: Array, least: float) -> tuple[float, float]:
-    low, high = (float(v) for v in np.percentile(values, COVERED))
-    reach = (0.5 + MARGIN) * max(high - low, least)
-    return 0.5 * (low + high) - reach, 0.5 * (low + high) + reach
-
-
 DIAGRAM = FigureKind(
-    name="ts",
-    summary="temperature-salinity diagram with lines of density, coloured by depth",
-    draw=ts_figure,
+    "ts", "temperature-salinity diagram with lines of density, coloured by depth", ts_figure
 )
-
-
-PANELS = (("temperature", "[°C]"), ("salinity", "[PSS-78]"))
-
-PANEL_HEIGHT = 1.75
-"""[in]"""
-WIDTH = 5.4
-"""[in]"""
-NARROW, WIDE = 2.0, 4.5
-"""[point] sides of the dots: as wide as a section of few profiles leaves room for"""
-SHOWN_PERCENTILES = 1.0, 99.0
-"""Percentiles that the colours cover"""
 
 
 def hydrography_figure(trajectory: Trajectory) -> Figure:
@@ -262,7 +230,7 @@ def hydrography_figure(trajectory: Trajectory) -> Figure:
     """
     seconds, unit = style.time_unit(trajectory.time)
     figure = draw_sections(trajectory, trajectory.time / seconds, "")
-    label_time(figure.axes[len(PANELS) - 1], trajectory, seconds, unit)
+    style.label_mission_time(figure.axes[len(PANELS) - 1], trajectory, seconds, unit)
     return figure
 
 
@@ -272,8 +240,7 @@ def draw_sections(trajectory: Trajectory, along: Array, label: str) -> Figure:
     Raises:
       InputError: the mission has neither.
     """
-    water = water_of(trajectory)
-    depth = trajectory["true_depth" if "true_depth" in trajectory else "measured_depth"]
+    water, depth = water_of(trajectory), _depth(trajectory)
     with style.styled():
         figure = style.new_figure(WIDTH, 0.4 + PANEL_HEIGHT * len(PANELS))
         panels = figure.subplots(len(PANELS), 1, sharex=True, squeeze=False)[:, 0]
@@ -311,7 +278,5 @@ def profiles(depth: Array) -> int:
 
 
 HYDROGRAPHY = FigureKind(
-    name="hydrography",
-    summary="temperature and salinity over time and depth",
-    draw=hydrography_figure,
+    "hydrography", "temperature and salinity over time and depth", hydrography_figure
 )

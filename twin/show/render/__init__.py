@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from twin.show.render.film import save_still as save_still
     from twin.show.render.film import save_video as save_video
     from twin.show.render.film import still as still
-    from twin.show.render.shot import Shot as Shot
-    from twin.show.render.shot import Subject as Subject
     from twin.show.render.subject import Live as Live
     from twin.show.render.subject import RenderedFlight as RenderedFlight
     from twin.show.render.subject import Replay as Replay
+    from twin.show.render.subject import Shot as Shot
+    from twin.show.render.subject import Subject as Subject
     from twin.show.render.subject import read_subject as read_subject
     from twin.show.render.window import KEYS as KEYS
     from twin.show.render.window import Window as Window

@@ -1,48 +1,214 @@
-"""Camera: where each frame is seen from, framed so that everything fits.
+"""Camera: the block of water that a picture shows, its scales, and where it is seen from.
 
-`View` is one camera as MuJoCo's renderer takes it, with the projection that puts labels where the
-picture shows their points.
+A picture that spans kilometres would show a 2 m glider as nothing. So the glider keeps its size of
+about 2 display units and the sea shrinks around it: one horizontal scale, and one vertical scale
+that may exaggerate depth, as oceanographers draw sections. The chase camera keeps true scale.
+
+Framing fits everything; `View` has the projection that puts labels where points are seen.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.show.render.scene_geometry import Frame, SceneLayout
+from twin.frames import flip_vector
 
 Array = NDArray[np.float64]
 
+EXAGGERATIONS = (1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
+HEIGHT_RATIO = {"orbit": 0.30, "side": 0.46, "map": 0.30}
+"""Height over length of the water block that the automatic exaggeration aims at, by camera, in a
+picture of WIDESCREEN; in a taller one the block is taller too."""
+WIDESCREEN = 16 / 9
+WIDTH_RATIO = {"orbit": 0.28, "side": 0.28, "map": 0.55, "chase": 0.28}
+"""Least width over length of the block, so that a straight track has a body of water around it."""
+MARGIN = 0.07  # around the track, as part of the block's length
+BELOW = 0.12  # water under the deepest point, as part of the depth
+LEAST_DEPTH, LEAST_LENGTH = 5.0, 12.0  # [m] of the block of a mission that hardly dives or moves
+VEHICLE_SHARE = 0.095  # length of the glider over the width of the view
+VIEW_MARGIN = 1.25  # width of the view over the block's length, roughly: sets the scale
+SIDE_SHARE = 0.04  # free part on each side without a HUD
+
 NARROW, WIDE = math.radians(14.0), math.radians(24.0)
 """Half of the vertical field of view: of the framed cameras, and of the chase camera."""
-ORBIT_ELEVATION = math.radians(24.0)
-SIDE_ELEVATION = math.radians(9.0)
-ORBIT_SWEEP = math.radians(110.0)
-"""How far the orbit camera travels in one video, about the broadside view."""
-ORBIT_STILL = math.radians(32.0)
-"""Bearing of a still from the broadside view"""
-CHASE_DISTANCE = 4.1
-"""[m] behind and beside the glider"""
-CHASE_BEARING = math.radians(142.0)
+ORBIT_ELEVATION, SIDE_ELEVATION = math.radians(24.0), math.radians(9.0)
+ORBIT_SWEEP = math.radians(110.0)  # travel of the orbit camera in one video, about the broadside
+ORBIT_STILL = math.radians(32.0)  # bearing of a still from the broadside view
+CHASE_DISTANCE = 4.1  # [m] behind and beside the glider
+CHASE_BEARING, CHASE_ELEVATION = math.radians(142.0), math.radians(16.0)
 """From the bow, to starboard: mostly from behind"""
-CHASE_ELEVATION = math.radians(16.0)
 CHASE_HEIGHT = CHASE_DISTANCE * math.sin(CHASE_ELEVATION)
 """[m] of the chase camera above the glider"""
-CHASE_LAG = 1.2
-"""[s of video] with which the chase camera follows a turn"""
+CHASE_LAG = 1.2  # [s of video] with which the chase camera follows a turn
 INSET_BEARING, INSET_ELEVATION = math.radians(58.0), math.radians(24.0)
-INSET_HALF = math.radians(13.0)
-INSET_DISTANCE = 4.4
-"""[m]"""
+INSET_HALF, INSET_DISTANCE = math.radians(13.0), 4.4  # half the field of view; [m]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Frame:
+    """What framing keeps free, as parts of the picture's height and width."""
+
+    aspect: float
+    """Width over height of the picture"""
+    bottom: float = SIDE_SHARE
+    top: float = SIDE_SHARE
+    left: float = SIDE_SHARE
+    right: float = SIDE_SHARE
+
+    @property
+    def filled(self) -> float:
+        """Height of the part that is filled."""
+        return 1.0 - self.bottom - self.top
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SceneLayout:
+    """The block of water in metres, and the scales to display units.
+
+    The block's axes: x along `azimuth` (from north towards east), y to its right, z down.
+    """
+
+    azimuth: float
+    """[rad]"""
+    low: Array
+    """[m] least x, y of the block and 0, shape (3,)"""
+    high: Array
+    """[m] largest x, y of the block and its depth, shape (3,)"""
+    scale: float
+    """Display units per metre, horizontally"""
+    exaggeration: float
+    """Vertical over horizontal scale"""
+
+    @property
+    def centre(self) -> Array:
+        """Middle of the block's surface, NED [m], shape (3,)."""
+        middle = (self.low + self.high) / 2
+        return self.to_ned(np.array([middle[0], middle[1], 0.0]))
+
+    @property
+    def size(self) -> Array:
+        """Length, width, depth [m], shape (3,)."""
+        return self.high - self.low
+
+    @property
+    def factors(self) -> Array:
+        """Display units per metre along x, y, z, shape (3,)."""
+        return self.scale * np.array([1.0, 1.0, self.exaggeration])
+
+    @property
+    def broadside(self) -> float:
+        """Bearing [rad] from which the block's x axis runs to the right of the picture."""
+        return -(self.azimuth + math.pi / 2)
+
+    def to_ned(self, block: Array) -> Array:
+        """Block axes to NED [m], shape (..., 3)."""
+        return np.asarray(block) @ self._turn().T
+
+    def to_block(self, ned: Array) -> Array:
+        """NED to block axes [m], shape (..., 3)."""
+        return np.asarray(ned) @ self._turn()
+
+    def display(self, ned: Array) -> Array:
+        """NED [m] to display units, z up, the block's centre at the surface as origin."""
+        return flip_vector(np.asarray(ned) - self.centre) * self.factors
+
+    def display_block(self, block: Array) -> Array:
+        """Block axes [m] to display units."""
+        return self.display(self.to_ned(block))
+
+    def corners(self) -> Array:
+        """The block's corners in display units: surface then floor, shape (8, 3)."""
+        (x0, y0, _), (x1, y1, z1) = self.low, self.high
+        xy = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        return self.display_block(np.array([(x, y, z) for z in (0.0, z1) for x, y in xy]))
+
+    def _turn(self) -> Array:
+        c, s = math.cos(self.azimuth), math.sin(self.azimuth)
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def plan(
+    paths: list[Array],
+    *,
+    hull_length: float,
+    floor: float | None,
+    exaggeration: float | None,
+    camera: str,
+    frame: Frame,
+) -> SceneLayout:
+    """The layout that holds all `paths`, each (n, 3) NED [m].
+
+    Args:
+      hull_length: [m] of the glider.
+      floor: [m] depth of the floor, None for a little below the deepest point.
+      exaggeration: vertical over horizontal scale, None for automatic.
+      camera: as in `Shot`. The map's block is aligned with north, the others' with the track;
+        the chase camera has one display unit per metre and no exaggeration.
+      frame: what the picture keeps free; the map's block fills the rest.
+    """
+    points = np.concatenate(paths)
+    azimuth = 0.0 if camera == "map" else principal_azimuth(points[:, :2])
+    trial = SceneLayout(
+        azimuth=azimuth, low=np.zeros(3), high=np.ones(3), scale=1.0, exaggeration=1.0
+    )
+    inside = trial.to_block(points)
+    low, high = inside.min(axis=0), inside.max(axis=0)
+    length = max(float(max(high[0] - low[0], high[1] - low[1])), LEAST_LENGTH)
+    middle = (low + high) / 2
+    half = np.maximum((high - low) / 2 + MARGIN * length, WIDTH_RATIO[camera] * length / 2)
+    if camera == "map":
+        wide = frame.aspect * (1.0 - frame.left - frame.right) / frame.filled
+        half[:2] = np.maximum(half[:2], [half[1] / wide, half[0] * wide])
+    depth = max(float(high[2]) * (1 + BELOW), LEAST_DEPTH)
+    if floor is not None:
+        depth = max(floor, float(high[2]) + 1e-3)
+    low, high = middle - half, middle + half
+    low[2], high[2] = 0.0, depth
+    if camera == "chase":
+        scale, exaggeration = 1.0, 1.0
+    else:
+        longest = float(max(high[:2] - low[:2]))
+        scale = min(1.0, hull_length / (VEHICLE_SHARE * (longest * VIEW_MARGIN)))
+        if exaggeration is None:
+            ratio = HEIGHT_RATIO[camera] * min(max(WIDESCREEN / frame.aspect, 0.5), 2.0)
+            wanted = max(ratio * longest / depth, 1e-9)
+            exaggeration = min(EXAGGERATIONS, key=lambda e: abs(math.log(e / wanted)))
+    return dataclasses.replace(trial, low=low, high=high, scale=scale, exaggeration=exaggeration)
+
+
+def principal_azimuth(horizontal: Array) -> float:
+    """Direction [rad from north towards east] along which points (n, 2) spread most."""
+    centred = horizontal - horizontal.mean(axis=0)
+    if np.abs(centred).max(initial=0.0) < 1e-6:
+        return 0.0
+    axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    if np.dot(horizontal[-1] - horizontal[0], axis) < 0:
+        axis = -axis
+    return math.atan2(axis[1], axis[0])
+
+
+def ticks(low: float, high: float, *, about: int = 5) -> Array:
+    """Round values from `low` to `high`, about `about` of them, shape (n,)."""
+    step = nice_step((high - low) / about)
+    return np.asarray(step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step) + 1))
+
+
+def nice_step(rough: float) -> float:
+    """The number 1, 2 or 5 times a power of ten that is nearest to `rough`."""
+    power = 10.0 ** math.floor(math.log10(rough))
+    steps = (m * power for m in (1.0, 2.0, 5.0, 10.0))
+    return min(steps, key=lambda s: abs(math.log(s / rough)))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class View:
-    """A camera in display units, z up."""
+    """A camera in display units, z up, as MuJoCo's renderer takes it."""
 
     position: Array
     """Shape (3,)"""
@@ -62,31 +228,26 @@ class View:
         """Unit vector to the right of the picture, shape (3,)."""
         return np.cross(self.forward, self.up)
 
-    def frustum(self) -> tuple[float, float, float]:
-        """Half width, bottom and top at the near plane, in display units."""
+    def frustum(self) -> tuple[float, float, float, float]:
+        """Middle from the left, half width, bottom and top at the near plane, in display units."""
         unit = 1.0 if self.parallel else self.near
         filled = self.frame.filled
         height = 2 * self.half_height * unit / filled
         low = -height * (self.frame.bottom + filled / 2)
-        return height * self.frame.aspect / 2, low, low + height
-
-    def centre(self) -> float:
-        """Horizontal middle of the picture at the near plane, in display units."""
-        return self.frustum()[0] * (self.frame.right - self.frame.left)
+        half_width = height * self.frame.aspect / 2
+        return half_width * (self.frame.right - self.frame.left), half_width, low, low + height
 
     def project(self, points: Array) -> Array:
         """Picture coordinates of points (n, 3): x from the left, y from the top, both 0 to 1; and
         the distance along the view, shape (n, 3). Points behind the camera get NaN."""
         relative = np.asarray(points) - self.position
         along = relative @ self.forward
-        if self.parallel:
-            shrink = np.ones_like(along)
-        else:
-            shrink = np.where(
-                along > self.near, self.near / np.where(along > 0, along, 1.0), np.nan
-            )
-        half_width, low, high = self.frustum()
-        x = ((relative @ self.right) * shrink - self.centre()) / half_width / 2 + 0.5
+        shrink = np.ones_like(along)
+        if not self.parallel:
+            seen = along > self.near
+            shrink = np.where(seen, self.near / np.where(seen, along, 1.0), np.nan)
+        centre, half_width, low, high = self.frustum()
+        x = ((relative @ self.right) * shrink - centre) / half_width / 2 + 0.5
         y = 1.0 - ((relative @ self.up) * shrink - low) / (high - low)
         return np.stack([x, y, along], axis=-1)
 
@@ -112,10 +273,8 @@ def fit(points: Array, forward: Array, up: Array, *, half_height: float, frame: 
         x, y, z = relative @ right, relative @ up, relative @ forward
         distance = float(np.max(np.maximum(np.abs(x) / half_width, np.abs(y) / tangent) - z))
         distance = max(distance, 1e-3)
-        left_right = x / (distance + z)
-        up_down = y / (distance + z)
-        middle_x = (left_right.max() + left_right.min()) / 2
-        middle_y = (up_down.max() + up_down.min()) / 2
+        across, above = x / (distance + z), y / (distance + z)
+        middle_x, middle_y = ((a.max() + a.min()) / 2 for a in (across, above))
         target = target + distance * (middle_x * right + middle_y * up)
     reach = float(np.linalg.norm(points - target, axis=-1).max())
     return View(
@@ -142,7 +301,7 @@ def block_view(camera: str, layout: SceneLayout, frame: Frame, phase: float | No
     if camera == "orbit":
         turned = ORBIT_STILL if phase is None else ORBIT_SWEEP * (phase - 0.5)
         elevation = ORBIT_ELEVATION
-    forward, up = direction(broadside(layout) + turned, elevation)
+    forward, up = direction(layout.broadside + turned, elevation)
     return fit(layout.corners(), forward, up, half_height=NARROW, frame=frame)
 
 
@@ -153,14 +312,12 @@ def map_view(layout: SceneLayout, frame: Frame) -> View:
     span = corners.max(axis=0) - corners.min(axis=0)
     # Display x (north) runs up the picture and -y (east) to the right.
     wide = frame.aspect * (1.0 - frame.left - frame.right)
-    half = max(span[0] / 2, span[1] / 2 * frame.filled / wide)
-    deep = float(layout.size[2] * layout.factors[2])
-    height = 10.0 + 0.05 * deep
+    height = 10.0 + 0.05 * float(layout.size[2] * layout.factors[2])
     return View(
         position=middle + np.array([0.0, 0.0, height]),
         forward=np.array([0.0, 0.0, -1.0]),
         up=np.array([1.0, 0.0, 0.0]),
-        half_height=half,
+        half_height=max(span[0] / 2, span[1] / 2 * frame.filled / wide),
         frame=frame,
         parallel=True,
         near=0.1,
@@ -193,18 +350,11 @@ def inset_view(centre: Array, heading: float, aspect: float) -> View:
     )
 
 
-def broadside(layout: SceneLayout) -> float:
-    """Bearing from which the block's x axis runs to the right of the picture."""
-    return -(layout.azimuth + math.pi / 2)
-
-
 def follow(angle: Array, frames_per_second: float, lag: float = CHASE_LAG) -> Array:
     """Angles [rad, unwrapped] of a camera that follows `angle` with a first-order lag [s].
 
     It starts settled on the first angle, so that a video does not begin with a swing.
     """
     weight = 1.0 - math.exp(-1.0 / (frames_per_second * lag))
-    out = np.array(angle, float)
-    for i in range(1, len(out)):
-        out[i] = out[i - 1] + weight * (angle[i] - out[i - 1])
-    return out
+    lagging = itertools.accumulate(angle, lambda before, now: before + weight * (now - before))
+    return np.fromiter(lagging, float)

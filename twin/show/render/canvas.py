@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from twin.show.render.scene_geometry import Frame
-from twin.show.render.shot import Shot
+from twin.show.render.camera import Frame
+from twin.show.render.subject import Shot
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -27,22 +27,44 @@ Colour = tuple[int, int, int]
 
 BASE_WIDTH, BASE_HEIGHT = 1280, 720
 """[pixel] of the picture in which sizes are given; they grow with the picture"""
-STRIP = 85
-"""Height of the strip of readouts [pixel of the base picture]"""
+STRIP = 85  # height of the strip of readouts [pixel of the base picture]
 FREE = {"bottom": 42, "top": 72, "left": 0.075, "right": 0.245}
 """What framing keeps free for the display: pixels of the base picture above the strip for the
 distances, and above for the title; parts of the width for depths, and for close-up and legend"""
 INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
 """Width of the close-up over the picture's, and its width over its height"""
-CURVE_SHARE = 0.22
-"""Width of the depth curve over the picture's"""
+CURVE_SHARE = 0.22  # width of the depth curve over the picture's
 NAME_TOP, VALUE_TOP, NOTES_TOP, COMPASS_TOP = 15, 34, 14, 82
 """From the strip's edge to the readouts' names and values, and from the picture's to the notes and
 the compass, likewise"""
 TITLE, VALUE, NAME, LABEL, LEGEND = 19, 25, 16, 17, 16
 """Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
-SMALLEST_FONT = 8
-"""[pixel] below which letters are blots"""
+SMALLEST_FONT = 8  # [pixel] below which letters are blots
+TRACK_MAP, TRACK_FROM, TRACK_TO = "plasma", 0.30, 0.97
+LIGHT_DEPTH = 120.0
+"""[m] over which daylight fades by e: our choice, so that a dive to 500 m still shows something"""
+SURFACE_LIGHT = np.array([0.16, 0.62, 0.74])
+DEEP_LIGHT = np.array([0.016, 0.085, 0.19])
+HORIZON, ZENITH = np.array([0.74, 0.88, 0.95]), np.array([0.30, 0.56, 0.84])
+"""The sky, for a chase camera above the water"""
+BACKDROP_TOP, BACKDROP_BOTTOM = np.array([0.055, 0.115, 0.19]), np.array([0.012, 0.028, 0.055])
+SAND = np.array([0.56, 0.51, 0.40])
+FUTURE = np.array([0.80, 0.86, 0.92])  # the part of the track that is still to come
+CURRENT = np.array([0.93, 0.98, 1.0])
+GLASS = np.array([0.55, 0.88, 1.0])
+OTHER_TRACKS = tuple(np.array([
+    (0.15, 0.90, 0.50), (1.00, 0.58, 0.78), (0.50, 0.92, 1.00), (0.74, 0.68, 1.00),
+    (0.74, 1.00, 0.30), (0.62, 0.68, 0.75), (1.00, 1.00, 1.00),
+]))  # fmt: skip
+"""Colours of dead-reckoned tracks, in order; they come round again after the last. Light ones: the
+water is blue and dark, and the true track takes the warm hues. White, that of the current's arrows,
+comes last."""
+WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
+"""Text, its labels and the ground of the heads-up strip, 0 to 255"""
+_FILES = {False: "DejaVuSans.ttf", True: "DejaVuSans-Bold.ttf"}
+CACHE = 4096  # words kept; a long video has as many different numbers
+HALO_SHARE = 14  # font size over the width of its halo
+OVERHANG = 2  # [pixel] by which a letter may reach over its width
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -133,14 +155,12 @@ def dot(frame: Pixels, x: float, y: float, radius: float, colour: Colour) -> Non
     frame[y0:y1, x0:x1] = (part * (1 - cover) + np.array(colour) * cover).astype(np.uint8)
 
 
-def border(frame: Pixels, box: tuple[int, int, int, int], colour: Colour) -> None:
+def border(frame: Pixels, place: tuple[int, int, int, int], colour: Colour) -> None:
     """A thin frame just inside a box (left, top, width, height), in place."""
-    left, top, wide, high = box
-    thick = max(1, round(frame.shape[0] / 480))
-    frame[top : top + thick, left : left + wide] = colour
-    frame[top + high - thick : top + high, left : left + wide] = colour
-    frame[top : top + high, left : left + thick] = colour
-    frame[top : top + high, left + wide - thick : left + wide] = colour
+    left, top, wide, high = place
+    part, thick = frame[top : top + high, left : left + wide], max(1, round(frame.shape[0] / 480))
+    for edge in (part[:thick], part[-thick:], part[:, :thick], part[:, -thick:]):
+        edge[:] = colour
 
 
 def box(frame: Pixels, place: tuple[int, int, int, int], colour: Colour, rim: Colour) -> None:
@@ -150,34 +170,12 @@ def box(frame: Pixels, place: tuple[int, int, int, int], colour: Colour, rim: Co
     frame[top : top + high, left : left + wide] = colour
 
 
-Tile = tuple[Wide, Wide, int, int]
-"""What a painted box adds to a frame and keeps of it (see `blend`), its left and its top"""
+def layer(picture: Pixels) -> tuple[Wide, Wide]:
+    """What an RGBA picture adds to a frame, and the part (..., 1) that it keeps, both by 255."""
+    alpha = picture[..., 3:].astype(np.uint16)
+    return picture[..., :3] * alpha, 255 - alpha
 
 
-def tiles(ground: Pixels) -> list[Tile]:
-    """The painted boxes of an RGBA picture; empty rows, and empty columns in them, are left out."""
-    alpha = ground[..., 3:].astype(np.uint16)
-    add, keep = ground[..., :3] * alpha, np.repeat(255 - alpha, 3, axis=-1)
-    found = []
-    for top, bottom in _runs(np.asarray(alpha.any(axis=(1, 2)))):
-        for left, right in _runs(np.asarray(alpha[top:bottom].any(axis=(0, 2))), gap=16):
-            box = (slice(top, bottom), slice(left, right))
-            found.append((add[box].copy(), keep[box].copy(), left, top))
-    return found
-
-
-def _runs(filled: NDArray[np.bool_], gap: int = 1) -> list[tuple[int, int]]:
-    """Runs of true values as (first, after last); gaps up to `gap` do not end a run."""
-    places = np.flatnonzero(filled)
-    if len(places) == 0:
-        return []
-    breaks = np.flatnonzero(np.diff(places) > gap)
-    firsts = [int(places[0]), *(int(places[b + 1]) for b in breaks)]
-    lasts = [*(int(places[b]) for b in breaks), int(places[-1])]
-    return [(a, b + 1) for a, b in zip(firsts, lasts, strict=True)]
-
-
-TRACK_MAP, TRACK_FROM, TRACK_TO = "plasma", 0.30, 0.97
 WATER = np.array(
     [
         [0.00, 0.62, 0.90, 0.93],
@@ -188,35 +186,6 @@ WATER = np.array(
     ]
 )
 """Relative depth of the shown water and its colour"""
-LIGHT_DEPTH = 120.0
-"""[m] over which daylight fades by e: our choice, so that a dive to 500 m still shows something"""
-SURFACE_LIGHT = np.array([0.16, 0.62, 0.74])
-DEEP_LIGHT = np.array([0.016, 0.085, 0.19])
-HORIZON, ZENITH = np.array([0.74, 0.88, 0.95]), np.array([0.30, 0.56, 0.84])
-"""The sky, for a chase camera above the water"""
-BACKDROP_TOP, BACKDROP_BOTTOM = np.array([0.055, 0.115, 0.19]), np.array([0.012, 0.028, 0.055])
-SAND = np.array([0.56, 0.51, 0.40])
-FUTURE = np.array([0.80, 0.86, 0.92])
-"""The part of the track that is still to come"""
-CURRENT = np.array([0.93, 0.98, 1.0])
-GLASS = np.array([0.55, 0.88, 1.0])
-OTHER_TRACKS = tuple(
-    np.array(colour)
-    for colour in (
-        (0.15, 0.90, 0.50),
-        (1.00, 0.58, 0.78),
-        (0.50, 0.92, 1.00),
-        (0.74, 0.68, 1.00),
-        (0.74, 1.00, 0.30),
-        (0.62, 0.68, 0.75),
-        (1.00, 1.00, 1.00),
-    )
-)
-"""Colours of dead-reckoned tracks, in order; they come round again after the last. Light ones: the
-water is blue and dark, and the true track takes the warm hues. White, that of the current's arrows,
-comes last."""
-WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
-"""Text, its labels and the ground of the heads-up strip, 0 to 255"""
 
 
 def track_colours(values: Array, low: float, high: float) -> Array:
@@ -232,15 +201,6 @@ def water_colour(relative_depth: Array | float) -> Array:
     """Colour of the water at a relative depth 0 to 1. Shape (..., 3)."""
     depth = np.clip(relative_depth, 0.0, 1.0)
     return np.stack([np.interp(depth, WATER[:, 0], WATER[:, i]) for i in (1, 2, 3)], axis=-1)
-
-
-_FILES = {False: "DejaVuSans.ttf", True: "DejaVuSans-Bold.ttf"}
-CACHE = 4096
-"""Words kept; a long video has as many different numbers"""
-HALO_SHARE = 14
-"""Font size over the width of its halo"""
-OVERHANG = 2
-"""[pixel] by which a letter may reach over its width"""
 
 
 @functools.lru_cache(maxsize=64)
@@ -259,7 +219,7 @@ def text_width(text: str, size: int, bold: bool = False) -> int:
 def word(
     text: str, size: int, colour: Colour, bold: bool = False, halo: Colour | None = None
 ) -> tuple[Wide, Wide]:
-    """What a word adds to a frame and what it keeps of it, both (height, width, 3) of 255.
+    """What a word adds to a frame and keeps of it, as `layer`.
 
     Its box is the font's line height, so that words of one size align by their top; a halo, a rim
     that keeps text readable on any ground, makes it larger on each side alike.
@@ -267,10 +227,10 @@ def word(
     rim = max(1, round(size / HALO_SHARE)) if halo is not None else 0
     cover = _compose(text, size, bold, rim, 0)
     if halo is None:
-        return cover * np.array(colour, np.uint16), np.repeat(255 - cover, 3, axis=-1)
+        return cover * np.array(colour, np.uint16), 255 - cover
     ground = np.maximum(_compose(text, size, bold, rim, rim), cover)
     add = cover * np.array(colour, np.uint16) + (ground - cover) * np.array(halo, np.uint16)
-    return add, np.repeat(255 - ground, 3, axis=-1)
+    return add, 255 - ground
 
 
 def _compose(text: str, size: int, bold: bool, margin: int, stroke: int) -> Wide:
@@ -337,16 +297,20 @@ def write(
 
 def blend(frame: Pixels, add: Wide, keep: Wide, left: int, top: int) -> None:
     """frame = (frame * keep + add) / 255 where the two lie over the frame, in place."""
-    height, width_ = frame.shape[:2]
+    height, width = frame.shape[:2]
     h, w = add.shape[:2]
-    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + w, width_), min(top + h, height)
-    if x0 >= x1 or y0 >= y1:
-        return
-    part = (slice(y0 - top, y1 - top), slice(x0 - left, x1 - left))
-    mixed = frame[y0:y1, x0:x1] * keep[part]
-    mixed += add[part]
+    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + w, width), min(top + h, height)
+    if x0 < x1 and y0 < y1:
+        part = (slice(y0 - top, y1 - top), slice(x0 - left, x1 - left))
+        frame[y0:y1, x0:x1] = mixed(frame[y0:y1, x0:x1], add[part], keep[part])
+
+
+def mixed(ground: Pixels, add: Wide, keep: Wide) -> Wide:
+    """(ground * keep + add) / 255 to the nearest whole number, shape (height, width, 3)."""
+    total = ground * keep
+    total += add
     # Dividing by 255 exactly, without a division: (m + 128 + ((m + 128) >> 8)) >> 8.
-    mixed += 128
-    mixed += mixed >> 8
-    mixed >>= 8
-    frame[y0:y1, x0:x1] = mixed
+    total += 128
+    total += total >> 8
+    total >>= 8
+    return total

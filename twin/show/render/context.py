@@ -15,18 +15,23 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from typing import Protocol
+from typing import Any
 
 from twin.errors import TwinError
 from twin.extras import preload_triton
 
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
-"""Environment variables that name a screen on Linux"""
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # environment variables that name a screen on Linux
 WAY_OUT = (
     "`twin view --web` shows it in a browser, `twin render STORE --html dive.html` writes such a "
     "page, `twin render` draws pictures and videos; `xvfb-run -a` (Debian package xvfb) gives the "
     "command a virtual screen"
 )
+BACKENDS = {"egl": "libegl1 libopengl0 libgl1-mesa-dri", "osmesa": "libosmesa6"}
+"""Debian packages of each backend, the preferred backend first."""
+_EGL_PLATFORM_DEVICE = 0x313F  # EGL_PLATFORM_DEVICE_EXT, of EGL_EXT_platform_device
+_MOST_DEVICES = 16
+_drawing: int | None = None
+"""Process that first drew, among this one and those that it was forked from"""
 
 
 class NoScreen(TwinError):
@@ -59,30 +64,12 @@ def require_screen() -> None:
         glfw.destroy_window(window)
 
 
-BACKENDS = {"egl": "libegl1 libopengl0 libgl1-mesa-dri", "osmesa": "libosmesa6"}
-"""Debian packages of each backend, the preferred backend first."""
-_LIBRARIES = {"egl": ("libEGL.so.1",), "osmesa": ("libOSMesa.so.8", "libOSMesa.so.6")}
-_EGL_PLATFORM_DEVICE = 0x313F
-"""EGL_PLATFORM_DEVICE_EXT, from the extension EGL_EXT_platform_device."""
-_MOST_DEVICES = 16
-
-
 class NoOpenGL(TwinError):
     """This machine cannot draw: a library is missing, or drawing was switched off."""
 
 
 class ForkedDrawing(TwinError):
     """A process that was forked from one that had drawn wants to draw: it would wait for ever."""
-
-
-class Context(Protocol):
-    """What MuJoCo's context classes have in common."""
-
-    def make_current(self) -> None:
-        """Let this thread draw into it."""
-
-    def free(self) -> None:
-        """Release it; a second call does nothing."""
 
 
 def available_backend() -> str | None:
@@ -93,18 +80,11 @@ def available_backend() -> str | None:
     preload_triton()
     # PyOpenGL, once imported, cannot change its platform any more.
     settled = os.environ.get("PYOPENGL_PLATFORM", "").lower() if "OpenGL" in sys.modules else ""
+    chosen = {wanted, settled} & BACKENDS.keys()
     for name, works in (("egl", _egl_works), ("osmesa", _osmesa_works)):
-        if wanted in BACKENDS and name != wanted:
-            continue
-        if settled in BACKENDS and name != settled:
-            continue
-        if works():
+        if chosen <= {name} and works():
             return name
     return None
-
-
-_drawing: int | None = None
-"""Process that first drew, among this one and those that it was forked from"""
 
 
 def claim_drawing() -> None:
@@ -123,8 +103,8 @@ def claim_drawing() -> None:
     _drawing = os.getpid()
 
 
-def new_context(width: int, height: int) -> Context:
-    """An offscreen context of the preferred backend, released at exit if nobody does so before.
+def new_context(width: int, height: int) -> Any:
+    """An offscreen context of MuJoCo's, of the preferred backend; at exit it is released.
 
     Args:
       width, height: [pixel] of the largest picture; OSMesa needs to know.
@@ -134,12 +114,18 @@ def new_context(width: int, height: int) -> Context:
       ForkedDrawing: this process was forked from one that had drawn.
     """
     claim_drawing()
+    switch = os.environ.get("MUJOCO_GL", "")
+    said = f"MUJOCO_GL={switch} is set; " if switch else ""
+    advice = (
+        f"no OpenGL without a screen: {said}on Debian, apt-get install {BACKENDS['egl']} (EGL), or "
+        f"{BACKENDS['osmesa']} (OSMesa)"
+    )
     backend = available_backend()
     if backend is None:
-        raise NoOpenGL(_advice())
+        raise NoOpenGL(advice)
     os.environ["MUJOCO_GL"] = backend  # MuJoCo's C side asks it where to find OpenGL's functions
     try:
-        context: Context
+        context: Any
         if backend == "egl":
             from mujoco.egl import GLContext as EglContext
 
@@ -151,9 +137,8 @@ def new_context(width: int, height: int) -> Context:
         context.make_current()
     except Exception as error:
         # PyOpenGL and the drivers raise errors of many kinds; all of them mean this.
-        raise NoOpenGL(
-            f"{backend} is installed but gives no context ({error}). {_advice()}"
-        ) from error
+        reason = f"{backend} is installed but gives no context ({error})"
+        raise NoOpenGL(f"{reason}. {advice}") from error
     # MuJoCo ends EGL at exit; functions registered later run earlier, so contexts go first.
     atexit.register(context.free)
     return context
@@ -180,37 +165,27 @@ def keep_current() -> Iterator[None]:
                 egl.eglMakeCurrent(*before)
 
 
-def release(context: Context) -> None:
+def release(context: Any) -> None:
     """Free a context from `new_context` now."""
     context.free()
     atexit.unregister(context.free)
 
 
-def _advice() -> str:
-    switch = os.environ.get("MUJOCO_GL", "")
-    said = f"MUJOCO_GL={switch} is set; " if switch else ""
-    return (
-        f"no OpenGL without a screen: {said}on Debian, apt-get install {BACKENDS['egl']} (EGL), or "
-        f"{BACKENDS['osmesa']} (OSMesa)"
-    )
-
-
-def _load(name: str) -> ctypes.CDLL | None:
-    for file in _LIBRARIES[name]:
-        try:
+def _loaded(*files: str) -> ctypes.CDLL | None:
+    """The first of these shared libraries that is there."""
+    for file in files:
+        with contextlib.suppress(OSError):
             return ctypes.CDLL(file)
-        except OSError:
-            continue
     return None
 
 
 def _osmesa_works() -> bool:
-    return _load("osmesa") is not None
+    return _loaded("libOSMesa.so.8", "libOSMesa.so.6") is not None
 
 
 def _egl_works() -> bool:
     """True when some EGL device can be initialised: the library alone draws nothing."""
-    library = _load("egl")
+    library = _loaded("libEGL.so.1")
     if library is None:
         return False
     library.eglGetProcAddress.restype = ctypes.c_void_p
@@ -218,19 +193,14 @@ def _egl_works() -> bool:
     display = library.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
     if not query or not display:
         return False
-    query_devices = ctypes.CFUNCTYPE(
-        ctypes.c_uint, ctypes.c_int, ctypes.POINTER(ctypes.c_void_p), ctypes.POINTER(ctypes.c_int)
-    )(query)
-    get_display = ctypes.CFUNCTYPE(
-        ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p
-    )(display)
-    library.eglInitialize.argtypes = [ctypes.c_void_p] * 3
-    devices = (ctypes.c_void_p * _MOST_DEVICES)()
+    pointer, number = ctypes.c_void_p, ctypes.c_uint
+    places = (ctypes.POINTER(pointer), ctypes.POINTER(ctypes.c_int))
+    query_devices = ctypes.CFUNCTYPE(number, ctypes.c_int, *places)(query)
+    get_display = ctypes.CFUNCTYPE(pointer, number, pointer, pointer)(display)
+    library.eglInitialize.argtypes = [pointer] * 3
+    devices = (pointer * _MOST_DEVICES)()
     count = ctypes.c_int()
     if not query_devices(_MOST_DEVICES, devices, ctypes.byref(count)):
         return False
-    for device in devices[: count.value]:
-        handle = get_display(_EGL_PLATFORM_DEVICE, device, None)
-        if handle and library.eglInitialize(handle, None, None):
-            return True
-    return False
+    handles = (get_display(_EGL_PLATFORM_DEVICE, one, None) for one in devices[: count.value])
+    return any(handle and library.eglInitialize(handle, None, None) for handle in handles)

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import IO, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,23 +32,17 @@ from twin.records.storage.whole import check_file_target, whole_file
 from twin.records.trajectory import Trajectory
 from twin.show.render.painter import Painter
 from twin.show.render.playback import POSITION
-from twin.show.render.shot import Shot, Subject
+from twin.show.render.subject import Shot, Subject
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-VIDEO_FORMATS = (".mp4", ".gif")
-STILL_FORMATS = (".png",)
-AHEAD = 3
-"""Frames for each worker that may wait for the encoder"""
-GAP = "measured_gap"
-"""Flag of samples that a log does not have"""
-QUALITY = 20
-"""x264's constant rate factor: 18 looks lossless, 23 is its default"""
-PRESET = "veryfast"
-"""x264's: half the time of `fast` for a tenth more bytes"""
-GIF_FPS = 20.0
-"""Most frames per second of a gif: its clock counts hundredths and browsers slow down below 3"""
+VIDEO_FORMATS, STILL_FORMATS = (".mp4", ".gif"), (".png",)
+AHEAD = 3  # frames for each worker that may wait for the encoder
+GAP = "measured_gap"  # flag of samples that a log does not have
+QUALITY = 20  # x264's constant rate factor: 18 looks lossless, 23 is its default
+PRESET = "veryfast"  # x264's: half the time of `fast` for a tenth more bytes
+GIF_FPS = 20.0  # at most: a gif's clock counts hundredths and browsers slow down below 3
 
 
 def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
@@ -107,14 +101,10 @@ def save_video(
         raise InputError(f"video {path.name}: the ending must be {' or '.join(VIDEO_FORMATS)}")
     times = shot.frame_times(subject.trajectory.time)
     check_file_target(path)
-    workers = min(workers, len(times))
-    if workers == 1:
-        painted = _frames(subject, shot, times)
-    else:
-        painted = _shared_frames(subject, shot, times, workers)
-    with whole_file(path) as place, Encoder(place, shot.width, shot.height, shot.fps) as encoder:
+    painted = _frames(subject, shot, times, min(workers, len(times)))
+    with whole_file(path) as place, encoder(place, shot) as write:
         for frame in painted:
-            encoder.write(frame)
+            write(frame)
             if progress is not None:
                 progress()
     return len(times)
@@ -125,14 +115,12 @@ def default_workers() -> int:
     return processors()
 
 
-def _frames(subject: Subject, shot: Shot, times: Array) -> Iterator[Pixels]:
-    with Painter(subject, shot, times) as painter:
-        for index in range(painter.frames):
-            yield painter.paint(index)
-
-
-def _shared_frames(subject: Subject, shot: Shot, times: Array, workers: int) -> Iterator[Pixels]:
-    """Frames in order, painted by processes that were not forked: OpenGL does not survive it."""
+def _frames(subject: Subject, shot: Shot, times: Array, workers: int) -> Iterator[Pixels]:
+    """Frames in order; several workers are processes that were not forked, which OpenGL needs."""
+    if workers == 1:
+        with Painter(subject, shot, times) as painter:
+            yield from map(painter.paint, range(painter.frames))
+        return
     pool = ProcessPoolExecutor(
         workers, multiprocessing.get_context("spawn"), _begin, (subject, shot, times)
     )
@@ -150,10 +138,10 @@ def _shared_frames(subject: Subject, shot: Shot, times: Array, workers: int) -> 
         pool.shutdown(cancel_futures=True)
 
 
-def _begin(*shown: object) -> None:
+def _begin(*shown: Any) -> None:
     """A worker's first act; interrupts are the parent's to answer, and it ends with its parent."""
-    global _shown
-    _shown = shown
+    global _painter
+    _painter = functools.cache(lambda: Painter(*shown))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["LP_NUM_THREADS"] = "1"  # each has a core, where Mesa would start a thread per core
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -166,13 +154,8 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-_shown: tuple[object, ...] = ()
-"""Subject, shot and times of this worker's film"""
-
-
-@functools.cache
-def _painter() -> Painter:
-    return Painter(*_shown)  # type: ignore[arg-type]
+_painter: Callable[[], Painter]
+"""Of this worker's film"""
 
 
 def _paint(index: int) -> Pixels:
@@ -183,85 +166,66 @@ class EncodeError(TwinError):
     """ffmpeg could not write the video; its last line is in the message."""
 
 
-class Encoder:
-    """Writes frames to a video file; until the context manager ends well it is cut."""
+@contextlib.contextmanager
+def encoder(path: Path, shot: Shot) -> Iterator[Callable[[Pixels], None]]:
+    """What adds a frame (height, width, 3) to a video file; until it ends well, the file is cut.
 
-    def __init__(self, path: Path, width: int, height: int, fps: float):
-        """
-        Raises:
-          InputError: unknown ending, a size that the format cannot hold, or no imageio-ffmpeg.
-        """
-        suffix = path.suffix.lower()
-        if suffix not in VIDEO_FORMATS:
-            raise InputError(f"video {path.name}: the ending must be {' or '.join(VIDEO_FORMATS)}")
-        if suffix == ".mp4" and (width % 2 or height % 2):
-            raise InputError(f"mp4 needs an even width and height, not {width}x{height}")
-        require("imageio_ffmpeg", extra="video", purpose="writing a video")
-        self.path = path
-        self._shape = (height, width, 3)
-        self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
-        self._process = subprocess.Popen(
-            [*_command(width, height, fps), *_output(suffix, fps), str(self.path)],
+    Raises:
+      InputError: a size that the format cannot hold, or no imageio-ffmpeg.
+      EncodeError: ffmpeg failed.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".mp4" and (shot.width % 2 or shot.height % 2):
+        raise InputError(f"mp4 needs an even width and height, not {shot.width}x{shot.height}")
+    require("imageio_ffmpeg", extra="video", purpose="writing a video")
+    with tempfile.TemporaryFile() as log:
+        process = subprocess.Popen(
+            _command(shot, suffix, path),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            stderr=self._log,
+            stderr=log,
         )
+        pipe = process.stdin
+        assert pipe is not None
 
-    def write(self, frame: Pixels) -> None:
-        """Add a frame (height, width, 3)."""
-        if frame.shape != self._shape or frame.dtype != np.uint8:
-            raise ValueError(f"frame {frame.shape} {frame.dtype}, expected {self._shape} uint8")
-        assert self._process.stdin is not None
+        def failed() -> EncodeError:
+            process.wait()
+            log.seek(0)
+            lines = log.read().decode(errors="replace").strip().splitlines()
+            last = lines[-1] if lines else f"ffmpeg ended with code {process.returncode}"
+            return EncodeError(f"cannot write {path.name}: {last}")
+
+        def write(frame: Pixels) -> None:
+            try:
+                pipe.write(frame.data)
+            except OSError as error:
+                raise failed() from error
+
         try:
-            self._process.stdin.write(np.ascontiguousarray(frame).data)
-        except OSError as error:
-            self._process.wait()
-            raise EncodeError(f"cannot write {self.path.name}: {self._last_words()}") from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        assert self._process.stdin is not None
-        try:
-            if kind is not None:
-                self._process.kill()
-                return
-            self._process.stdin.close()
-            if self._process.wait() != 0:
-                raise EncodeError(f"cannot write {self.path.name}: {self._last_words()}")
+            yield write
+            pipe.close()
+            if process.wait() != 0:
+                raise failed()
+        except BaseException:
+            process.kill()
+            raise
         finally:
-            self._process.wait()
+            process.wait()
             with contextlib.suppress(BrokenPipeError):  # what was buffered has nowhere to go
-                self._process.stdin.close()
-            self._log.close()
-
-    def _last_words(self) -> str:
-        self._log.seek(0)
-        lines = self._log.read().decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else f"ffmpeg ended with code {self._process.returncode}"
+                pipe.close()
 
 
-def _command(width: int, height: int, fps: float) -> list[str]:
+def _command(shot: Shot, suffix: str, path: Path) -> list[str]:
     import imageio_ffmpeg
 
-    return [
-        imageio_ffmpeg.get_ffmpeg_exe(),
-        *("-y", "-hide_banner", "-loglevel", "error", "-nostdin"),
-        *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}"),
-        *("-i", "pipe:0"),
-    ]
-
-
-def _output(suffix: str, fps: float) -> list[str]:
-    if suffix == ".mp4":
-        return [
-            *("-c:v", "libx264", "-preset", PRESET, "-crf", str(QUALITY), "-pix_fmt", "yuv420p"),
-            *("-movflags", "+faststart", "-an"),
-        ]
+    size, fps = f"{shot.width}x{shot.height}", f"{shot.fps:g}"
     # One palette for the whole film, and no dither pattern that changes where nothing moves.
     palette = (
-        f"fps={min(fps, GIF_FPS):g},split[a][b];[a]palettegen=max_colors=192:stats_mode=full[p];"
-        "[b][p]paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"
+        f"fps={min(shot.fps, GIF_FPS):g},split[a][b];[a]palettegen=max_colors=192:stats_mode=full"
+        "[p];[b][p]paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"
     )
-    return ["-filter_complex", palette, "-loop", "0"]
+    h264 = f"-c:v libx264 -preset {PRESET} -crf {QUALITY} -pix_fmt yuv420p -movflags +faststart -an"
+    out = h264.split() if suffix == ".mp4" else ["-filter_complex", palette, "-loop", "0"]
+    source = f"-f rawvideo -pix_fmt rgb24 -s {size} -r {fps} -i pipe:0"
+    words = ["-y", "-hide_banner", "-loglevel", "error", "-nostdin", *source.split(), *out]
+    return [imageio_ffmpeg.get_ffmpeg_exe(), *words, str(path)]

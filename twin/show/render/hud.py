@@ -16,37 +16,21 @@ from PIL import Image, ImageDraw
 from twin.show.render import canvas as palette
 from twin.show.render import tags
 from twin.show.render.camera import View
-from twin.show.render.canvas import (
-    LEGEND,
-    NAME,
-    NAME_TOP,
-    NOTES_TOP,
-    SMALLEST_FONT,
-    TITLE,
-    VALUE,
-    Canvas,
-    box,
-    dot,
-    tiles,
-)
+from twin.show.render.canvas import LEGEND, NAME, NAME_TOP, NOTES_TOP, TITLE, VALUE, Canvas
 from twin.show.render.playback import Poses, spins, turns
-from twin.show.render.ribbon import Ribbon
-from twin.show.render.stage import Line, Stage
+from twin.show.render.stage import Stage
 
 Pixels = NDArray[np.uint8]
 
 STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
-BAR = (190, 11)
-"""Width and height of the colour bar [pixel of the base picture]"""
-LEGEND_SHARE = 0.32
-"""Width of the legend over the picture's from which a small picture goes without"""
-LINE = 1.35
-"""Least height of a legend's row over its font size"""
-ROW = 20
-"""Height of a legend's row, likewise"""
-EDGE = (120, 190, 215, 150)
-CURVE = (200, 226, 238, 255)
-OVERSAMPLING = 3
+BAR, ROW = (190, 11), 20
+"""Width and height of the colour bar, and height of a legend's row [pixel of the base picture]"""
+LEGEND_SHARE = 0.32  # width of the legend over the picture's: a smaller picture goes without
+LINE = 1.35  # least height of a legend's row over its font size
+EDGE, CURVE, CURSOR = (120, 190, 215, 150), (200, 226, 238, 255), (255, 150, 60)
+OVERSAMPLING = 3  # the curve is drawn larger and shrunk, for smooth edges
+UNKNOWN = "–"
+SHARED = 2  # moving parts that still share one readout
 
 
 def draw_panel(
@@ -74,15 +58,24 @@ def draw_panel(
     for item, x in zip(items, columns, strict=False):
         y = canvas.strip_top + canvas.px(NAME_TOP)
         draw.text((x, y), item.name, font=face, fill=(*palette.DIM, 255))
-    _draw_curve(image, canvas, stage.lines[0].ribbon, stage)
-    _draw_notes(draw, canvas, notes)
+    _draw_curve(image, canvas, stage)
+    y = canvas.px(NOTES_TOP)
+    for i, line in enumerate(notes):
+        size = canvas.font_size(LEGEND if i else TITLE)
+        draw.text(
+            (canvas.px(22), y), line, font=palette.font(size, i == 0),
+            fill=(*(palette.DIM if i else palette.WHITE), 255),
+            stroke_width=canvas.px(1), stroke_fill=(*palette.INK, 150),
+        )  # fmt: skip
+        y += round(1.4 * size)
     _draw_legend(image, canvas, stage)
     return np.asarray(image)
 
 
-def _draw_curve(image: Image.Image, canvas: Canvas, ribbon: Ribbon, stage: Stage) -> None:
+def _draw_curve(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     """Depth against time of the whole part."""
     x0, y0, x1, y1 = canvas.curve
+    ribbon = stage.lines[0].ribbon
     first, last = ribbon.span
     depth = -ribbon.nodes[:, 2] / stage.layout.factors[2]
     xs = (ribbon.time - first) / (last - first) * (x1 - x0)
@@ -90,28 +83,13 @@ def _draw_curve(image: Image.Image, canvas: Canvas, ribbon: Ribbon, stage: Stage
     margin = 4
     size = (x1 - x0 + 2 * margin, y1 - y0 + 2 * margin)
     large = Image.new("RGBA", (OVERSAMPLING * size[0], OVERSAMPLING * size[1]), (0, 0, 0, 0))
-    draw = ImageDraw.Draw(large)
-    edge = OVERSAMPLING * margin
-    draw.line(
-        (edge, edge, edge + OVERSAMPLING * (x1 - x0), edge), fill=EDGE, width=canvas.px(2) + 1
-    )
-    points = [
-        (edge + OVERSAMPLING * x, edge + OVERSAMPLING * y) for x, y in zip(xs, ys, strict=True)
-    ]
-    draw.line(points, fill=CURVE, width=max(OVERSAMPLING, canvas.px(5)), joint="curve")
+    draw, edge = ImageDraw.Draw(large), OVERSAMPLING * margin
+    surface = (edge, edge, edge + OVERSAMPLING * (x1 - x0), edge)
+    draw.line(surface, fill=EDGE, width=canvas.px(2) + 1)
+    points = edge + OVERSAMPLING * np.column_stack([xs, ys])
+    width = max(OVERSAMPLING, canvas.px(5))
+    draw.line([*map(tuple, points.tolist())], fill=CURVE, width=width, joint="curve")
     image.alpha_composite(large.resize(size, Image.Resampling.LANCZOS), (x0 - margin, y0 - margin))
-
-
-def _draw_notes(draw: ImageDraw.ImageDraw, canvas: Canvas, notes: Sequence[str]) -> None:
-    y = canvas.px(NOTES_TOP)
-    for i, line in enumerate(notes):
-        size = canvas.font_size(TITLE if i == 0 else LEGEND)
-        colour = (255, 255, 255, 255) if i == 0 else (*palette.DIM, 255)
-        draw.text(
-            (canvas.px(22), y), line, font=palette.font(size, i == 0), fill=colour,
-            stroke_width=canvas.px(1), stroke_fill=(*palette.INK, 150),
-        )  # fmt: skip
-        y += round(1.4 * size)
 
 
 def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
@@ -119,61 +97,50 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
 
     A picture so small that the legend would cover the scene has none.
     """
-    draw = ImageDraw.Draw(image)
+    draw, px = ImageDraw.Draw(image), canvas.px
     size = canvas.font_size(LEGEND)
-    face, row, scale = palette.font(size), max(canvas.px(ROW), round(LINE * size)), stage.scale
-    bar = (canvas.px(BAR[0]), canvas.px(BAR[1]))
-    strongest = stage.current.strongest
-    digits = 2 if strongest >= 0.01 else 3
-    current = f"{stage.current_name}, up to {strongest:.{digits}f} m/s" if strongest else ""
-    names = [*(line.name for line in stage.lines[1:]), *([current] if current else [])]
+    face, row, scale = palette.font(size), max(px(ROW), round(LINE * size)), stage.scale
+    bar = (px(BAR[0]), px(BAR[1]))
+    keys = [(line.name, line.colour) for line in stage.lines[1:]]
+    if strongest := stage.current.strongest:
+        digits = 2 if strongest >= 0.01 else 3
+        keys.append((f"{stage.current_name}, up to {strongest:.{digits}f} m/s", None))
     wide = max(bar[0], palette.text_width(scale.label, size))
-    wide = max([wide, *(canvas.px(34) + palette.text_width(name, size) for name in names)])
-    high = 3 * row - canvas.px(6) + row * len(names)
+    wide = max([wide, *(px(34) + palette.text_width(name, size) for name, _ in keys)])
+    high = 3 * row - px(6) + row * len(keys)
     if wide > LEGEND_SHARE * canvas.width:
         return
-    left = canvas.width - canvas.px(20) - wide
-    top = canvas.strip_top - canvas.px(18) - high
-    pad = canvas.px(10)
+    left = canvas.width - px(20) - wide
+    top = canvas.strip_top - px(18) - high
+    pad = px(10)
     draw.rounded_rectangle(
-        (left - pad, top - pad, left + wide + pad, top + high + canvas.px(4)),
-        radius=canvas.px(6),
+        (left - pad, top - pad, left + wide + pad, top + high + px(4)),
+        radius=px(6),
         fill=(*palette.INK, round(255 * LEGEND_ALPHA)),
     )
     y = top
-    for line in stage.lines[1:]:
-        _draw_line_key(draw, canvas, left, y + row // 2, line)
-        draw.text((left + canvas.px(34), y + row // 2), line.name, font=face, anchor="lm")
-        y += row
-    if current:
-        _draw_arrow_key(draw, canvas, left, y + row // 2)
-        draw.text((left + canvas.px(34), y + row // 2), current, font=face, anchor="lm")
+    for name, colour in keys:
+        middle = y + row // 2
+        if colour is None:  # the current's arrow
+            rgb = tuple(int(255 * c) for c in palette.CURRENT)
+            draw.line((left, middle, left + px(18), middle), fill=rgb, width=px(3))
+            head = [(left + a * canvas.unit, middle + b * canvas.unit)
+                    for a, b in ((26, 0), (16, -5), (16, 5))]  # fmt: skip
+            draw.polygon(head, fill=rgb)
+        else:
+            rgb = tuple(int(255 * c) for c in colour)
+            draw.line((left, middle, left + px(26), middle), fill=rgb, width=px(4))
+        draw.text((left + px(34), middle), name, font=face, anchor="lm")
         y += row
     draw.text((left, y + row // 2), scale.label, font=face, anchor="lm")
     y += row
     colours = palette.track_colours(np.linspace(0, 1, bar[0]), 0.0, 1.0)
     rows = np.repeat((255 * colours).astype(np.uint8)[None], bar[1], axis=0)
     image.paste(Image.fromarray(rows), (left, y))
-    y += bar[1] + canvas.px(2)
+    y += bar[1] + px(2)
     least, most = scale.ends
     draw.text((left, y), least, font=face, anchor="la")
     draw.text((left + bar[0], y), most, font=face, anchor="ra")
-
-
-def _draw_line_key(draw: ImageDraw.ImageDraw, canvas: Canvas, x: int, y: int, line: Line) -> None:
-    colour = palette.FUTURE if line.colour is None else line.colour
-    rgb = tuple(int(255 * c) for c in colour)
-    draw.line((x, y, x + canvas.px(26), y), fill=rgb, width=canvas.px(4))
-
-
-def _draw_arrow_key(draw: ImageDraw.ImageDraw, canvas: Canvas, x: int, y: int) -> None:
-    rgb = tuple(int(255 * c) for c in palette.CURRENT)
-    draw.line((x, y, x + canvas.px(18), y), fill=rgb, width=canvas.px(3))
-    head = [(26, 0), (16, -5), (16, 5)]
-    draw.polygon([(x + a * canvas.unit, y + b * canvas.unit) for a, b in head], fill=rgb)
-
-
-CURSOR = (255, 150, 60)
 
 
 class Hud:
@@ -182,45 +149,36 @@ class Hud:
     def __init__(self, stage: Stage, poses: Poses, canvas: Canvas, notes: Sequence[str]):
         """`notes` are lines for the upper left corner, the first of them bold."""
         self._stage, self._poses, self._canvas = stage, poses, canvas
-        self._seen: tuple[View | None, list[tags.Mark]] = (None, [])
         self._columns, self._value_size = self._arrange()
-        self._panel = tiles(draw_panel(canvas, stage, notes, self._columns, readouts(poses, 0)))
+        panel = draw_panel(canvas, stage, notes, self._columns, readouts(poses, 0))
+        self._rows = np.flatnonzero(panel[..., 3].any(axis=1))
+        self._panel = palette.layer(panel[self._rows])
 
     def draw(self, frame: Pixels, index: int, view: View) -> None:
         """Draw over frame `index` (height, width, 3), in place."""
-        canvas = self._canvas
-        tags.draw_marks(frame, canvas, self._marks(index, view))
+        canvas, stage = self._canvas, self._stage
+        if stage.chase:
+            marks = tags.ladder_marks(canvas, stage.ladder(self._poses, index), view)
+        else:
+            label = tags.map_marks if view.parallel else tags.block_marks
+            marks = label(canvas, stage.layout, view)
+        tags.draw_marks(frame, canvas, marks)
         if view.parallel:
-            _, bar = tags.scale_bar(canvas, self._stage.layout, view)
-            box(frame, bar, palette.WHITE, palette.INK)
+            _, bar = tags.scale_bar(canvas, stage.layout, view)
+            palette.box(frame, bar, palette.WHITE, palette.INK)
         tags.draw_compass(frame, canvas, view)
-        for add, keep, left, top in self._panel:
-            palette.blend(frame, add, keep, left, top)
+        frame[self._rows] = palette.mixed(frame[self._rows], *self._panel)
         y = canvas.value_top
         for readout, x in zip(readouts(self._poses, index), self._columns, strict=False):
             palette.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
-        self._draw_cursor(frame, index)
-
-    def _marks(self, index: int, view: View) -> list[tags.Mark]:
-        """Labels of the scene; worked out again only when the camera has moved."""
-        stage = self._stage
-        if stage.chase:
-            return tags.ladder_marks(self._canvas, stage.ladder(self._poses, index), view)
-        if view is not self._seen[0]:
-            draw = tags.map_marks if view.parallel else tags.block_marks
-            self._seen = (view, draw(self._canvas, stage.layout, view))
-        return self._seen[1]
-
-    def _draw_cursor(self, frame: Pixels, index: int) -> None:
-        """Where on the depth curve the glider is."""
-        canvas = self._canvas
+        # where on the depth curve the glider is
         x0, y0, x1, y1 = canvas.curve
-        first, last = self._stage.lines[0].ribbon.span
+        first, last = stage.lines[0].ribbon.span
         along = (float(self._poses.time[index]) - first) / (last - first)
-        down = float(self._poses.position[index, 2]) / self._stage.layout.high[2]
-        x, y = x0 + along * (x1 - x0), y0 + min(max(down, 0.0), 1.0) * (y1 - y0)
-        dot(frame, x, y, 4.5 * canvas.unit + 1.0, palette.WHITE)
-        dot(frame, x, y, 3.0 * canvas.unit + 0.5, CURSOR)
+        down = float(self._poses.position[index, 2]) / stage.layout.high[2]
+        place = x0 + along * (x1 - x0), y0 + min(max(down, 0.0), 1.0) * (y1 - y0)
+        palette.dot(frame, *place, 4.5 * canvas.unit + 1.0, palette.WHITE)
+        palette.dot(frame, *place, 3.0 * canvas.unit + 0.5, CURSOR)
 
     def _arrange(self) -> tuple[list[float], int]:
         """Left edges of the readouts that fit, and the largest font size at which they do."""
@@ -235,17 +193,12 @@ class Hud:
             gap = (right - left - int(widths.sum())) / (len(items) - 1)
             if gap >= 0.6 * size or len(items) == 2:
                 break
-            if size > SMALLEST_FONT:
+            if size > palette.SMALLEST_FONT:
                 size -= 1
             else:
                 items.pop()  # a small picture shows the first ones, and these readably
         starts = left + np.concatenate([[0.0], np.cumsum(widths[:-1])])
         return [float(start + i * gap) for i, start in enumerate(starts)], size
-
-
-UNKNOWN = "–"
-SHARED = 2
-"""Moving parts that still share one readout"""
 
 
 class Readout(NamedTuple):
@@ -272,10 +225,10 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
         "heading": Readout("HEADING", f"{heading:03d}°", "000°"),
         "speed": Readout("SPEED", rate, "0.00 m/s"),
         "net_mass": Readout("NET BUOYANCY", buoyancy(float(poses.net_mass[index])), "▼ 0.00 kg"),
-        "pumped": Readout(  # a vehicle that pumps less than nothing is heavy
-            "PUMPED", f"{signed(pumped, 0)} cm³" if np.isfinite(pumped) else UNKNOWN, "+000 cm³"
-        ),
-    }
+        # a vehicle that pumps less than nothing is heavy
+        "pumped": Readout("PUMPED", f"{signed(pumped, 0)} cm³" if np.isfinite(pumped) else UNKNOWN,
+                          "+000 cm³"),
+    }  # fmt: skip
     unknown = set(poses.unknown)
     if "net_mass" not in unknown or poses.pumped is None:
         unknown.add("pumped")
@@ -318,8 +271,7 @@ def clock(seconds: float) -> str:
 
 def plain(value: float, digits: int) -> str:
     """A number with a typographic minus, and none on a rounded zero."""
-    rounded = round(float(value), digits) + 0.0
-    return f"{rounded if rounded else 0.0:.{digits}f}".replace("-", tags.MINUS)
+    return f"{float(value):z.{digits}f}".replace("-", tags.MINUS)
 
 
 def signed(value: float, digits: int) -> str:

@@ -2,49 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Self
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.records.logged import LoggedTrajectory
-from twin.records.trajectory import Trajectory
-from twin.show.render import camera, sea
+from twin.records.logged import source_of
+from twin.show.render import camera, sea, shapes
 from twin.show.render.camera import View
 from twin.show.render.canvas import Canvas, border, frame_of
 from twin.show.render.context import new_context, release
 from twin.show.render.hud import Hud
 from twin.show.render.playback import Poses, poses
 from twin.show.render.ribbon import LADDER_STEP, ladder_arrow
-from twin.show.render.shapes import (
-    BACKDROP_GROUP,
-    CLOSE_UP_GROUP,
-    DRIFT,
-    GLIDER_GROUPS,
-    LEVEL,
-    SEABED,
-    UNSEEN_GROUP,
-    VEHICLE,
-    WATER,
-    WATER_GROUP,
-    Shape,
-)
-from twin.show.render.shot import Shot, Subject
+from twin.show.render.shapes import GLIDER_GROUPS, Shape
 from twin.show.render.stage import Stage, build
+from twin.show.render.subject import Shot, Subject
 from twin.water.floor.lookup import floor_depth
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 INSET_EDGE = (150, 200, 220)
-
-
-MOST_GEOMS = 4000
-"""Geoms of a scene: a mission of many days has some hundred ribbon chunks."""
-OFF = ("SHADOW", "SKYBOX", "HAZE", "REFLECTION")
-"""Effects that the stage does not use"""
+MOST_GEOMS = 4000  # of a scene: a mission of many days has some hundred ribbon chunks
+OFF = ("SHADOW", "SKYBOX", "HAZE", "REFLECTION")  # effects that the stage does not use
+TAIL = 0.47
+"""Where the ribbon ends behind the glider's middle, chase camera, over the hull's length"""
+SHORTEST_ARROW = 0.02  # [m] below which an arrow beside the glider is left out
 
 
 class Painter:
@@ -66,19 +52,26 @@ class Painter:
         self.shot = shot
         self.poses: Poses = poses(subject.trajectory, times)
         self.stage: Stage = build(subject, shot)
-        self._canvas = Canvas(width=shot.width, height=shot.height)
+        canvas = Canvas(width=shot.width, height=shot.height)
         self._frame = frame_of(shot)
-        close_up = shot.inset and not self.stage.chase
-        self._inset = self._canvas.inset if close_up else None
-        self.option = shown(BACKDROP_GROUP, *GLIDER_GROUPS, WATER_GROUP)
-        self._close_up = shown(CLOSE_UP_GROUP, *GLIDER_GROUPS)
+        self._inset = canvas.inset if shot.inset and not self.stage.chase else None
+        self.option = shown(shapes.BACKDROP_GROUP, *GLIDER_GROUPS, shapes.WATER_GROUP)
+        self._close_up = shown(shapes.CLOSE_UP_GROUP, *GLIDER_GROUPS)
         self._bearing = camera.follow(np.deg2rad(self.poses.heading), shot.fps)
         self._drift = self._drifts()
-        self._fixed: View | None = None
-        notes = self._notes(subject.title, _sources(subject.trajectory))
-        self._hud = Hud(self.stage, self.poses, self._canvas, notes) if shot.hud else None
-        self.graphics = Graphics(self.stage.model, shot.width, shot.height)
-        self._motion = Motion(self.stage, self.graphics.data, self.graphics.reshape)
+        notes = self._notes(subject)
+        self._hud = Hud(self.stage, self.poses, canvas, notes) if shot.hud else None
+        self.model = self.stage.model
+        self.data, self.scene = mujoco.MjData(self.model), mujoco.MjvScene(self.model, MOST_GEOMS)
+        for name in OFF:
+            self.scene.flags[mujoco.mjtRndFlag.__members__[f"mjRND_{name}"]] = 0
+        self._perturb, self._camera = mujoco.MjvPerturb(), mujoco.MjvCamera()
+        self._whole = mujoco.MjrRect(0, 0, shot.width, shot.height)
+        self._buffer = np.zeros((shot.height, shot.width, 3), np.uint8)
+        self._context = new_context(shot.width, shot.height)
+        self._renderer = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
+        self._motion = Motion(self.stage, self.data, self._reshape)
 
     @property
     def frames(self) -> int:
@@ -87,16 +80,16 @@ class Painter:
 
     def paint(self, index: int) -> Pixels:
         """Frame `index`, shape (height, width, 3); the array is the caller's."""
-        graphics = self.graphics
-        graphics.make_current()
+        self._context.make_current()
         glider = self._motion.place(self.poses, index, self._drift[index])
         view = self.view(index)
-        graphics.draw(view, self.option)
+        self._draw(view, self.option)
         if self._inset is not None:
             _, _, wide, high = self._inset
             close = camera.inset_view(glider, float(self._bearing[index]), wide / high)
-            graphics.draw(close, self._close_up, self._inset)
-        frame = graphics.read()
+            self._draw(close, self._close_up, self._inset)
+        mujoco.mjr_readPixels(self._buffer, None, self._whole, self._renderer)
+        frame = np.ascontiguousarray(self._buffer[::-1])
         if self._inset is not None:
             border(frame, self._inset, INSET_EDGE)
         if self._hud is not None:
@@ -107,25 +100,35 @@ class Painter:
         """The main camera of frame `index`."""
         if self.stage.chase:
             return camera.chase_view(float(self._bearing[index]), self._frame)
-        if self._fixed is not None:
-            return self._fixed
         phase = None if self.frames == 1 else index / (self.frames - 1)
-        view = camera.block_view(self.shot.camera, self.stage.layout, self._frame, phase)
-        if self.shot.camera != "orbit":
-            self._fixed = view
-        return view
-
-    def close(self) -> None:
-        """Release the OpenGL context; the painter cannot be used any more."""
-        self.graphics.close()
+        return camera.block_view(self.shot.camera, self.stage.layout, self._frame, phase)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self._context.make_current()
+        self._renderer.free()
+        release(self._context)
 
-    # -- what is worked out once ---------------------------------------------------------------
+    def _draw(
+        self, view: View, option: mujoco.MjvOption, box: tuple[int, int, int, int] | None = None
+    ) -> None:
+        """Draw the model as it stands, into a box (left, top, width, height) [pixel] or all."""
+        every = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(
+            self.model, self.data, option, self._perturb, self._camera, every, self.scene
+        )
+        aim(self.scene, view)
+        place = self._whole
+        if box is not None:
+            left, top, wide, high = box
+            place = mujoco.MjrRect(left, self._whole.height - top - high, wide, high)
+        mujoco.mjr_render(place, self.scene, self._renderer)
+
+    def _reshape(self, mesh: int, shape: Shape) -> None:
+        write_mesh(self.model, mesh, shape)
+        mujoco.mjr_uploadMesh(self.model, self._renderer, mesh)
 
     def _drifts(self) -> Array:
         """Where the cell of particles is: they move with the water, past the glider. (frames, 3)"""
@@ -137,125 +140,40 @@ class Painter:
         moved[1:, :2] = np.cumsum(steps, axis=0) * [1.0, -1.0]
         return drift_of(moved, self.stage.layout.display(self.poses.position))
 
-    def _notes(self, title: str, sources: Sequence[str]) -> list[str]:
-        """The title, and what a reader must know: the scales, and what stands for the truth."""
-        shot, layout = self.shot, self.stage.layout
-        facts = []
+    def _notes(self, subject: Subject) -> list[str]:
+        """The title, and what a reader must know: scales, and the sources of a log's track."""
+        layout, facts = self.stage.layout, []
         if self.frames > 1:
             span = float(self.poses.time[-1] - self.poses.time[0])
-            speed_up = span / (self.frames - 1) * shot.fps
-            facts.append(
-                f"{speed_up:,.0f} × real time" if speed_up >= 10 else f"{speed_up:.2g} × real time"
-            )
+            speed_up = span / (self.frames - 1) * self.shot.fps
+            facts.append(f"{speed_up:{',.0f' if speed_up >= 10 else '.2g'}} × real time")
         if not self.stage.chase:
-            if shot.camera != "map" and layout.exaggeration != 1.0:
+            if self.shot.camera != "map" and layout.exaggeration != 1.0:
                 facts.append(f"depth × {layout.exaggeration:g}")
             if layout.scale < 1.0:
                 facts.append(f"vehicle × {1 / layout.scale:.0f}")
-        facts += sources
-        return [title or "glider twin", *(["   ".join(facts)] if facts else [])]
-
-
-def _sources(trajectory: Trajectory) -> list[str]:
-    """What a log's picture shows in place of the truth: its track and its speed."""
-    if not isinstance(trajectory, LoggedTrajectory):
-        return []
-    parts = [trajectory.sources.get("true_north", "")]
-    if "true_surge" in trajectory.sources:
-        parts.append(f"speed: {trajectory.sources['true_surge']}")
-    return [part for part in parts if part]
-
-
-class Graphics:
-    """Draws views of a model into a picture; `close` releases the OpenGL context."""
-
-    def __init__(self, model: mujoco.MjModel, width: int, height: int):
-        """`width` and `height` [pixel] of the picture.
-
-        Raises:
-          NoOpenGL: this machine cannot draw.
-        """
-        self.model, self.data = model, mujoco.MjData(model)
-        self.scene = mujoco.MjvScene(model, MOST_GEOMS)
-        for name in OFF:
-            self.scene.flags[mujoco.mjtRndFlag.__members__[f"mjRND_{name}"]] = 0
-        self._perturb, self._camera = mujoco.MjvPerturb(), mujoco.MjvCamera()
-        self._whole = mujoco.MjrRect(0, 0, width, height)
-        self._buffer = np.zeros((height, width, 3), np.uint8)
-        self._closed = False
-        self._context = new_context(width, height)
-        self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
-
-    def make_current(self) -> None:
-        """Draw into this context from now on."""
-        self._context.make_current()
-
-    def draw(
-        self,
-        view: View,
-        option: mujoco.MjvOption,
-        box: tuple[int, int, int, int] | None = None,
-    ) -> None:
-        """Draw the model as it stands.
-
-        Args:
-          option: what to show.
-          box: left, top, width, height [pixel] of the part to draw into; None is all.
-        """
-        mujoco.mjv_updateScene(
-            self.model,
-            self.data,
-            option,
-            self._perturb,
-            self._camera,
-            mujoco.mjtCatBit.mjCAT_ALL,
-            self.scene,
-        )
-        aim(self.scene, view)
-        place = self._whole
-        if box is not None:
-            left, top, wide, high = box
-            place = mujoco.MjrRect(left, self._whole.height - top - high, wide, high)
-        mujoco.mjr_render(place, self.scene, self._renderer)
-
-    def read(self) -> Pixels:
-        """A copy of the picture, (height, width, 3), first row on top."""
-        mujoco.mjr_readPixels(self._buffer, None, self._whole, self._renderer)
-        return np.ascontiguousarray(self._buffer[::-1])
-
-    def reshape(self, mesh: int, shape: Shape) -> None:
-        """Give a mesh new vertices, normals and texture coordinates, in the frame of its geom."""
-        write_mesh(self.model, mesh, shape)
-        mujoco.mjr_uploadMesh(self.model, self._renderer, mesh)
-
-    def close(self) -> None:
-        """Release the context; nothing can be drawn any more. A second call does nothing."""
-        if not self._closed:
-            self._closed = True
-            self._context.make_current()
-            self._renderer.free()
-            release(self._context)
+        for signal, label in (("true_north", ""), ("true_surge", "speed: ")):
+            if word := source_of(subject.trajectory, signal, ""):
+                facts.append(label + word)
+        return [subject.title or "glider twin", *(["   ".join(facts)] if facts else [])]
 
 
 def write_mesh(model: mujoco.MjModel, mesh: int, shape: Shape) -> None:
     """Give a mesh new vertices, normals and texture coordinates; the graphics are not told."""
-    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-    model.mesh_vert[first : first + count] = shape.vertices
-    first, count = model.mesh_normaladr[mesh], model.mesh_normalnum[mesh]
-    model.mesh_normal[first : first + count] = shape.normals
-    if shape.coordinates is not None:
-        first, count = model.mesh_texcoordadr[mesh], model.mesh_texcoordnum[mesh]
-        model.mesh_texcoord[first : first + count] = shape.coordinates
+    given = {"vert": shape.vertices, "normal": shape.normals, "texcoord": shape.coordinates}
+    for kind, values in given.items():
+        if values is not None:
+            first = getattr(model, f"mesh_{kind}adr")[mesh]
+            getattr(model, f"mesh_{kind}")[first : first + len(values)] = values
 
 
 def aim(scene: mujoco.MjvScene, view: View) -> None:
     """Make both eyes of a scene see `view`."""
-    half_width, low, high = view.frustum()
+    centre, half_width, low, high = view.frustum()
     for eye in scene.camera:
         eye.pos[:], eye.forward[:], eye.up[:] = view.position, view.forward, view.up
         eye.orthographic = int(view.parallel)
-        eye.frustum_center, eye.frustum_width = view.centre(), half_width
+        eye.frustum_center, eye.frustum_width = centre, half_width
         eye.frustum_bottom, eye.frustum_top = low, high
         eye.frustum_near, eye.frustum_far = view.near, view.far
 
@@ -272,28 +190,17 @@ def shown(*groups: int) -> mujoco.MjvOption:
 Reshape = Callable[[int, Shape], None]
 """Gives the mesh of this id a new shape, in the frame of its geom; the faces stay"""
 
-TAIL = 0.47
-"""Where the ribbon ends behind the glider's middle, chase camera, over the hull's length"""
-SHORTEST_ARROW = 0.02
-"""[m] below which an arrow beside the glider is left out"""
-
 
 class Motion:
     """Moves one stage; what it shows depends on the given pose only."""
 
     def __init__(self, stage: Stage, data: mujoco.MjData, reshape: Reshape):
         self._stage, self._data, self._reshape = stage, data, reshape
-        self._shaped: dict[int, Array] = {}
         model = stage.model
-        self._alpha = model.geom_rgba[:, 3].copy()
-        self._groups = model.geom_group.copy()
-        self._hull = model.joint(f"{VEHICLE}hull").qposadr[0]
-        self._addresses: dict[str, int] = {
-            model.joint(joint).name.removeprefix(VEHICLE): int(model.jnt_qposadr[joint])
+        self._alpha, self._groups = model.geom_rgba[:, 3].copy(), model.geom_group.copy()
+        self._addresses = {
+            model.joint(joint).name.removeprefix(shapes.VEHICLE): int(model.jnt_qposadr[joint])
             for joint in range(model.njnt)
-        }
-        self._mocap = {
-            name: int(model.body(name).mocapid[0]) for name in (WATER, LEVEL, SEABED, DRIFT)
         }
 
     def place(self, poses: Poses, index: int, drift: Array) -> Array:
@@ -302,51 +209,42 @@ class Motion:
         Args:
           drift: place of the cell of particles (3,), display units; see `drift_of`.
         """
-        stage, data = self._stage, self._data
+        stage, model, data = self._stage, self._stage.model, self._data
         here = stage.layout.display(poses.position[index])
         shift = here if stage.chase else np.zeros(3)
-        data.qpos[self._hull : self._hull + 3] = here - shift
-        data.qpos[self._hull + 3 : self._hull + 7] = poses.quaternion[index]
-        for joint, position in zip(poses.joints, poses.parts[index], strict=True):
-            if joint in self._addresses:  # a part may move without being drawn so
-                data.qpos[self._addresses[joint]] = position
-        self._turn(poses, index)
+        hull = self._addresses["hull"]
+        data.qpos[hull : hull + 7] = [*(here - shift), *poses.quaternion[index]]
+        turn, found = np.zeros(4), np.zeros(4)
+        rows = zip(poses.joints, poses.parts[index], poses.angles[index], strict=True)
+        for part, position, angle in rows:  # a part may move without being drawn so
+            if part in self._addresses:
+                data.qpos[self._addresses[part]] = position
+            if (drawn := stage.turned.get(part)) is not None:  # its true angle, on the hull
+                mujoco.mju_axisAngle2Quat(turn, drawn.axis, angle)
+                mujoco.mju_mulQuat(found, turn, drawn.rest)
+                model.body_quat[drawn.body] = found
         for since, geoms in stage.gone:
             lost = float(poses.time[index]) >= since
-            stage.model.geom_group[geoms] = UNSEEN_GROUP if lost else self._groups[geoms]
-        data.mocap_pos[self._mocap[WATER]] = -shift
-        data.mocap_pos[self._mocap[LEVEL]] = [0.0, 0.0, -shift[2]]
-        data.mocap_pos[self._mocap[DRIFT]] = drift
-        self._place_ground(poses.position[index])
+            model.geom_group[geoms] = shapes.UNSEEN_GROUP if lost else self._groups[geoms]
+        level = [0.0, 0.0, -shift[2]]
+        places = {shapes.WATER: -shift, shapes.LEVEL: level, shapes.DRIFT: drift}
+        if stage.floor is not None and stage.ground:  # it fades with its distance
+            north, east, depth = poses.position[index]
+            altitude = float(floor_depth(stage.floor, north, east) - depth)
+            places[shapes.SEABED] = [0.0, 0.0, -altitude]
+            alpha = self._alpha[stage.ground] * sea.clearness(altitude)
+            model.geom_rgba[stage.ground, 3] = alpha
+        for name, place in places.items():
+            data.mocap_pos[model.body(name).mocapid[0]] = place
         self._reveal(poses, index, here)
         self._place_arrows(poses, index)
         if stage.bands_follow:
             depth = float(poses.position[index, 2])
             depth -= camera.CHASE_HEIGHT if stage.chase else 0.0
-            stage.model.geom_rgba[stage.bands, :3] = sea.backdrop_colours(depth, len(stage.bands))
-        mujoco.mj_kinematics(stage.model, data)
-        mujoco.mj_camlight(stage.model, data)
+            model.geom_rgba[stage.bands, :3] = sea.backdrop_colours(depth, len(stage.bands))
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
         return here - shift
-
-    def _place_ground(self, position: Array) -> None:
-        """Put the floor under the glider at `position` NED [m], fading with its distance."""
-        stage = self._stage
-        if stage.floor is None or not stage.ground:
-            return
-        altitude = float(floor_depth(stage.floor, position[0], position[1]) - position[2])
-        self._data.mocap_pos[self._mocap[SEABED]] = [0.0, 0.0, -altitude]
-        alpha = self._alpha[stage.ground] * sea.clearness(altitude)
-        stage.model.geom_rgba[stage.ground, 3] = alpha
-
-    def _turn(self, poses: Poses, index: int) -> None:
-        """Turn fins and propellers about their axes on the hull; a picture has the true angle."""
-        turn, found = np.zeros(4), np.zeros(4)
-        for part, angle in zip(poses.joints, poses.angles[index], strict=True):
-            drawn = self._stage.turned.get(part)
-            if drawn is not None:
-                mujoco.mju_axisAngle2Quat(turn, drawn.axis, angle)
-                mujoco.mju_mulQuat(found, turn, drawn.rest)
-                self._stage.model.body_quat[drawn.body] = found
 
     def _reveal(self, poses: Poses, index: int, here: Array) -> None:
         """Show the ribbons up to now; the true one ends at the glider, or at its tail."""
@@ -360,36 +258,25 @@ class Motion:
             alpha[line.head] = 1.0 if running else 0.0
             if not running:
                 continue
-            tip, clear = line.ribbon.at(time), 0.0
-            if line.colour is None:
-                tip = here
-                if stage.chase:
-                    tip, clear = here + self._tail(poses, index), stage.hull_length
+            tip, clear = here if line.colour is None else line.ribbon.at(time), 0.0
+            if line.colour is None and stage.chase:
+                tail, clear = np.zeros(3), stage.hull_length
+                backward = np.array([-TAIL * stage.hull_length, 0.0, 0.0])
+                mujoco.mju_rotVecQuat(tail, backward, poses.quaternion[index])
+                tip = here + tail
             mesh = int(stage.model.geom_dataid[line.head])
             self._reshape(mesh, line.ribbon.head(time, tip, clear))
 
-    def _tail(self, poses: Poses, index: int) -> Array:
-        """From the glider's middle to its tail, in display units, shape (3,)."""
-        backward = np.array([-TAIL * self._stage.hull_length, 0.0, 0.0])
-        tail = np.zeros(3)
-        mujoco.mju_rotVecQuat(tail, backward, poses.quaternion[index])
-        return tail
-
     def _place_arrows(self, poses: Poses, index: int) -> None:
-        """Place the current's arrows beside the glider; one whose depth is new gets its shape."""
+        """Place the current's arrows beside the glider, each in the slot of its depth."""
         model, slots = self._stage.model, self._stage.arrows
-        if not slots:
-            return
         model.geom_rgba[slots, 3] = 0.0
-        for depth, start, vector in self._stage.ladder(poses, index):
-            if np.linalg.norm(vector) <= SHORTEST_ARROW:
-                continue
-            geom = slots[round(depth / LADDER_STEP) % len(slots)]
-            model.geom_rgba[geom, 3] = 1.0
-            model.geom_pos[geom] = start
-            if not np.array_equal(self._shaped.get(geom, ()), vector):
-                self._shaped[geom] = vector
-                self._reshape(int(model.geom_dataid[geom]), ladder_arrow(np.zeros(3), vector))
+        for depth, start, vector in self._stage.ladder(poses, index) if slots else ():
+            if np.linalg.norm(vector) > SHORTEST_ARROW:
+                geom = slots[round(depth / LADDER_STEP) % len(slots)]
+                model.geom_rgba[geom, 3] = 1.0
+                model.geom_pos[geom] = start
+                self._reshape(int(model.geom_dataid[geom]), ladder_arrow(vector))
 
 
 def drift_of(moved: Array, glider: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +16,23 @@ from twin.records.logged import source_of
 from twin.records.schema import VARIABLES, variable
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory, actuator_names
-from twin.show.render.scene_geometry import nice_step
+from twin.show.render.camera import nice_step
 
 Array = NDArray[np.float64]
 
 SLIDES, TURNS, SPINS = "m", "degree", "rad s-1"
 """Units of what moves on a rail, about an axis, and round and round"""
-DISPLACES = "cm3"
-"""Unit of what changes the volume"""
-POSITION = ("north", "east", "depth")
-"""Signals without which nothing can be drawn."""
+DISPLACES = "cm3"  # unit of what changes the volume
+POSITION = ("north", "east", "depth")  # signals without which nothing can be drawn
 ATTITUDE = ("roll", "pitch", "heading")
 BODY = ("surge", "sway", "heave")
+SIGNALS = {
+    "speed": (("true_surge", "true_sway", "true_heave"), "speed through water", "m/s"),
+    "current": (("true_current_north", "true_current_east"), "current speed", "m/s"),
+    "depth": (("true_depth",), "depth", "m"),
+}
+"""Components whose length is the value, the label and the unit"""
+LEAST_RANGE = 0.02  # [m/s] of a colour scale: less would colour noise
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -86,29 +92,28 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
         quaternions = trajectory.states[:, 3:7]
         position = flip_vector(trajectory.states[:, :3])
     else:
-        angles = (np.deg2rad(attitude[name]) for name in ATTITUDE)
-        quaternions = flip_quaternion(euler_to_quaternion(*angles))
+        turned = (np.deg2rad(attitude[name]) for name in ATTITUDE)
+        quaternions = flip_quaternion(euler_to_quaternion(*turned))
         position = np.stack([signal(trajectory, name) for name in POSITION], axis=-1)
     joints = moving_parts(trajectory)
+    parts, angles = part_motion(trajectory, joints, times)
     velocity = [told(trajectory, name) for name in BODY]
     speed = np.sqrt(np.sum(np.square(velocity), axis=0))
-    current = np.stack(
-        [optional(trajectory, f"current_{n}", np.nan) for n in ("north", "east")], axis=-1
-    )
+    flow = [optional(trajectory, f"current_{n}", np.nan) for n in ("north", "east")]
     heading = np.unwrap(attitude["heading"], period=360.0)
     return Poses(
         time=times,
         position=_interpolate(times, recorded, position),
         quaternion=interpolate_quaternion(times, recorded, quaternions),
         joints=joints,
-        parts=part_positions(trajectory, joints, times),
-        angles=part_angles(trajectory, joints, times),
+        parts=parts,
+        angles=angles,
         roll=np.interp(times, recorded, attitude["roll"]),
         pitch=np.interp(times, recorded, attitude["pitch"]),
         heading=np.interp(times, recorded, heading),
         speed=np.interp(times, recorded, speed),
         net_mass=np.interp(times, recorded, told(trajectory, "net_mass")),
-        current=_interpolate(times, recorded, current),
+        current=_interpolate(times, recorded, np.stack(flow, axis=-1)),
         pumped=np.interp(times, recorded, _volume(trajectory)),
         bridged=np.interp(times, recorded, _gaps(trajectory)) > 0.0,
         unknown=unknown,
@@ -162,27 +167,20 @@ def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
     return tuple(part for part in parts if _unit(part) in (SLIDES, TURNS, SPINS))
 
 
-def part_positions(trajectory: Trajectory, joints: Sequence[str], times: Array) -> Array:
-    """Positions of parts at `times` [s], in m, rad or rad/s, shape (times, joints)."""
-    columns = []
-    for joint in joints:
-        values = np.interp(times, trajectory.time, optional(trajectory, joint, 0.0))
-        columns.append(np.deg2rad(values) if turns(joint) else values)
-    return np.stack(columns, axis=-1) if columns else np.zeros((len(times), 0))
-
-
-def part_angles(trajectory: Trajectory, joints: Sequence[str], times: Array) -> Array:
-    """Angles [rad] through which parts have turned at `times` [s], shape (times, joints)."""
-    time, columns = trajectory.time, []
-    for joint in joints:
+def part_motion(trajectory: Trajectory, joints: Sequence[str], times: Array) -> tuple[Array, Array]:
+    """Positions [m], [rad] or [rad/s] of parts at `times` [s], and the angles [rad] through which
+    they have turned, both of shape (times, joints)."""
+    time = trajectory.time
+    positions, angles = np.zeros((2, len(times), len(joints)))
+    for k, joint in enumerate(joints):
         values = optional(trajectory, joint, 0.0)
-        if spins(joint):
+        positions[:, k] = np.interp(times, time, values)
+        if turns(joint):
+            positions[:, k] = angles[:, k] = np.deg2rad(positions[:, k])
+        elif spins(joint):
             steps = np.diff(time) * (values[1:] + values[:-1]) / 2
-            turned = np.interp(times, time, np.concatenate([[0.0], np.cumsum(steps)]))
-        else:
-            turned = np.deg2rad(np.interp(times, time, values)) * turns(joint)
-        columns.append(turned)
-    return np.stack(columns, axis=-1) if columns else np.zeros((len(times), 0))
+            angles[:, k] = np.interp(times, time, np.concatenate([[0.0], np.cumsum(steps)]))
+    return positions, angles
 
 
 def turns(part: str) -> bool:
@@ -253,28 +251,13 @@ def interpolate_quaternion(times: Array, recorded: Array, quaternions: Array) ->
     weight = (times - recorded[before]) / (recorded[after] - recorded[before])
     weight = np.clip(weight, 0.0, 1.0)[:, None]
     a, b = quaternions[before], quaternions[after]
-    b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
-    blend = (1.0 - weight) * a + weight * b
-    exact = np.where(weight == 0.0, a, np.where(weight == 1.0, b, blend))
-    return np.where(
-        (weight == 0.0) | (weight == 1.0),
-        exact,
-        blend / np.linalg.norm(blend, axis=-1, keepdims=True),
-    )
+    nearer = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
+    blend = (1.0 - weight) * a + weight * nearer
+    blend /= np.linalg.norm(blend, axis=-1, keepdims=True)
+    return np.where(weight == 0.0, a, np.where(weight == 1.0, nearer, blend))
 
 
-SIGNALS = {
-    "speed": (("true_surge", "true_sway", "true_heave"), "speed through water", "m/s"),
-    "current": (("true_current_north", "true_current_east"), "current speed", "m/s"),
-    "depth": (("true_depth",), "depth", "m"),
-}
-"""Components whose length is the value, the label and the unit"""
-LEAST_RANGE = 0.02
-"""[m/s] of a colour scale: less would colour noise"""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Scale:
+class Scale(NamedTuple):
     """A colour scale."""
 
     label: str
@@ -283,15 +266,11 @@ class Scale:
     clipped: tuple[bool, bool] = (False, False)
     """Whether some values are below `low`, and above `high`: they have the colours of the ends"""
 
-    def text(self, value: float) -> str:
-        """A value with the decimals that this scale needs."""
-        return f"{value:.2f}" if self.high < 10.0 else f"{value:.0f}"
-
     @property
     def ends(self) -> tuple[str, str]:
         """Words for both ends, which say whether values go beyond them."""
-        below, above = self.clipped
-        return ("≤ " * below) + self.text(self.low), ("≥ " * above) + self.text(self.high)
+        (below, above), digits = self.clipped, 2 if self.high < 10.0 else 0
+        return "≤ " * below + f"{self.low:.{digits}f}", "≥ " * above + f"{self.high:.{digits}f}"
 
 
 def track_values(
@@ -318,7 +297,6 @@ def track_values(
             f"cannot colour by {colour}: this mission records no {', '.join(names)}; it can by "
             f"{able}"
         )
-    source = source_of(trajectory, names[0], "")
     squares = [np.square(trajectory[name]) for name in names]
     values = np.sqrt(np.sum(squares, axis=0))[shown]
     if not np.isfinite(values).any():
@@ -326,15 +304,12 @@ def track_values(
     low, high = (float(v) for v in np.nanpercentile(values, [2.0, 98.0]))
     step = nice_step(max(high - low, LEAST_RANGE) / 4)
     low, high = step * math.floor(low / step + 1e-9), step * math.ceil(high / step - 1e-9)
-    if colour == "current" and source:
-        label = source
-    elif source:
-        label = f"{label}, {source}"
-    label = f"{label} [{unit}]"
+    if source := source_of(trajectory, names[0], ""):
+        label = source if colour == "current" else f"{label}, {source}"
     high = max(high, low + step)
     least = 1e-6 * (high - low)
     clipped = bool(np.nanmin(values) < low - least), bool(np.nanmax(values) > high + least)
-    return values, Scale(label=label, low=low, high=high, clipped=clipped)
+    return values, Scale(f"{label} [{unit}]", low, high, clipped)
 
 
 def _known(trajectory: Trajectory, colour: str) -> bool:
@@ -351,15 +326,11 @@ def _errors(
     """Distance [m] of the first dead-reckoned track from the true one."""
     if not tracks:
         raise InputError("colouring by error needs a dead-reckoned track: give --tracks FILE")
-    north, east = tracks[0].at(trajectory.time[shown])
-    values = np.hypot(
-        north - trajectory["true_north"][shown], east - trajectory["true_east"][shown]
-    )
-    high = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
-    step = nice_step(max(high, 1.0) / 4)
-    high = step * math.ceil(max(high, 1.0) / step - 1e-9)
+    named = f"of {tracks[0].title}"
+    track, now = tracks[0].at(trajectory.time[shown]), ("true_north", "true_east")
+    values = np.hypot(*(a - trajectory[name][shown] for a, name in zip(track, now, strict=True)))
+    high = max(float(np.nanmax(values)) if np.isfinite(values).any() else 0.0, 1.0)
+    step = nice_step(high / 4)
     word = source_of(trajectory, "true_north", "")
-    label = f"position error of {tracks[0].title} [m]"
-    if word:
-        label = f"distance of {tracks[0].title} from the {word} [m]"
-    return values, Scale(label=label, low=0.0, high=high)
+    label = f"distance {named} from the {word} [m]" if word else f"position error {named} [m]"
+    return values, Scale(label, 0.0, step * math.ceil(high / step - 1e-9))

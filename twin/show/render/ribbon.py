@@ -17,18 +17,25 @@ from numpy.typing import NDArray
 
 from twin.show.figures.water import mean_profile
 from twin.show.render import canvas, shapes
-from twin.show.render.scene_geometry import SceneLayout, nice_step
+from twin.show.render.camera import SceneLayout, nice_step
 from twin.show.render.shapes import WORLD, Props, Shape, tube
 
 Array = NDArray[np.float64]
 
-CHUNK = 24
-"""Segments per chunk"""
-SIDES = 7
-MOST_NODES = 3600
-"""Nodes of one track; the tolerance grows until they suffice."""
-TEXELS = 4096
-"""Samples of the colour along the track"""
+CHUNK, SIDES = 24, 7  # segments per chunk, and around the tube
+MOST_NODES = 3600  # nodes of one track; the tolerance grows until they suffice
+TEXELS = 4096  # samples of the colour along the track
+ARROWS = 11  # of a mast, about
+LENGTH_SHARE = 0.11  # length of the strongest current's arrow over the block's length
+THICKNESS_SHARE = 0.0028  # radius of an arrow's shaft over the block's length
+LADDER_LENGTH, LADDER_RADIUS = 1.0, 0.03
+"""[m] of the strongest current's arrow beside the glider, and radius of the arrows there"""
+LADDER_STEP, LADDER_REACH = 1.0, 2.6
+"""[m] between the arrows beside the glider, and how far above and below it they reach"""
+LADDER_SLOTS = math.floor(2 * LADDER_REACH / LADDER_STEP) + 1
+"""Arrows beside the glider at any one time, at most"""
+LADDER_OFFSET = (0.2, -3.0)  # [m] ahead and to starboard of the glider at which these arrows start
+STILL = 1e-4  # [m/s] below which water counts as still
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -53,12 +60,13 @@ class Ribbon:
         """Index of each chunk's first node, shape (chunks,)."""
         return np.arange(0, len(self.nodes) - 1, CHUNK, dtype=np.int64)
 
-    def chunk(self, index: int) -> Shape:
-        """The tube of one chunk."""
-        first = int(self.starts()[index])
-        last = min(first + CHUNK, len(self.nodes) - 1)
-        part = slice(first, last + 1)
-        return tube(self.nodes[part], self.radius, SIDES, self.along(self.time[part]))
+    def chunks(self) -> list[Shape]:
+        """The tube of each chunk."""
+        parts = [slice(first, first + CHUNK + 1) for first in self.starts()]
+        return [
+            tube(self.nodes[part], self.radius, SIDES, self.along(self.time[part]))
+            for part in parts
+        ]
 
     def chunk_ends(self) -> Array:
         """Time [s] of each chunk's last node, shape (chunks,)."""
@@ -81,23 +89,14 @@ class Ribbon:
         if len(flown) > 1:
             apart = np.linalg.norm(self.nodes[flown] - tip, axis=-1) >= clear
             flown = flown[np.logical_or(apart, flown == first)]
-        nodes = np.concatenate([self.nodes[flown], tip[None]])
-        times = np.concatenate([self.time[flown], [time]])
-        missing = CHUNK + 2 - len(nodes)
-        nodes = np.concatenate([nodes, np.repeat(nodes[-1:], missing, axis=0)])
-        times = np.concatenate([times, np.repeat(times[-1:], missing)])
+        missing = CHUNK + 1 - len(flown)
+        nodes = np.concatenate([self.nodes[flown], np.repeat(tip[None], missing + 1, axis=0)])
+        times = np.concatenate([self.time[flown], np.full(missing + 1, time)])
         shape = tube(nodes, self.radius, SIDES, self.along(times))
-        return close_tip(shape, missing)
-
-
-def close_tip(shape: Shape, repeated: int) -> Shape:
-    """Shrink the repeated last rings of a tube to a point, so that it ends in a cone."""
-    if repeated == 0:
+        # The repeated last rings shrink to points, so that the tube ends in a cone.
+        rings = shape.vertices.reshape(-1, SIDES, 3)[len(flown) + 1 :]
+        rings[:] = rings.mean(axis=1, keepdims=True)
         return shape
-    vertices = shape.vertices.copy()
-    count = repeated * SIDES
-    vertices[-count:] = vertices[-count:].reshape(-1, SIDES, 3).mean(axis=1).repeat(SIDES, axis=0)
-    return dataclasses.replace(shape, vertices=vertices)
 
 
 def simplify(points: Array, tolerance: float, most: int = MOST_NODES) -> NDArray[np.int64]:
@@ -114,8 +113,7 @@ def simplify(points: Array, tolerance: float, most: int = MOST_NODES) -> NDArray
 
 
 def _douglas_peucker(points: Array, tolerance: float) -> NDArray[np.int64]:
-    keep = np.zeros(len(points), bool)
-    keep[[0, -1]] = True
+    keep = {0, len(points) - 1}
     waiting = [(0, len(points) - 1)]
     while waiting:
         first, last = waiting.pop()
@@ -131,29 +129,9 @@ def _douglas_peucker(points: Array, tolerance: float) -> NDArray[np.int64]:
         worst = int(np.argmax(squared))
         if squared[worst] > tolerance**2:
             split = first + 1 + worst
-            keep[split] = True
+            keep.add(split)
             waiting += [(first, split), (split, last)]
-    return np.flatnonzero(keep)
-
-
-ARROWS = 11
-"""Arrows of a mast, about"""
-LENGTH_SHARE = 0.11
-"""Length of the strongest current's arrow over the block's length"""
-THICKNESS_SHARE = 0.0028
-"""Radius of an arrow's shaft over the block's length"""
-LADDER_LENGTH = 1.0
-"""[m] of the strongest current's arrow beside the glider"""
-LADDER_STEP, LADDER_REACH = 1.0, 2.6
-"""[m] between the arrows beside the glider, and how far above and below it they reach"""
-LADDER_SLOTS = math.floor(2 * LADDER_REACH / LADDER_STEP) + 1
-"""Arrows beside the glider at any one time, at most"""
-LADDER_RADIUS = 0.03
-"""[m] of their shafts"""
-LADDER_OFFSET = (0.2, -3.0)
-"""[m] ahead and to starboard of the glider at which these arrows start"""
-STILL = 1e-4
-"""[m/s] below which water counts as still"""
+    return np.array(sorted(keep), np.int64)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -209,8 +187,7 @@ def mast_depths(current: ArrowProfile) -> list[float]:
     """Round depths [m] of a mast's arrows."""
     deepest = float(current.depth[-1])
     step = nice_step(max(deepest, 1.0) / ARROWS)
-    depths: list[float] = np.arange(step / 2, deepest + step / 2, step).tolist()
-    return depths
+    return list(map(float, np.arange(step / 2, deepest + step / 2, step)))
 
 
 def ladder(
@@ -243,18 +220,17 @@ def ladder(
 
 def add_ladder(props: Props) -> list[str]:
     """Arrows that are reshaped for each frame; the names of their geoms."""
+    arrow = ladder_arrow(np.array([1.0, 0.0, 0.0]))
     return [
-        props.add(f"ladder_{i}", ladder_arrow(np.zeros(3), np.array([1.0, 0.0, 0.0])),
-                  canvas.CURRENT, material="lit", body=WORLD)
+        props.add(f"ladder_{i}", arrow, canvas.CURRENT, material="lit", body=WORLD)
         for i in range(LADDER_SLOTS)
-    ]  # fmt: skip
+    ]
 
 
-def ladder_arrow(start: Array, vector: Array) -> Shape:
-    """One arrow beside the glider, in display units; too short a vector makes a dot."""
-    length = max(float(np.linalg.norm(vector)), 1e-3)
-    vector = vector if np.any(vector) else np.array([length, 0.0, 0.0])
-    return shapes.arrow(start, start + vector, min(LADDER_RADIUS, length / 8))
+def ladder_arrow(vector: Array) -> Shape:
+    """An arrow beside the glider, from the origin of its geom, in display units."""
+    radius = min(LADDER_RADIUS, float(np.linalg.norm(vector)) / 8)
+    return shapes.arrow(np.zeros(3), vector, radius)
 
 
 def free_place(layout: SceneLayout, path: Array, share: float) -> Array:

@@ -8,13 +8,14 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.show.render import canvas, shapes
+from twin.show.render.camera import SceneLayout, nice_step, ticks
 from twin.show.render.ribbon import simplify
-from twin.show.render.scene_geometry import SceneLayout, nice_step, ticks
 from twin.show.render.shapes import DRIFT, LEVEL, SEABED, SUN, WORLD, Props, Shape
 from twin.water.floor.lookup import floor_depths
 
@@ -25,40 +26,28 @@ OPEN_BANDS, BANDS, WALL_BANDS = 256, 96, 96
 close-up, and of walls: fine enough that the eye sees none"""
 REACH = 70.0
 """[m] that one sees through the water, straight up or down: sets the backdrop's gradient"""
-OPEN_RADIUS = 700.0
-"""[m] of the chase camera's backdrop"""
-RELIEF = 26
-"""Grid cells of sea floor and surface along each side"""
-RELIEF_SHARE = 0.05
-"""Largest height of the floor's relief over the block's depth"""
-SHADOW_LIFT = 0.03
-"""[display units] of a shadow over the ground that it falls on"""
-WAVE_SHARE = 0.0035
-"""Height of the drawn waves over the block's length"""
-OPEN_FADE = 90.0
-"""[m] at which surface and floor fade out for the chase camera"""
-FADES = 48
-"""Rings of the fading: fine enough that the eye sees none"""
+OPEN_RADIUS = 700.0  # [m] of the chase camera's backdrop
+RELIEF, CELLS, CHART_CELLS = 26, 96, 200
+"""Grid cells along each side of decorative relief and waves, of a floor, and of the map's floor,
+where edges of colours are seen"""
+RELIEF_SHARE = 0.05  # largest height of the floor's relief over the block's depth
+SHADOW_LIFT, SHADOW_WIDTH = 0.03, 0.1
+"""[display units] of a shadow over the ground that it falls on, and across"""
+WAVE_SHARE = 0.0035  # height of the drawn waves over the block's length
+OPEN_FADE, FADES = 90.0, 48
+"""[m] at which surface and floor fade out for the chase camera, and rings of the fading"""
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
 """[m] of the cube of drifting particles, their number and radius [m]: our choice, for motion"""
-CELLS = 96
-"""Grid cells along each side"""
-CHART_CELLS = 200
-"""As CELLS, of the map, where edges of colours are seen"""
 IN_SIGHT = 2.0
 """The block is at most this much deeper than it would be without a floor: a dive to 100 m above
 an abyss stays a dive"""
-BELOW = 1.04
-"""Depth of the block over that of the deepest floor in it"""
-CHART_BANDS = 14
-"""Steps of the map's colours"""
+BELOW = 1.04  # depth of the block over that of the deepest floor in it
+CHART_BANDS = 14  # steps of the map's colours
 SHADED, LIT = 0.95, 0.18
 """Shares of the palette's water colours from the deepest to the shallowest floor"""
-SEEN_FROM = 70.0
-"""[m] height from which the chase camera sees the floor no more"""
-ABOVE = np.array([0.10, 0.42, 0.55])
-"""The surface seen from above"""
-PALE = np.array([0.9, 0.97, 1.0])
+SEEN_FROM = 70.0  # [m] height from which the chase camera sees the floor no more
+ABOVE, PALE = np.array([0.10, 0.42, 0.55]), np.array([0.9, 0.97, 1.0])
+"""The surface seen from above, and lines"""
 
 
 def backdrop_radius(layout: SceneLayout) -> float:
@@ -70,17 +59,11 @@ def add_backdrop(
     props: Props, name: str, group: int, radius: float, *, light: bool, bands: int = BANDS
 ) -> list[str]:
     """A sphere around everything, in bands whose colours make a gradient; their names."""
-    edges = _elevations(bands)
     colours = backdrop_colours(0.0 if light else None, bands)
+    look: dict[str, Any] = {"group": group, "body": WORLD}
     return [
-        props.add(
-            f"{name}_{i}",
-            shapes.band(radius, float(low), float(high)),
-            colours[i],
-            group=group,
-            body=WORLD,
-        )
-        for i, (low, high) in enumerate(itertools.pairwise(edges))
+        props.add(f"{name}_{i}", shapes.band(radius, low, high), colours[i], **look)
+        for i, (low, high) in enumerate(itertools.pairwise(_elevations(bands).tolist()))
     ]
 
 
@@ -125,8 +108,8 @@ def add_block(
     corners = layout.corners()
     bottom = float(corners[4, 2])
     walls = [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-    middle = corners[:4].mean(axis=0)
-    if _wall(*walls[0], 0.0, -1.0).normals[0] @ (middle - walls[0][0]) < 0:
+    inward = corners[:4].mean(axis=0) - corners[0]
+    if _wall(*walls[0], 0.0, -1.0).normals[0] @ inward < 0:
         walls = [(b, a) for a, b in walls]
     edges = np.linspace(0.0, bottom, WALL_BANDS + 1)
     for i, (top, low) in enumerate(itertools.pairwise(edges)):
@@ -140,17 +123,20 @@ def add_block(
     props.add("depth_lines", shapes.merge(lines), PALE, alpha=0.38)
     rims = [_wall(a, b, 0.0, -2 * width, lift=0.02) for a, b in walls]
     props.add("rim", shapes.merge(rims), np.ones(3), alpha=0.75)
-    _add_surface(props, layout)
+    length = float((layout.size * layout.factors)[:2].max())
+    above = sheet(layout, WAVE_SHARE * length * _terrain(RELIEF + 1, seed=11, rough=0.9))
+    props.add("surface", above, canvas.GLASS, alpha=0.17, material="lit")
+    below = dataclasses.replace(above, faces=above.faces[:, ::-1], normals=-above.normals)
+    props.add("surface_below", below, canvas.GLASS, alpha=0.22, material="lit")
     if floor is None:
         _add_made_up(props, layout, canvas.SAND)
         height: Array | float = bottom * (1.0 - 1.2 * RELIEF_SHARE)
     elif _add_ground(props, layout, floor, path, cut):
-        below = np.minimum(floor_depths(floor, *_north_east(path)), layout.high[2])
-        height = -below * layout.factors[2] + SHADOW_LIFT
+        deep = np.minimum(floor_depths(floor, *_north_east(path)), layout.high[2])
+        height = -deep * layout.factors[2] + SHADOW_LIFT
     else:
         return
-    fallen = shadow(layout, path, height)
-    if fallen is not None:
+    if (fallen := shadow(layout, path, height)) is not None:
         props.add("shadow", fallen, canvas.SAND * 0.22, alpha=0.75)
 
 
@@ -161,20 +147,29 @@ def add_chart(props: Props, layout: SceneLayout, floor: Array | None) -> None:
         _add_made_up(props, layout, canvas.water_colour(0.62))
     width = 0.0013 * float((layout.size * layout.factors)[:2].max())
     height = float(corners[4, 2]) * (1.0 - 1.5 * RELIEF_SHARE)
-    step = grid_step(layout)
     lines = []
     for axis in (0, 1):
-        for value in grid_values(layout, axis, step):
+        for value in grid_values(layout, axis):
             ends = np.array([layout.low, layout.high])
-            ends[:, axis] = value
-            ends[:, 2] = 0.0
+            ends[:, axis], ends[:, 2] = value, 0.0
             lines.append(_level_strip(layout.display_block(ends), width, height))
     if lines:
         props.add("grid", shapes.merge(lines), PALE, alpha=0.22)
     rim = [_level_strip(corners[[i, (i + 1) % 4]], 2 * width, height) for i in range(4)]
     props.add("rim", shapes.merge(rim), np.ones(3), alpha=0.6)
-    if floor is not None:
-        _add_coloured(props, layout, floor)
+    if floor is None:
+        return
+    # The ground in colours of depth, level so that no slope hides the track.
+    found = floor_grid(floor, layout, CHART_CELLS)
+    shape = sheet(layout, np.full_like(found, -float(layout.high[2]) * layout.factors[2]))
+    middle = found.ravel()[shape.faces].mean(axis=1)
+    edges = np.linspace(middle.min(), middle.max() + 1e-9, CHART_BANDS + 1)
+    for i, (low, high) in enumerate(itertools.pairwise(edges)):
+        inside = (middle >= low) & (middle < high)
+        if inside.any():
+            share = LIT + (SHADED - LIT) * i / (CHART_BANDS - 1)
+            part = dataclasses.replace(shape, faces=shape.faces[inside])
+            props.add(f"floor_{i}", part, canvas.water_colour(share))
 
 
 def add_open_water(props: Props, layout: SceneLayout, floor: Array | None) -> list[str]:
@@ -212,9 +207,9 @@ def floor_grid(table: Array, layout: SceneLayout, cells: int = CELLS) -> Array:
     """Depths [m] of the floor over the block, as `sheet` counts them, shape (n, n)."""
     x = np.linspace(layout.low[0], layout.high[0], cells + 1)
     y = np.linspace(layout.high[1], layout.low[1], cells + 1)
-    block = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((cells + 1,) * 2)], axis=-1)
+    block = np.stack(np.broadcast_arrays(x[:, None], y, 0.0), axis=-1)
     found = floor_depths(table, *_north_east(layout.to_ned(block.reshape(-1, 3))))
-    return np.asarray(found).reshape(cells + 1, cells + 1)
+    return np.asarray(found).reshape(block.shape[:2])
 
 
 def _north_east(ned: Array) -> tuple[Array, Array]:
@@ -233,13 +228,9 @@ def depth_ticks(layout: SceneLayout) -> Array:
     return found[found > 0]
 
 
-def grid_step(layout: SceneLayout) -> float:
-    """[m] between the map's grid lines."""
-    return nice_step(float(layout.size[:2].max()) / 6)
-
-
-def grid_values(layout: SceneLayout, axis: int, step: float) -> Array:
-    """Multiples of `step` [m] within the block along its x (0) or y (1)."""
+def grid_values(layout: SceneLayout, axis: int) -> Array:
+    """Round metres of the map's grid lines along the block's x (0) or y (1)."""
+    step = nice_step(float(layout.size[:2].max()) / 6)
     first = math.ceil(layout.low[axis] / step)
     last = math.floor(layout.high[axis] / step)
     return step * np.arange(first, last + 1, dtype=float)
@@ -252,15 +243,6 @@ def _add_made_up(props: Props, layout: SceneLayout, colour: Array) -> None:
     relief = RELIEF_SHARE * abs(bottom) * np.outer(fade, fade)
     ground = sheet(layout, bottom + relief * _terrain(RELIEF + 1, seed=7))
     props.add("floor", ground, colour, material="matte")
-
-
-def _add_surface(props: Props, layout: SceneLayout) -> None:
-    """The sea surface, seen from above and from below."""
-    length = float((layout.size * layout.factors)[:2].max())
-    above = sheet(layout, WAVE_SHARE * length * _terrain(RELIEF + 1, seed=11, rough=0.9))
-    props.add("surface", above, canvas.GLASS, alpha=0.17, material="lit")
-    below = dataclasses.replace(above, faces=above.faces[:, ::-1], normals=-above.normals)
-    props.add("surface_below", below, canvas.GLASS, alpha=0.22, material="lit")
 
 
 def _add_ground(props: Props, layout: SceneLayout, table: Array, path: Array, cut: bool) -> bool:
@@ -284,37 +266,19 @@ def _add_ground(props: Props, layout: SceneLayout, table: Array, path: Array, cu
     return True
 
 
-def _add_coloured(props: Props, layout: SceneLayout, table: Array) -> None:
-    """The map's ground in colours of depth, level so that no slope hides the track."""
-    found = floor_grid(table, layout, CHART_CELLS)
-    level = np.full_like(found, -float(layout.high[2]) * layout.factors[2])
-    shape = sheet(layout, level)
-    middle = found.ravel()[shape.faces].mean(axis=1)
-    edges = np.linspace(middle.min(), middle.max() + 1e-9, CHART_BANDS + 1)
-    for i, (low, high) in enumerate(itertools.pairwise(edges)):
-        inside = (middle >= low) & (middle < high)
-        if inside.any():
-            share = LIT + (SHADED - LIT) * i / max(CHART_BANDS - 1, 1)
-            part = dataclasses.replace(shape, faces=shape.faces[inside])
-            props.add(f"floor_{i}", part, canvas.water_colour(share))
-
-
-def shadow(
-    layout: SceneLayout, path: Array, height: Array | float, width: float = 0.1
-) -> Shape | None:
+def shadow(layout: SceneLayout, path: Array, height: Array | float) -> Shape | None:
     """The projection of a path (n, 3) at display heights (n,), a band; None if it goes nowhere."""
     nodes = layout.display(path)
     nodes[:, 2] = height
-    nodes = nodes[simplify(nodes, width / 2)]
-    if np.ptp(nodes[:, :2], axis=0).max() < width:
+    nodes = nodes[simplify(nodes, SHADOW_WIDTH / 2)]
+    if np.ptp(nodes[:, :2], axis=0).max() < SHADOW_WIDTH:
         return None
-    side, _ = shapes.tube_frame(nodes)
-    count = len(nodes)
-    faces = shapes.strip_faces(count)
+    half = SHADOW_WIDTH / 2 * shapes.tube_frame(nodes)[0]
+    faces = shapes.strip_faces(len(nodes))
     return Shape(
-        vertices=np.concatenate([nodes - width / 2 * side, nodes + width / 2 * side]),
+        vertices=np.concatenate([nodes - half, nodes + half]),
         faces=np.concatenate([faces, faces[:, ::-1]]),
-        normals=np.tile([0.0, 0.0, 1.0], (2 * count, 1)),
+        normals=np.tile([0.0, 0.0, 1.0], (2 * len(nodes), 1)),
     )
 
 
@@ -344,8 +308,7 @@ def sheet(layout: SceneLayout, height: Array) -> Shape:
     left = np.array([-forward[1], forward[0], 0.0])
     turn = np.column_stack([forward, left, [0.0, 0.0, 1.0]])
     shape = shapes.relief(x, y, height, turn)
-    offset = np.array([origin[0], origin[1], 0.0])
-    return dataclasses.replace(shape, vertices=shape.vertices + offset)
+    return dataclasses.replace(shape, vertices=shape.vertices + origin * [1.0, 1.0, 0.0])
 
 
 def _terrain(cells: int, *, seed: int, rough: float = 0.55) -> Array:
@@ -376,14 +339,12 @@ def _sides(sheet: Shape, count: int, first: int, bottom: float) -> Shape:
     The sheet has (count, count) nodes and begins with column `first`.
     """
     index = np.arange(count * count).reshape(count, count)[:, first:]
-    rims = [index[:, 0], index[-1, :], index[::-1, -1], index[0, ::-1]]
-    sides = []
     middle = sheet.vertices[index].mean(axis=(0, 1))
-    for rim in rims:
-        count = len(rim)
+    sides = []
+    for rim in (index[:, 0], index[-1, :], index[::-1, -1], index[0, ::-1]):
         top = sheet.vertices[rim]
-        low = np.column_stack([top[:, :2], np.full(count, bottom)])
-        faces = shapes.strip_faces(count)
+        low = np.column_stack([top[:, :2], np.full(len(rim), bottom)])
+        faces = shapes.strip_faces(len(rim))
         along = top[-1] - top[0]
         normal = np.array([along[1], -along[0], 0.0])
         normal /= max(float(np.linalg.norm(normal)), 1e-12)
@@ -393,5 +354,6 @@ def _sides(sheet: Shape, count: int, first: int, bottom: float) -> Shape:
         a, b, c = corners[faces[0]]
         if np.cross(b - a, c - a) @ normal < 0:
             faces = faces[:, ::-1]
-        sides.append(Shape(vertices=corners, faces=faces, normals=np.tile(normal, (2 * count, 1))))
+        normals = np.tile(normal, (len(corners), 1))
+        sides.append(Shape(vertices=corners, faces=faces, normals=normals))
     return shapes.merge(sides)

@@ -1,7 +1,7 @@
 """Shapes: triangle meshes of the scene, and the MuJoCo spec that holds them.
 
 A mesh is vertices, faces, normals and texture coordinates, in display units (see
-`scene_geometry`), z up, with faces counterclockwise seen from outside. MuJoCo draws only front
+`camera`), z up, with faces counterclockwise seen from outside. MuJoCo draws only front
 faces, which the water's walls use: whichever wall is nearest to the camera disappears.
 """
 
@@ -16,6 +16,17 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+VEHICLE = "vehicle/"  # prefix of the attached glider's names
+BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5  # geom groups; fluid geoms 4 stay hidden
+UNSEEN_GROUP = 4  # group of fluid geoms, and of what a vehicle has lost
+GLIDER_GROUPS = (1, 2)  # outside and inside of the glider
+WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
+"""Bodies that props hang on"""
+AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
+"""Light from everywhere, from the camera and from above, over full light"""
+SAMPLES = 4  # per pixel against jagged edges
+SLICES, STACKS = 24, 6
+"""Facets of round geoms around and along; more cost time on a CPU and show nothing"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,9 +55,8 @@ def tube(nodes: Array, radius: float, sides: int, along: Array | None = None) ->
     c, s = _circle(sides).T[..., None]
     ring = c * side + s * up
     vertices = (nodes[:, None] + radius * ring).reshape(-1, 3)
-    faces = np.concatenate(
-        [first + strip_faces(sides, closed=True) for first in sides * np.arange(len(nodes) - 1)]
-    )
+    firsts = sides * np.arange(len(nodes) - 1)
+    faces = (firsts[:, None, None] + strip_faces(sides, closed=True)).reshape(-1, 3)
     coordinates = None
     if along is not None:
         repeated = np.repeat(along, sides)
@@ -126,12 +136,11 @@ def strip_faces(count: int, *, closed: bool = False) -> Integers:
 def ring(inner: float, outer: float, z: float, *, up: bool, slices: int = 48) -> Shape:
     """A flat horizontal ring about the z axis that is seen from above (`up`) or from below."""
     rims = [np.column_stack([r * _circle(slices), np.full(slices, z)]) for r in (inner, outer)]
-    faces = strip_faces(slices, closed=True)
-    normal = [0.0, 0.0, 1.0 if up else -1.0]
+    way = 1 if up else -1
     return Shape(
         vertices=np.concatenate(rims),
-        faces=faces if up else faces[:, ::-1].copy(),
-        normals=np.tile(normal, (2 * slices, 1)),
+        faces=strip_faces(slices, closed=True)[:, ::way].copy(),
+        normals=np.tile([0.0, 0.0, way], (2 * slices, 1)),
     )
 
 
@@ -141,8 +150,8 @@ def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
         radius * np.column_stack([np.cos(up) * _circle(slices), np.full(slices, np.sin(up))])
         for up in (low, high)
     ]
-    faces = strip_faces(slices, closed=True)
     vertices = np.concatenate(rims)
+    faces = strip_faces(slices, closed=True)
     return Shape(vertices=vertices, faces=faces, normals=-vertices / radius)
 
 
@@ -179,27 +188,18 @@ def cone(start: Array, end: Array, first: float, last: float, sides: int) -> Sha
 
 def grains(centres: Array, sizes: Array) -> Shape:
     """Octahedra at `centres` (n, 3) with radii `sizes` (n,)."""
-    corners = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+    corners = np.kron(np.eye(3), [[1.0], [-1.0]])
     faces = np.array(
         [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
     )
-    vertices = (centres[:, None] + sizes[:, None, None] * corners).reshape(-1, 3)
-    index = (faces[None] + 6 * np.arange(len(centres))[:, None, None]).reshape(-1, 3)
-    return Shape(vertices=vertices, faces=index, normals=np.tile(corners, (len(centres), 1)))
+    firsts = 6 * np.arange(len(centres))
+    return Shape(
+        vertices=(centres[:, None] + sizes[:, None, None] * corners).reshape(-1, 3),
+        faces=(firsts[:, None, None] + faces).reshape(-1, 3),
+        normals=np.tile(corners, (len(centres), 1)),
+    )
 
 
-VEHICLE = "vehicle/"
-"""Prefix of the attached glider's names"""
-BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5
-"""Geom groups; fluid geoms 4 stay hidden."""
-UNSEEN_GROUP = 4
-"""Of fluid geoms, and of what a vehicle has lost"""
-GLIDER_GROUPS = (1, 2)
-"""Outside and inside of the glider"""
-WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
-"""Bodies that props hang on"""
-AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
-"""Light from everywhere, from the camera and from above, over full light"""
 MATERIALS = {
     "flat": (1.0 - AMBIENT - HEADLIGHT / 2, 0.0),
     "lit": (0.3, 0.2),
@@ -207,12 +207,6 @@ MATERIALS = {
     "matte": (0.0, 0.0),
 }
 """Emission and specular; `flat` shows its colour as it is, under the light of the mean angle"""
-SAMPLES = 4
-"""Samples per pixel against jagged edges"""
-
-
-SLICES, STACKS = 24, 6
-"""Facets of round geoms around and along; more cost time on a CPU and show nothing"""
 
 
 class Props:
@@ -259,16 +253,16 @@ class Props:
         body: str = WATER,
     ) -> str:
         """Add a mesh and its geom, both of this name; returns the name."""
-        textured: dict[str, Any] = {}
-        if shape.coordinates is not None:
-            textured["usertexcoord"] = shape.coordinates.astype(np.float32).ravel()
+        given = {"vert": shape.vertices, "normal": shape.normals, "texcoord": shape.coordinates}
         self.spec.add_mesh(
             name=name,
-            uservert=shape.vertices.astype(np.float32).ravel(),
             userface=shape.faces.astype(np.int32).ravel(),
-            usernormal=shape.normals.astype(np.float32).ravel(),
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-            **textured,
+            **{
+                f"user{kind}": values.astype(np.float32).ravel()
+                for kind, values in given.items()
+                if values is not None
+            },
         )
         self._bodies[body].add_geom(
             name=name,
@@ -285,15 +279,11 @@ class Props:
 
     def add_row_texture(self, name: str, colours: Array, *, emission: float) -> None:
         """A material whose texture is one row of colours (n, 3); see `Shape.coordinates`."""
-        pixels = np.repeat((255 * colours).astype(np.uint8)[None], 2, axis=0)
+        kind = mujoco.mjtTexture.mjTEXTURE_2D
         texture = self.spec.add_texture(
-            name=name,
-            type=mujoco.mjtTexture.mjTEXTURE_2D,
-            width=len(colours),
-            height=2,
-            nchannel=3,
+            name=name, type=kind, width=len(colours), height=2, nchannel=3
         )
-        texture.data = pixels.tobytes()
+        texture.data = 2 * (255 * colours).astype(np.uint8).tobytes()
         material = self.spec.add_material(
             name=name, emission=emission, specular=0.15, shininess=0.3
         )

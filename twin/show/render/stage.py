@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -16,26 +17,23 @@ from twin.records.logged import source_of
 from twin.records.tracks import NamedTrack
 from twin.show.render import canvas, sea, shapes
 from twin.show.render import ribbon as arrows
+from twin.show.render.camera import SceneLayout, plan
 from twin.show.render.canvas import frame_of
-from twin.show.render.playback import Poses, Scale, optional, signal, track_values
+from twin.show.render.playback import POSITION, Poses, Scale, optional, signal, track_values
 from twin.show.render.ribbon import TEXELS, ArrowProfile, Ribbon, simplify
-from twin.show.render.scene_geometry import SceneLayout, plan
 from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Props
-from twin.show.render.shot import Shot, Subject
+from twin.show.render.subject import Shot, Subject
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-RADIUS, CHASE_RADIUS = 0.055, 0.020
-"""[display units] of the true track; the glider's hull has 0.11"""
+RADIUS, CHASE_RADIUS = 0.055, 0.020  # [display units] of the true track; the glider's hull has 0.11
 OTHER_SHARE, FUTURE_SHARE = 0.6, 0.28
 """Radius of other tracks, and of what is still to come, over that of the true track"""
-SNOW_FASTEST = 12.0
-"""Speed-up from which particles would only flicker"""
+SNOW_FASTEST = 12.0  # speed-up from which particles would only flicker
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Path:
+class Path(NamedTuple):
     """A track within the shown part."""
 
     name: str
@@ -47,8 +45,7 @@ class Path:
     """RGB; None for the true track, which its values colour"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class TurnedBody:
+class TurnedBody(NamedTuple):
     """A body that is turned as the part of its name is."""
 
     body: int
@@ -58,14 +55,13 @@ class TurnedBody:
     """Unit vector, MuJoCo's hull axes, through the body's origin, shape (3,)"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Line:
+class Line(NamedTuple):
     """A track on the stage: its ribbon and the geoms that show it."""
 
     name: str
-    ribbon: Ribbon
     colour: Array | None
     """RGB; None for the true track"""
+    ribbon: Ribbon
     chunks: list[int]
     """Geom ids, one per chunk"""
     head: int
@@ -131,19 +127,18 @@ def build(subject: Subject, shot: Shot) -> Stage:
     radius = sea.OPEN_RADIUS if chase else sea.backdrop_radius(layout)
     count = sea.OPEN_BANDS if chase else sea.BANDS
     bands = sea.add_backdrop(props, "backdrop", BACKDROP_GROUP, radius, light=chase, bands=count)
-    if not chase and shot.inset:
-        bands = sea.add_backdrop(props, "close_up", CLOSE_UP_GROUP, radius, light=True)
     ground: list[str] = []
-    if chase:
-        ground = sea.add_open_water(props, layout, floor)
-    elif shot.camera == "map":
-        sea.add_chart(props, layout, floor)
-    else:
-        sea.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
     ladder: list[str] = []
     if chase:
+        ground = sea.add_open_water(props, layout, floor)
         ladder = arrows.add_ladder(props)
     else:
+        if shot.inset:
+            bands = sea.add_backdrop(props, "close_up", CLOSE_UP_GROUP, radius, light=True)
+        if shot.camera == "map":
+            sea.add_chart(props, layout, floor)
+        else:
+            sea.add_block(props, layout, floor, true.points, cut=shot.camera == "side")
         arrows.add_mast(props, layout, current, true.points)
     snow = chase and (shot.speed_up or last - first) <= SNOW_FASTEST
     if snow:
@@ -151,12 +146,13 @@ def build(subject: Subject, shot: Shot) -> Stage:
     ribbons = _add_paths(props, paths, layout, (first, last), values, scale, chase=chase)
 
     model = props.spec.compile()
+    chunks = [named_geoms(model, [f"line_{i}_"]) for i in range(len(paths))]
     return Stage(
         model=model,
         layout=layout,
         chase=chase,
         lines=[
-            _line(model, i, path, ribbon)
+            Line(path.name, path.colour, ribbon, chunks[i], _reshaped(model, f"head_{i}"))
             for i, (path, ribbon) in enumerate(zip(paths, ribbons, strict=True))
         ],
         scale=scale,
@@ -195,8 +191,8 @@ def shown_paths(subject: Subject, shot: Shot) -> tuple[NDArray[np.bool_], list[P
     shown = (trajectory.time >= first) & (trajectory.time <= last)
     if shown.sum() < 2:
         raise InputError(f"part {first:g} to {last:g} s holds fewer than 2 samples")
-    points = np.stack([signal(trajectory, n)[shown] for n in ("north", "east", "depth")], axis=-1)
-    true = Path(name="truth", time=trajectory.time[shown], points=points, colour=None)
+    points = np.stack([signal(trajectory, name)[shown] for name in POSITION], axis=-1)
+    true = Path("truth", trajectory.time[shown], points, None)
     return shown, [true, *(_beside(track, i, true) for i, track in enumerate(subject.tracks))]
 
 
@@ -226,13 +222,12 @@ def turned_bodies(
 
     `prefix` is what stands before the file's names in the model.
     """
-    found: dict[str, TurnedBody] = {}
+    found = {}
     for part in vehicle.parts:
         body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{part.name}")
-        if body < 0 or part.drawn_axis is None:
-            continue
-        axis = flip_vector(np.array(part.drawn_axis))
-        found[part.name] = TurnedBody(body=body, rest=model.body_quat[body].copy(), axis=axis)
+        if body >= 0 and part.drawn_axis is not None:
+            axis = flip_vector(np.array(part.drawn_axis))
+            found[part.name] = TurnedBody(body, model.body_quat[body].copy(), axis)
     return found
 
 
@@ -247,12 +242,8 @@ def _beside(track: NamedTrack, index: int, true: Path) -> Path:
         raise InputError(f"track {track.name!r} has fewer than 2 samples in the shown part")
     time = track.time[inside]
     depth = np.interp(time, true.time, true.points[:, 2])
-    return Path(
-        name=track.title,
-        time=time,
-        points=np.column_stack([track.north[inside], track.east[inside], depth]),
-        colour=canvas.OTHER_TRACKS[index % len(canvas.OTHER_TRACKS)],
-    )
+    points = np.column_stack([track.north[inside], track.east[inside], depth])
+    return Path(track.title, time, points, canvas.OTHER_TRACKS[index % len(canvas.OTHER_TRACKS)])
 
 
 def _add_paths(
@@ -277,27 +268,15 @@ def _add_paths(
         keep = simplify(nodes, 0.3 * radius)
         ribbon = Ribbon(time=path.time[keep], nodes=nodes[keep], radius=radius, span=span)
         ribbons.append(ribbon)
-        colour = np.ones(3) if path.colour is None else path.colour
-        material = "track" if path.colour is None else "glow"
-        for i in range(len(ribbon.starts())):
-            props.add(f"line_{index}_{i}", ribbon.chunk(i), colour, material=material)
+        colour, material = (np.ones(3), "track") if path.colour is None else (path.colour, "glow")
+        for i, chunk in enumerate(ribbon.chunks()):
+            props.add(f"line_{index}_{i}", chunk, colour, material=material)
         head = ribbon.head(float(ribbon.time[-1]), ribbon.nodes[-1])
         props.add(f"head_{index}", head, colour, material=material)
     if not chase:
         thin = dataclasses.replace(ribbons[0], radius=FUTURE_SHARE * thickness)
-        parts = [thin.chunk(i) for i in range(len(thin.starts()))]
-        props.add("future", shapes.merge(parts), canvas.FUTURE, alpha=0.55)
+        props.add("future", shapes.merge(thin.chunks()), canvas.FUTURE, alpha=0.55)
     return ribbons
-
-
-def _line(model: mujoco.MjModel, index: int, path: Path, ribbon: Ribbon) -> Line:
-    return Line(
-        name=path.name,
-        ribbon=ribbon,
-        colour=path.colour,
-        chunks=[model.geom(f"line_{index}_{i}").id for i in range(len(ribbon.starts()))],
-        head=_reshaped(model, f"head_{index}"),
-    )
 
 
 def _reshaped(model: mujoco.MjModel, name: str) -> int:

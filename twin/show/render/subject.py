@@ -1,8 +1,12 @@
-"""Subject: the flight that a picture shows, from a stored mission or from physics that runs now."""
+"""Subject and shot: the flight that a picture shows, and how it shows it.
+
+A flight is a stored mission, or physics that runs now.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,8 +14,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, StoreError, VehicleError, quoted
-from twin.faults.base import fault_from_dict
+from twin.errors import InputError, StoreError, VehicleError, quoted, unknown_name
+from twin.faults.base import Fault, fault_from_dict
 from twin.frames import flip_quaternion as flip
 from twin.frames import flip_vector, quaternion_to_euler
 from twin.physics.mujoco_model import quiet_mujoco
@@ -22,23 +26,134 @@ from twin.records.attributes import SCENARIO
 from twin.records.logged import LoggedTrajectory
 from twin.records.reader import MissionStore
 from twin.records.store import read_trajectory
-from twin.records.tracks import choose_tracks, read_tracks
+from twin.records.tracks import NamedTrack, choose_tracks, read_tracks
 from twin.records.trajectory import Trajectory
 from twin.show.figures.page_layout import missions_caption
-from twin.show.render.playback import (
-    POSITION,
-    Poses,
-    interpolate_quaternion,
-    moving_parts,
-    part_positions,
-    poses,
-    spins,
-    turns,
-)
-from twin.show.render.shot import Subject
+from twin.show.render import playback
+from twin.show.render.playback import POSITION, Poses, poses
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
+
+
+CAMERAS = ("orbit", "side", "map", "chase")
+COLOURS = ("speed", "current", "depth", "error")
+DEFAULT_SECONDS = 20.0  # [s] of video when no speed-up is given
+SMALLEST, LARGEST = 64, 7680  # [pixel] sides of a picture; the largest is 8K UHD
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What a film is about."""
+
+    trajectory: Trajectory
+    vehicle: Vehicle
+    tracks: tuple[NamedTrack, ...] = ()
+    """Dead-reckoned tracks beside the true one"""
+    title: str = ""
+    floor: Array | None = None
+    """Table of the mission's sea floor; None: what is drawn is decoration"""
+    faults: Sequence[Fault] = ()
+    """What is wrong with the vehicle: what is gone is not drawn from then on"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Shot:
+    """How a film or picture shows its subject: camera, size, speed and part of the mission."""
+
+    camera: str = "orbit"
+    """orbit (circles the track), side, map (from above) or chase (behind the glider)."""
+
+    width: int = 1280
+    """[pixel]"""
+
+    height: int = 720
+    """[pixel]"""
+
+    fps: float = 30.0
+    """Frames per second of a video."""
+
+    speed_up: float | None = None
+    """Mission seconds per video second; None makes the video DEFAULT_SECONDS long."""
+
+    start: float | None = None
+    """[s] First mission time shown; None is the mission's start."""
+
+    end: float | None = None
+    """[s] Last mission time shown; None is the mission's end."""
+
+    colour: str | None = None
+    """What colours the track: speed, current, depth, or error (of the first dead-reckoned track);
+    None: speed, or depth in a log that does not tell the speed."""
+
+    exaggeration: float | None = None
+    """Vertical scale over horizontal scale; None chooses one. The chase camera has always 1."""
+
+    floor: float | None = None
+    """[m] Depth at which the picture ends below; None: so that it shows the mission's sea floor, or
+    without one a little below the deepest point."""
+
+    hud: bool = True
+    """Draw the strip of readouts, the labels and the legend."""
+
+    inset: bool = True
+    """Draw the close-up of the glider (not with the chase camera, which is one)."""
+
+    def __post_init__(self) -> None:
+        if self.camera not in CAMERAS:
+            raise InputError(unknown_name("camera", self.camera, CAMERAS))
+        if self.colour is not None and self.colour not in COLOURS:
+            raise InputError(unknown_name("track colour", self.colour, COLOURS))
+        for name, pixels in (("width", self.width), ("height", self.height)):
+            if not SMALLEST <= pixels <= LARGEST:
+                raise InputError(f"{name} {pixels} must be {SMALLEST} to {LARGEST} pixels")
+        for name in ("fps", "speed_up", "exaggeration", "floor"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"{name.replace('_', '-')} {value} must be positive and finite")
+
+    def part(self, time: Array) -> tuple[float, float]:
+        """First and last mission time [s] shown, of a mission sampled at `time` [s].
+
+        Raises:
+          InputError: the part lies outside the mission or is empty.
+        """
+        first, last = float(time[0]), float(time[-1])
+        start = first if self.start is None else self.start
+        end = last if self.end is None else self.end
+        slack = 1e-6 * max(last - first, 1.0)
+        if not (first - slack <= start < end <= last + slack):
+            raise InputError(
+                f"part {start:g} to {end:g} s must be inside the mission, {first:g} to {last:g} s, "
+                "and end after it starts"
+            )
+        return max(start, first), min(end, last)
+
+    def frame_times(self, time: Array) -> Array:
+        """Mission times [s] of the video's frames, shape (frames,)."""
+        start, end = self.part(time)
+        speed_up = self.speed_up or (end - start) / DEFAULT_SECONDS
+        frames = max(2, round((end - start) / speed_up * self.fps) + 1)
+        return np.asarray(np.linspace(start, end, frames))
+
+    def still_time(
+        self, time: Array, at: float | None, known: NDArray[np.bool_] | None = None
+    ) -> Array:
+        """The one mission time [s] of a still, shape (1,): `at`, or the end of the part.
+
+        Args:
+          time: [s] of the samples, (time,).
+          at: [s]; None is the end of the part.
+          known: samples whose place is known, (time,); then the end is the last of these.
+        """
+        start, end = self.part(time)
+        if at is None:
+            if known is not None and (shown := time[known & (time >= start) & (time <= end)]).size:
+                end = float(shown[-1])
+            return np.array([end])
+        if not start <= at <= end:
+            raise InputError(f"time {at:g} s is outside the shown part, {start:g} to {end:g} s")
+        return np.array([float(at)])
 
 
 def read_subject(
@@ -153,9 +268,9 @@ class Replay:
 
     def at(self, time: float) -> Poses:
         """Interpolated between two samples."""
-        every = self._all
+        every, times = self._all, np.array([time])
         after = int(np.clip(np.searchsorted(every.time, time), 1, len(every.time) - 1))
-        two, times = slice(after - 1, after + 1), np.array([time])
+        two = slice(after - 1, after + 1)
         ends = every.time[two]
         row: dict[str, Any] = {}
         for name, values in vars(every).items():
@@ -163,11 +278,10 @@ class Replay:
                 columns = values[two].reshape(2, -1).astype(float).T
                 found = [np.interp(times, ends, column) for column in columns]
                 row[name] = np.stack(found, axis=-1).reshape((1, *values.shape[1:]))
-        row["time"] = times
-        row["quaternion"] = interpolate_quaternion(times, ends, every.quaternion[two])
+        row["quaternion"] = playback.interpolate_quaternion(times, ends, every.quaternion[two])
         if every.bridged is not None:
             row["bridged"] = row["bridged"] > 0.0
-        return dataclasses.replace(every, **row)
+        return dataclasses.replace(every, **row | {"time": times})
 
 
 def live_simulation(scenario: Scenario) -> Simulation:
@@ -213,8 +327,8 @@ class Live:
         data = simulation.data
         logged = from_log(simulation.rows[-1:], simulation.scenario.vehicle)
         roll, pitch, heading = quaternion_to_euler(flip(data.qpos[3:7]))
-        joints = moving_parts(logged)
-        parts = part_positions(logged, joints, logged.time)
+        joints = playback.moving_parts(logged)
+        parts, _ = playback.part_motion(logged, joints, logged.time)
         current = [logged[f"true_current_{name}"][0] for name in ("north", "east")]
         return Poses(
             time=np.array([data.time]),
@@ -235,8 +349,7 @@ class Live:
         """Angle [rad] of each moving part; a spinning one goes on from the last row's."""
         before, angles = self._seen
         step = max(time - before, 0.0)  # after a jump back it goes on from where it was
-        angles = np.resize(angles, len(joints))
-        for place, joint in enumerate(joints):
-            angles[place] = angles[place] + step * parts[place] if spins(joint) else parts[place]
+        spinning = np.array([playback.spins(joint) for joint in joints], bool)
+        angles = np.where(spinning, np.resize(angles, len(joints)) + step * parts, parts)
         self._seen = (time, angles)
-        return angles * [turns(joint) or spins(joint) for joint in joints]
+        return angles * [playback.turns(joint) or playback.spins(joint) for joint in joints]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +12,20 @@ from PIL import Image, ImageDraw
 
 from twin.show.render import canvas as palette
 from twin.show.render import sea
-from twin.show.render.camera import View
+from twin.show.render.camera import SceneLayout, View, nice_step, ticks
 from twin.show.render.canvas import LABEL, Canvas
-from twin.show.render.scene_geometry import SceneLayout, nice_step, ticks
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 KILO = 1000.0
 MINUS = "−"
-COMPASS = 48
-"""Size of the compass [pixel of the base picture]"""
-SCALE_BAR = 56
-"""From the close-up down to the map's scale bar [pixel of the base picture]"""
-OVERSAMPLING = 4
-"""The compass is drawn larger and shrunk, for smooth edges."""
+COMPASS = 48  # size of the compass [pixel of the base picture]
+SCALE_BAR = 56  # from the close-up down to the map's scale bar [pixel of the base picture]
+OVERSAMPLING = 4  # the compass is drawn larger and shrunk, for smooth edges
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Mark:
+class Mark(NamedTuple):
     """A text at a place in the picture."""
 
     text: str
@@ -59,30 +54,26 @@ def block_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
     points = np.column_stack(
         [layout.low[0] + distances, np.full((len(distances), 2), [front, layout.high[2]])]
     )
-    names = _names(distances)
-    return found + _marks(
-        canvas, view, layout.display_block(points), names, "mt", (0, canvas.px(4))
-    )
+    points, gap = layout.display_block(points), (0, canvas.px(4))
+    return found + _marks(canvas, view, points, _names(distances), "mt", gap)
 
 
 def map_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
     """North and east of the start along the chart's grid, and the length of the scale bar."""
-    step, found = sea.grid_step(layout), []
+    found: list[Mark] = []
     for axis, (forward, back) in enumerate((("N", "S"), ("E", "W"))):
-        values = sea.grid_values(layout, axis, step)
+        values = sea.grid_values(layout, axis)
         points = np.tile([layout.low[0], layout.low[1], 0.0], (len(values), 1))
         points[:, axis] = values
         anchor, gap = ("rm", (-canvas.px(7), 0)) if axis == 0 else ("mt", (0, canvas.px(4)))
-        letters = [forward if value >= 0.0 else back for value in values]
         names = [
-            f"{name} {letter}"
-            for name, letter in zip(_names(np.abs(values), every=True), letters, strict=True)
+            f"{name} {forward if value >= 0.0 else back}"
+            for name, value in zip(_names(np.abs(values), every=True), values, strict=True)
         ]
         found += _marks(canvas, view, layout.display_block(points), names, anchor, gap)
     length, (left, top, wide, _) = scale_bar(canvas, layout, view)
-    name = _names(np.array([length]))[0]
-    middle = left + wide / 2
-    return [*found, Mark(text=name, x=middle, y=top - canvas.px(3), anchor="mb")]
+    (name,) = _names(np.array([length]))
+    return [*found, Mark(name, left + wide / 2, top - canvas.px(3), "mb")]
 
 
 def scale_bar(
@@ -90,7 +81,7 @@ def scale_bar(
 ) -> tuple[float, tuple[int, int, int, int]]:
     """A round length [m] and its bar in the map, under the close-up: left, top, width, height
     [pixel]."""
-    metres_per_pixel = 2 * view.frustum()[0] / canvas.width / layout.scale
+    metres_per_pixel = 2 * view.frustum()[1] / canvas.width / layout.scale
     length = nice_step(0.14 * canvas.width * metres_per_pixel)
     left, inset_top, _, inset_height = canvas.inset
     top = inset_top + inset_height + canvas.px(SCALE_BAR)
@@ -115,11 +106,8 @@ def ladder_marks(
 def draw_marks(frame: Pixels, canvas: Canvas, marks: list[Mark]) -> None:
     """Write marks into a frame."""
     size = canvas.font_size(LABEL)
-    for mark in marks:
-        palette.write(
-            frame, mark.text, mark.x, mark.y, size, palette.WHITE, anchor=mark.anchor,
-            halo=palette.INK,
-        )  # fmt: skip
+    for text, x, y, anchor in marks:
+        palette.write(frame, text, x, y, size, palette.WHITE, anchor=anchor, halo=palette.INK)
 
 
 def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
@@ -128,27 +116,20 @@ def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
     It stands upper left under the title; in the map, whose labels are there, at the close-up's
     right edge beside the scale bar.
     """
-    north = np.array([1.0, 0.0, 0.0])
     ahead = view.up if view.parallel else view.forward
-    angle = math.atan2(float(north @ view.right), float(north @ ahead))
+    angle = math.atan2(float(view.right[0]), float(ahead[0]))
     size, left, top = canvas.px(COMPASS), canvas.px(22), canvas.compass_top
     if view.parallel:
         inset_left, inset_top, wide, high = canvas.inset
         left = inset_left + wide - size
         top = inset_top + high + canvas.px(SCALE_BAR) - round(0.6 * size)
-    add, keep = _compass(size, round(math.degrees(angle)))
-    palette.blend(frame, add, keep, left, top)
+    palette.blend(frame, *_compass(size, round(math.degrees(angle))), left, top)
+    x = left + size / 2 + 0.64 * size * math.sin(angle)
+    y = top + size / 2 - 0.64 * size * math.cos(angle)
     palette.write(
-        frame,
-        "N",
-        left + size / 2 + 0.64 * size * math.sin(angle),
-        top + size / 2 - 0.64 * size * math.cos(angle),
-        canvas.font_size(13),
-        palette.WHITE,
-        bold=True,
-        anchor="mm",
+        frame, "N", x, y, canvas.font_size(13), palette.WHITE, bold=True, anchor="mm",
         halo=palette.INK,
-    )
+    )  # fmt: skip
 
 
 @functools.lru_cache(maxsize=360)
@@ -158,17 +139,14 @@ def _compass(size: int, angle: int) -> tuple[palette.Wide, palette.Wide]:
     draw = ImageDraw.Draw(large)
     middle, reach = OVERSAMPLING * size / 2, 0.39 * OVERSAMPLING * size
     rim = (0.03 * OVERSAMPLING * size, 0.97 * OVERSAMPLING * size)
-    draw.ellipse(
-        (rim[0], rim[0], rim[1], rim[1]), outline=(190, 214, 228), width=max(2, size // 12)
-    )
+    box = (rim[0], rim[0], rim[1], rim[1])
+    draw.ellipse(box, outline=(190, 214, 228), width=max(2, size // 12))
     turn = math.radians(angle)
     tip = reach * np.array([math.sin(turn), -math.cos(turn)])
     across = 0.3 * np.array([-tip[1], tip[0]])
     for point, colour in ((tip, (255, 110, 70)), (-tip, (225, 235, 240))):
         draw.polygon([tuple(middle + corner) for corner in (point, across, -across)], fill=colour)
-    small = np.asarray(large.resize((size, size), Image.Resampling.BOX)).astype(np.uint16)
-    alpha = small[..., 3:]
-    return small[..., :3] * alpha, np.repeat(255 - alpha, 3, axis=-1)
+    return palette.layer(np.asarray(large.resize((size, size), Image.Resampling.BOX)))
 
 
 def _marks(
@@ -176,10 +154,7 @@ def _marks(
 ) -> list[Mark]:
     """Marks at points (n, 3) in display units, moved by `gap` [pixel]."""
     places = view.project(points)[:, :2] * [canvas.width, canvas.height] + gap
-    return [
-        Mark(text=name, x=float(x), y=float(y), anchor=anchor)
-        for name, (x, y) in zip(names, places, strict=True)
-    ]
+    return [Mark(name, x, y, anchor) for name, (x, y) in zip(names, places.tolist(), strict=True)]
 
 
 def _names(metres: Array, *, every: bool = False) -> list[str]:

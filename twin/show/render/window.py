@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import itertools
 import math
 import queue
 import threading
@@ -29,16 +28,13 @@ from twin.show.render.hud import readouts
 from twin.show.render.painter import Motion, drift_of, shown, write_mesh
 from twin.show.render.playback import Poses
 from twin.show.render.shapes import BACKDROP_GROUP, GLIDER_GROUPS, WATER_GROUP, Shape
-from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import build
-from twin.show.render.subject import RenderedFlight
+from twin.show.render.subject import RenderedFlight, Shot, Subject
 
 Array = NDArray[np.float64]
 
-SPACE, BACKSPACE, RIGHT, LEFT, MINUS, EQUAL = 32, 259, 262, 263, 45, 61
-"""Key codes of GLFW"""
-VIEWS = {54: "orbit", 55: "side", 56: "map", 57: "follow"}
-"""Keys 6 to 9 and what the camera does"""
+SPACE, BACKSPACE, RIGHT, LEFT, MINUS, EQUAL = 32, 259, 262, 263, 45, 61  # key codes of GLFW
+VIEWS = {54: "orbit", 55: "side", 56: "map", 57: "follow"}  # keys 6 to 9 and what the camera does
 KEYS = (
     ("Space", "pause"),
     ("= -", "faster, slower"),
@@ -46,18 +42,14 @@ KEYS = (
     ("Backspace", "from the start"),
     ("6 7 8 9", "orbit, side, map, follow"),
 )
-FASTER = 2.0
-"""Factor of one key press"""
-JUMP = 0.02
-"""Part of the mission that an arrow key jumps over"""
+FASTER = 2.0  # factor of one key press
+JUMP = 0.02  # part of the mission that an arrow key jumps over
 FOLLOW_DISTANCE, FOLLOW_ELEVATION = 9.0, -18.0
 """[display units] and [degree] of the camera that follows the glider through the block"""
-CLOSING = 5.0
-"""[s] to wait for the window to close"""
+CLOSING = 5.0  # [s] to wait for the window to close
 MARGIN = 1.12
 """Distance of the camera over the one that just shows all: the window's shape is the user's"""
-REFRESH = 60.0
-"""[1/s] frames, at most"""
+REFRESH = 60.0  # [1/s] frames, at most
 MOVED = 0.02
 """[display units] by which a mesh must have changed to be sent again: each costs a frame"""
 
@@ -82,12 +74,16 @@ class Window:
         self._data = mujoco.MjData(self._stage.model)
         self._motion = Motion(self._stage, self._data, self._reshape)
         self._keys: queue.SimpleQueue[int] = queue.SimpleQueue()
-        self._changed: dict[int, Array] = {}
+        self._changed: set[int] = set()
         self._time, self._paused, self._closing = self._first, False, False
         self._mode = "follow" if self._stage.chase else self._shot.camera
         self._heading: float | None = None
         self._water = np.zeros(3)
-        self._set_lens()
+        model, chase = self._stage.model, self._stage.chase
+        model.vis.global_.fovy = math.degrees(2 * (camera.WIDE if chase else camera.NARROW))
+        radius = sea.OPEN_RADIUS if chase else sea.backdrop_radius(self._stage.layout)
+        model.stat.extent, model.stat.center = 1.0, np.zeros(3)
+        model.vis.map.znear, model.vis.map.zfar = 0.05, 6.0 * radius
 
     def run(self, seconds: float | None = None) -> float:
         """Show until the window is closed, or for `seconds`; returns the frames per second.
@@ -102,12 +98,12 @@ class Window:
             handle.opt.sitegroup[:] = 0
             self._aim(handle)
             begun = before = time.perf_counter()
-            for frames in itertools.count():
+            frames = 0
+            while handle.is_running() and not self._closing:
                 now = time.perf_counter()
-                elapsed = now - begun
-                over = self._closing or (seconds is not None and elapsed >= seconds)
-                if over or not handle.is_running():
-                    return frames / max(elapsed, 1e-9)
+                if seconds is not None and now - begun >= seconds:
+                    break
+                frames += 1
                 self._obey(handle)
                 row = self._move(now - before)
                 before = now
@@ -118,7 +114,7 @@ class Window:
                 handle.set_texts(self._texts(row))
                 handle.sync()
                 time.sleep(max(0.0, 1.0 / REFRESH - (time.perf_counter() - now)))
-        raise AssertionError("the loop above only returns")
+            return frames / max(time.perf_counter() - begun, 1e-9)
 
     def close(self) -> None:
         """End `run`, from another thread."""
@@ -156,11 +152,9 @@ class Window:
                 key = self._keys.get_nowait()
                 jump = JUMP * (self._last - self._first)
                 if key == SPACE:
-                    if self._time >= self._last:
-                        self._time = self._first
-                        self._paused = False
-                    else:
-                        self._paused = not self._paused
+                    over = self._time >= self._last
+                    self._paused = not (over or self._paused)
+                    self._time = self._first if over else self._time
                 elif key in (EQUAL, MINUS):
                     self._speed *= FASTER if key == EQUAL else 1.0 / FASTER
                 elif key in (LEFT, RIGHT):
@@ -178,8 +172,7 @@ class Window:
         self._time = min(self._time + ahead, self._last)
         row = self._flight.at(self._time)
         if self._stage.snow:
-            step = ahead * np.nan_to_num(row.current[0]) * [1.0, -1.0]
-            self._water[:2] = self._water[:2] + step
+            self._water[:2] += ahead * np.nan_to_num(row.current[0]) * [1.0, -1.0]
         here = self._stage.layout.display(row.position[0])
         self._here = self._motion.place(row, 0, drift_of(self._water, here))
         return row
@@ -191,46 +184,32 @@ class Window:
         before = model.mesh_vert[first : first + count]
         if np.abs(before - shape.vertices).max() > MOVED:
             write_mesh(model, mesh, shape)
-            self._changed[mesh] = shape.vertices
-
-    def _set_lens(self) -> None:
-        """Field of view and range of depth for the free camera."""
-        model, layout = self._stage.model, self._stage.layout
-        chase = self._stage.chase
-        model.vis.global_.fovy = math.degrees(2 * (camera.WIDE if chase else camera.NARROW))
-        radius = sea.OPEN_RADIUS if chase else sea.backdrop_radius(layout)
-        model.stat.extent, model.stat.center = 1.0, np.zeros(3)
-        model.vis.map.znear, model.vis.map.zfar = 0.05, 6.0 * radius
+            self._changed.add(mesh)
 
     def _aim(self, handle: Any) -> None:
         """Place the free camera as the mode wants it."""
-        layout, mode = self._stage.layout, self._mode
+        layout, mode, cam = self._stage.layout, self._mode, handle.cam
+        frame = frame_of(self._shot)
         self._heading = None
         with handle.lock():
-            cam = handle.cam
             cam.type = mujoco.mjtCamera.mjCAMERA_FREE
             if mode == "follow":
                 heading = float(self._flight.at(self._time).heading[0])
-                bearing = -(heading + math.degrees(camera.CHASE_BEARING))
-                cam.azimuth = bearing + 180.0
-                cam.elevation = FOLLOW_ELEVATION
+                cam.azimuth = 180.0 - (heading + math.degrees(camera.CHASE_BEARING))
+                cam.elevation, cam.lookat[:] = FOLLOW_ELEVATION, self._here
                 cam.distance = camera.CHASE_DISTANCE if self._stage.chase else FOLLOW_DISTANCE
-                cam.lookat[:] = self._here
-                return
-            frame = frame_of(self._shot)
-            if mode == "map":
+            elif mode == "map":
                 half = camera.map_view(layout, frame).half_height
                 cam.azimuth, cam.elevation = 0.0, -90.0
                 cam.lookat[:] = layout.display(layout.centre)
                 cam.distance = MARGIN * half / math.tan(camera.NARROW)
-                return
-            view = camera.block_view(mode, layout, frame, None)
-            middle = layout.corners().mean(axis=0)
-            cam.azimuth = math.degrees(math.atan2(view.forward[1], view.forward[0]))
-            cam.elevation = math.degrees(math.asin(view.forward[2]))
-            distance = float((middle - view.position) @ view.forward)
-            cam.lookat[:] = view.position + distance * view.forward
-            cam.distance = MARGIN * distance
+            else:
+                view = camera.block_view(mode, layout, frame, None)
+                cam.azimuth = math.degrees(math.atan2(view.forward[1], view.forward[0]))
+                cam.elevation = math.degrees(math.asin(view.forward[2]))
+                distance = (layout.corners().mean(axis=0) - view.position) @ view.forward
+                cam.lookat[:] = view.position + distance * view.forward
+                cam.distance = MARGIN * distance
 
     def _follow(self, handle: Any, row: Poses) -> None:
         """Keep the glider in the middle and turn with it; the mouse's own turns stay."""
@@ -245,8 +224,7 @@ class Window:
 
     def _texts(self, row: Poses) -> list[tuple[int, int, str, str]]:
         """The title upper left, the readouts lower left, the keys lower right."""
-        font = int(mujoco.mjtFontScale.mjFONTSCALE_100)
-        places = mujoco.mjtGridPos
+        font, places = int(mujoco.mjtFontScale.mjFONTSCALE_100), mujoco.mjtGridPos
         items = [(item.name, _plain(item.value)) for item in readouts(row, 0)]
         state = "paused" if self._paused else f"{self._speed:g} x real time"
         items.append(("SPEED-UP", state if self._time < self._last else "end"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,33 +15,17 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 STEPS = {
-    "time": 1e-3,
-    "north": 0.01,
-    "east": 0.01,
-    "depth": 0.01,
-    "roll": 0.01,
-    "pitch": 0.01,
-    "heading": 0.01,
-    "surge": 1e-4,
-    "speed": 1e-4,
-    "ground_speed": 1e-4,
-    "net_mass": 1e-4,
-    "pumped": 0.1,
-    "current_north": 1e-4,
-    "current_east": 1e-4,
-    "bottom": 0.05,
-    "colour": 1.0,
-    "gap": 1.0,
-}
+    "time": 1e-3, "north": 0.01, "east": 0.01, "depth": 0.01,
+    "roll": 0.01, "pitch": 0.01, "heading": 0.01,
+    "surge": 1e-4, "speed": 1e-4, "ground_speed": 1e-4, "net_mass": 1e-4, "pumped": 0.1,
+    "current_north": 1e-4, "current_east": 1e-4, "bottom": 0.05, "colour": 1.0, "gap": 1.0,
+}  # fmt: skip
 """To what each channel is rounded: s, m, degree, m/s, kg, cm3; colour in 250ths of its scale"""
-SLIDE_STEP, TURN_STEP, SPIN_STEP = 1e-5, 1e-4, 1e-3
-"""[m], [rad] and [rad/s], of moving parts"""
-COLOURS = 250
-"""Steps of the colour scale"""
+SLIDE_STEP, TURN_STEP, SPIN_STEP = 1e-5, 1e-4, 1e-3  # [m], [rad] and [rad/s], of moving parts
+COLOURS = 250  # steps of the colour scale
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Channels:
+class Channels(NamedTuple):
     """Values over time of what is shown, and how they were thinned."""
 
     values: dict[str, Array]
@@ -90,16 +74,10 @@ def read_channels(
     if found.bridged is not None and found.bridged.any():
         values["gap"] = found.bridged.astype(float)
     if floor is not None:
-        north, east = (np.ascontiguousarray(found.position[:, i]) for i in range(2))
-        values["bottom"] = np.asarray(floor_depths(floor, north, east))
-    parts = {name: found.parts[:, i] for i, name in enumerate(found.joints)}
-    return Channels(
-        values=values | parts,
-        steps={name: STEPS[name] for name in values} | {name: _part_step(name) for name in parts},
-        kept=kept,
-        samples=len(inside),
-        lost=_lost(time, position, chosen),
-    )
+        values["bottom"] = np.asarray(floor_depths(floor, *found.position[:, :2].T.copy()))
+    parts = dict(zip(found.joints, found.parts.T, strict=True))
+    steps = {name: STEPS[name] for name in values} | {name: _part_step(name) for name in parts}
+    return Channels(values | parts, steps, kept, len(inside), _lost(time, position, chosen))
 
 
 def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, Array]:
@@ -119,11 +97,7 @@ def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, A
     }
     if "net_mass" in found.unknown and found.pumped is not None:
         measured["pumped"] = found.pumped
-    attitude = {
-        "roll": found.roll,
-        "pitch": found.pitch,
-        "heading": np.mod(found.heading, 360.0),
-    }
+    attitude = {"roll": found.roll, "pitch": found.pitch, "heading": found.heading % 360.0}
     return attitude | {name: row for name, row in measured.items() if np.isfinite(row).any()}
 
 
@@ -149,12 +123,9 @@ def _lost(time: Array, position: Array, chosen: Integers) -> dict[str, float]:
     """How far [m] from the samples the straight lines between the chosen ones are, at most."""
     if len(chosen) == len(time):
         return {"depth": 0.0, "position": 0.0}
-    lines = np.stack([np.interp(time, time[chosen], p[chosen]) for p in position.T], axis=-1)
-    away = np.abs(lines - position)
-    return {
-        "depth": float(np.nanmax(away[:, 2])),
-        "position": float(np.nanmax(np.hypot(away[:, 0], away[:, 1]))),
-    }
+    north, east, depth = (np.interp(time, time[chosen], p[chosen]) - p for p in position.T)
+    largest = (float(np.nanmax(away)) for away in (np.abs(depth), np.hypot(north, east)))
+    return dict(zip(("depth", "position"), largest, strict=True))
 
 
 def _part_step(part: str) -> float:

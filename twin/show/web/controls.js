@@ -1,5 +1,6 @@
 "use strict";
-// Controls: readouts, time line, legend, camera buttons and help, as the page is built.
+// Controls: readouts, time line, legend, buttons, keys and help as the page is built; a link to the
+// moment that is shown, and the view as a picture.
 
 const $ = name => document.getElementById(name);
 
@@ -41,20 +42,22 @@ function buildTransport(page) {
   return speeds;
 }
 
-function buildLegend({ tracks, scale, profile }) {
-  const legend = $("legend"), row = (mark, words) => legend.append(made("div", {}, mark, words));
-  const swatch = background => {
-    const mark = made("i");
-    mark.style.background = background;
-    return mark;
-  };
-  for (const track of tracks) row(swatch(css(track.colour)), track.name);
-  if (profile) {
-    const arrow = made("span", { innerHTML: '<svg viewBox="0 0 26 12"><path d="M0 6h16M15 1l11 5-11 5z" '
-      + 'stroke="#fff" stroke-width="2" fill="#fff"/></svg>' });
-    row(arrow, currentName(profile));
+// The lines of the legend above the colour scale: a colour, or none for the current's arrow, and words.
+function legendLines({ tracks, scale, profile }) {
+  const lines = tracks.map(({ name, colour }) => [css(colour), name]);
+  if (profile) lines.push([null, currentName(profile)]);
+  if (scale.gaps) lines.push(["#999", "colour not known"]);
+  return lines;
+}
+
+function buildLegend(mission) {
+  const { scale } = mission, legend = $("legend");
+  const arrow = '<svg viewBox="0 0 26 12"><path d="M0 6h16M15 1l11 5-11 5z" stroke="#fff" stroke-width="2" fill="#fff"/></svg>';
+  for (const [colour, words] of legendLines(mission)) {
+    const mark = colour ? made("i") : made("span", { innerHTML: arrow });
+    if (colour) mark.style.background = colour;
+    legend.append(made("div", {}, mark, words));
   }
-  if (scale.gaps) row(swatch("#999"), "colour not known");
   const bar = made("div", { className: "bar" });
   bar.style.background = `linear-gradient(90deg, ${scale.colours.map(css).join(",")})`;
   legend.append(made("div", { textContent: scale.label }), bar,
@@ -86,16 +89,40 @@ function buildCameras(page) {
   return { cameras, switches };
 }
 
-function buildHelp(notes) {
-  const keys = [
-    ["Space", "play, pause"], ["N P", "next, previous surfacing"],
-    ["← →", "2 % back, forward; with Shift one sample"], ["Home End", "first, last moment"],
-    ["[ ]", "slower, faster"], ["1 2 3 4", CAMERAS.join(", ")], ["F", "follow the vehicle"],
-    ["R", "reset the camera"], ["C", "currents"], ["L", "copy a link to this moment"],
-    ["S", "save the view as a picture (PNG)"], ["?", "this help; Escape closes it"],
+// Keys and hands: how help names them, their meaning, and the actions of keys.
+function keysOf(page) {
+  const { recording } = page;
+  const jump = (way, { shiftKey }) => {
+    const { first, end, times } = recording;
+    if (!shiftKey) return page.seek(page.time + way * 0.02 * (end - first));
+    const [k, part] = locate(times, page.time);
+    const next = way > 0 ? k + (part === 1 ? 2 : 1) : part > 0 ? k : k - 1;
+    return page.seek(times[clamp(next, 0, times.length - 1)]);
+  };
+  const faster = way => page.setSpeed(
+    page.speeds[clamp(page.speeds.indexOf(page.speed) + way, 0, page.speeds.length - 1)]);
+  const cameras = Object.fromEntries(CAMERAS.map((name, k) => [k + 1, () => page.chooseCamera(name)]));
+  return [
+    ["Space", "play, pause", { " ": () => page.setPlaying(!page.playing) }],
+    ["N P", "next, previous surfacing", { n: () => page.surface(1), p: () => page.surface(-1) }],
+    ["← →", "2 % back, forward; with Shift one sample",
+      { ArrowLeft: event => jump(-1, event), ArrowRight: event => jump(1, event) }],
+    ["Home End", "first, last moment",
+      { Home: () => page.seek(recording.first), End: () => page.seek(recording.last) }],
+    ["[ ]", "slower, faster", { "[": () => faster(-1), "]": () => faster(1) }],
+    ["1 2 3 4", CAMERAS.join(", "), cameras],
+    ["F", "follow the vehicle", { f: () => page.toggleFollowing() }],
+    ["R", "reset the camera", { r: () => page.chooseCamera(page.scene.name) }],
+    ["C", "currents", { c: () => page.toggleCurrents() }],
+    ["L", "copy a link to this moment", { l: () => copyLink(page) }],
+    ["S", "save the view as a picture (PNG)", { s: () => savePicture(page) }],
+    ["?", "this help; Escape closes it", { "?": () => page.toggleHelp(), Escape: () => page.toggleHelp(false) }],
     ["drag", "turn; on the map: move"], ["Shift drag", "move; on a touch screen: two fingers"],
     ["wheel", "nearer, farther; on a touch screen: pinch"],
     ["on the curve", "press: go there; wheel or pinch: a part of the mission; double click: all of it"]];
+}
+
+function buildHelp(keys, notes) {
   const table = made("table");
   for (const [key, meaning] of keys) {
     const row = table.insertRow();
@@ -105,24 +132,76 @@ function buildHelp(notes) {
   $("help").append(table, ...notes.map(words => made("p", { textContent: words })));
 }
 
-// What a pressed key does to the page.
-function keyActions(page, event) {
-  const { first, last, end, times } = page.recording;
-  const jump = way => {
-    if (!event.shiftKey) return page.seek(page.time + way * 0.02 * (end - first));
-    const [k, part] = locate(times, page.time);
-    const next = way > 0 ? k + (part === 1 ? 2 : 1) : part > 0 ? k : k - 1;
-    return page.seek(times[clamp(next, 0, times.length - 1)]);
-  };
-  const faster = way => page.setSpeed(
-    page.speeds[clamp(page.speeds.indexOf(page.speed) + way, 0, page.speeds.length - 1)]);
-  const actions = {
-    " ": () => page.setPlaying(!page.playing), ArrowLeft: () => jump(-1), ArrowRight: () => jump(1),
-    Home: () => page.seek(first), End: () => page.seek(last), "[": () => faster(-1), "]": () => faster(1),
-    n: () => page.surface(1), p: () => page.surface(-1), f: () => page.toggleFollowing(),
-    r: () => page.chooseCamera(page.scene.name), c: () => page.toggleCurrents(),
-    l: () => copyLink(page), s: () => savePicture(page), "?": () => page.toggleHelp(),
-    Escape: () => page.toggleHelp(false) };
-  CAMERAS.forEach((name, k) => { actions[k + 1] = () => page.chooseCamera(name); });
-  return actions;
+// The page's address with its moment and camera.
+function linkTo(page) {
+  const time = +page.time.toFixed(3);
+  return `${location.href.split("#")[0]}#t=${time}&camera=${page.scene.name}`;
+}
+
+async function copyLink(page) {
+  const link = linkTo(page);
+  history.replaceState(null, "", link);
+  try {
+    await navigator.clipboard.writeText(link);
+    page.tell("link to this moment copied");
+  } catch {                                            // without https, or not allowed
+    page.tell("the address bar has the link to this moment");
+  }
+}
+
+// The view with title, legend, moment and depth, as a canvas.
+function paintView(page) {
+  const { scene, mission } = page;
+  scene.draw(page.recording.at(page.time), 0, true);   // a picture is gone once it was shown
+  const pictures = [scene.canvas, $("marks")], { width, height } = $("marks");
+  const canvas = made("canvas", { width, height });
+  const context = canvas.getContext("2d"), ratio = width / $("marks").clientWidth;
+  for (const one of new Set(pictures)) context.drawImage(one, 0, 0, width, height);
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  text(context, mission.title, 16, 28, "left", "bold 17px");
+  text(context, $("facts").textContent, 16, 48);
+  const when = mission.unix === null ? clock(page.time) : `${moment(mission.unix + page.time)} UTC`;
+  const depth = page.recording.at(page.time).depth;
+  text(context, `${when} · ${plain(depth, 1)} m deep`, 16, height / ratio - 16, "left", "bold 14px");
+  paintLegend(context, mission, width / ratio - 16, 16);
+  return canvas;
+}
+
+// The legend, as far left of `right` as its longest line needs.
+function paintLegend(context, mission, right, top) {
+  const { scale } = mission, rows = legendLines(mission).map(
+    ([colour, words]) => [colour, colour ? words : `→ ${words}`]);
+  const long = Math.max(180, ...[...rows.map(row => row[1]), scale.label].map(
+    words => context.measureText(words).width + 34)), x = right - long;
+  let y = top;
+  context.fillStyle = "#06101c99";
+  context.fillRect(x - 10, y - 6, long + 20, 19 * rows.length + 61);
+  for (const [colour, words] of rows) {
+    if (colour) {
+      context.fillStyle = colour;
+      context.fillRect(x, y + 6, 26, 4);
+    }
+    text(context, words, colour ? x + 34 : x, y + 12);
+    y += 19;
+  }
+  text(context, scale.label, x, y + 12);
+  const shade = context.createLinearGradient(x, 0, right, 0);
+  scale.colours.forEach((colour, k) => shade.addColorStop(k / (scale.colours.length - 1), css(colour)));
+  context.fillStyle = shade;
+  context.fillRect(x, y + 19, long, 11);
+  text(context, scale.ends[0], x, y + 45);
+  text(context, scale.ends[1], right, y + 45, "right");
+}
+
+const currentName = ({ name, strongest }) =>
+  `${name}, up to ${strongest.toFixed(strongest < 0.01 ? 3 : 2)} m/s`;
+
+async function savePicture(page) {
+  const picture = await new Promise(done => paintView(page).toBlob(done, "image/png"));
+  const link = document.createElement("a"), title = page.mission.title.replace(/[^\w.-]+/g, "_");
+  link.href = URL.createObjectURL(picture);
+  link.download = `${title}_${Math.round(page.time)}s.png`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  page.tell(`${link.download} saved`);
 }

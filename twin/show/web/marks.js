@@ -1,5 +1,6 @@
 "use strict";
-// Marks: words, scale bar and compass, drawn flat over a picture.
+// Marks: what is drawn flat: words, scale bar and compass over a picture, labels of a scene, and
+// without WebGL2 the tracks from above.
 
 // A canvas as many pixels wide as the screen shows, or a share of them; its context counts in CSS
 // pixels.
@@ -109,5 +110,114 @@ function drawGrid(context, at, middle, pixelsPerMetre, wide, high) {
   }
   for (const [east, x] of columns) {
     if (x > (narrow ? 30 : 96) && x < wide - 200) text(context, named(east, "E", "W"), x, bottom, "center", "12px");
+  }
+}
+
+function drawLabels(scene, state, size) {
+  const { marks, camera, name } = scene, { wide, high, ratio } = fitCanvas(marks);
+  const context = marks.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, wide, high);
+  const at = place => {
+    const [x, y, along] = camera.project(place);
+    return along > 0 ? [(x + 1) * wide / 2, (1 - y) * high / 2] : null;
+  };
+  const put = (place, words, dx, dy, align) => {
+    const spot = at(place);
+    if (spot) text(context, words, spot[0] + dx, spot[1] + dy, align);
+  };
+  if (name === "map") {
+    drawGrid(context, (north, east) => at([north, -east, 0]), [camera.focus[0], -camera.focus[1]],
+      1 / scene.metresPerPixel, wide, high);
+    drawScaleBar(context, 1 / scene.metresPerPixel, wide, high);
+  } else if (name === "chase") {
+    for (const [d, place] of scene.withCurrents && scene.currents ? scene.currents.ladder : []) {
+      const room = (at(place)?.[0] ?? 0) > 70;           // else on the other side of the arrow
+      put(place, `${plain(d, d % 1 ? 1 : 0)} m`, room ? -12 : 24, room ? 4 : 18, room ? "right" : "left");
+    }
+  } else {
+    labelBlock(scene, at, put, wide);
+  }
+  // Where the vehicle is, also among the lines of a long track; as on the curve.
+  const spot = name !== "chase" && size > 1.5 ? at(scene.vehiclePlace(state)) : null;
+  if (spot) drawDot(context, ...spot, 4, "#ff963c", "#fff");
+  const { right, up } = camera.axes();
+  drawCompass(context, Math.atan2(-up[0], right[0]), wide, high);
+  writeFacts(scene, size, wide);
+}
+
+// Depths at the left edge of the block, distances along its nearer long edge.
+function labelBlock(scene, at, put, wide) {
+  const { water, camera, stretch } = scene, { low, high } = water.block;
+  const corners = water.corners.map(c => scene.stretched(c));
+  const tops = corners.slice(0, 4).map(c => at(c)?.[0] ?? Infinity), left = tops.indexOf(Math.min(...tops));
+  const spacing = water.levels.map(d => at([corners[left][0], corners[left][1], -d * stretch])?.[1] ?? NaN);
+  const every = Math.max(1, Math.ceil(15 / Math.abs(spacing[1] - spacing[0]) || 1));
+  for (const d of water.levels.filter((_, k) => (k + 1) % every === 0)) {
+    put([corners[left][0], corners[left][1], -d * stretch], metres(d), -8, 4, "right");
+  }
+  put(corners[left], wide < 640 ? "0 m" : "depth 0 m", -8, 4, "right");
+  const eye = camera.eye(), away = y => Vector.length(Vector.sub(
+    scene.stretched(water.toWorld((low[0] + high[0]) / 2, y, high[2])), eye));
+  const y = away(low[1]) < away(high[1]) ? low[1] : high[1], long = high[0] - low[0];
+  const step = niceStep(long / (wide < 640 ? 3 : 5));
+  for (let d = 0; d <= long; d += step) {
+    put(scene.stretched(water.toWorld(low[0] + d, y, high[2])), d ? metres(d) : "0", 0, 20, "center");
+  }
+}
+
+function writeFacts(scene, size, wide) {
+  const facts = [];
+  if (scene.name !== "map" && scene.stretch !== 1) facts.push(`depth × ${+scene.stretch.toPrecision(2)}`);
+  if (size > 1.5) facts.push(`vehicle × ${+size.toPrecision(2)}`);
+  if (wide >= 640) facts.push(...scene.mission.facts);
+  const words = facts.join(" · ");
+  if (words === scene.facts) return;
+  $("facts").textContent = words;
+  scene.facts = words;
+}
+
+class FlatMap {
+  constructor(canvas, page) {
+    this.canvas = canvas;
+    this.page = page;
+    this.name = "map";
+    this.others = page.mission.tracks.map(track => ({
+      colour: css(track.colour), north: unpack(track.north), east: unpack(track.east) }));
+  }
+
+  show() {}
+
+  extend() {}
+
+  draw(state) {
+    const { canvas, page } = this, { wide, high, ratio } = fitCanvas(canvas);
+    const { north, east } = page.recording.channels, context = canvas.getContext("2d");
+    const all = [{ north, east, colour: css(page.mission.scale.colours.at(-8)) }, ...this.others];
+    const range = name => all.reduce(([low, high], one) => one[name].reduce(
+      ([a, b], v) => [Math.min(a, v), Math.max(b, v)], [low, high]), [Infinity, -Infinity]);
+    const [south, farNorth] = range("north"), [west, farEast] = range("east");
+    const scale = 0.72 * Math.min(wide / Math.max(farEast - west, 1), high / Math.max(farNorth - south, 1));
+    const middle = [(south + farNorth) / 2, (west + farEast) / 2];
+    const at = (n, e) => [wide / 2 + (e - middle[1]) * scale, high / 2 - (n - middle[0]) * scale];
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.fillStyle = "#0c2748";
+    context.fillRect(0, 0, wide, high);
+    drawGrid(context, at, middle, scale, wide, high);
+    context.lineWidth = 2.5;
+    for (const one of all) {
+      context.strokeStyle = one.colour;
+      const step = Math.max(1, Math.floor(one.north.length / 8000)), points = [];
+      for (let i = 0; i < one.north.length; i += step) points.push(at(one.north[i], one.east[i]));
+      draw(context, points);
+    }
+    const [x, y] = at(state.north, state.east), heading = state.heading * RADIANS;
+    context.save();
+    context.translate(x, y);
+    context.rotate(heading);
+    draw(context, [[0, -11], [6, 8], [0, 4], [-6, 8]], "#fff");
+    context.restore();
+    drawScaleBar(context, scale, wide, high);
+    drawCompass(context, -Math.PI / 2, wide, high);
   }
 }

@@ -5,25 +5,17 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const TOLD = 2500;                                     // ms that a remark stays
 const REST = 150;                                      // ms after which a hasty picture is drawn again
 
-// Pace: with which share of the screen's pixels pictures that follow each other are drawn, so that
-// they come fast enough on a slow machine too.
-class Pace {
-  constructor() {
-    this.share = 1;
-    this.forget();
-  }
+// With which share of the screen's pixels pictures that follow each other are drawn, so that they
+// come fast enough on a slow machine too.
+const pace = { share: 1, mean: 30, counted: 0 };
 
-  forget() { Object.assign(this, { mean: 30, counted: 0 }); }
-
-  // Milliseconds from one picture to the next.
-  measure(interval) {
-    this.mean += 0.25 * (Math.min(interval, 200) - this.mean);
-    if (++this.counted < 4) return;
-    const slower = this.mean > 42 && this.share > 0.5, faster = this.mean < 20 && this.share < 1;
-    if (!slower && !faster) return;
-    this.share = clamp(this.share * (slower ? 0.75 : 1.33), 0.5, 1);
-    this.forget();
-  }
+// Milliseconds from one picture to the next.
+function measurePace(interval) {
+  pace.mean += 0.25 * (Math.min(interval, 200) - pace.mean);
+  if (++pace.counted < 4) return;
+  const slower = pace.mean > 42 && pace.share > 0.5, faster = pace.mean < 20 && pace.share < 1;
+  if (!slower && !faster) return;
+  Object.assign(pace, { share: clamp(pace.share * (slower ? 0.75 : 1.33), 0.5, 1), mean: 30, counted: 0 });
 }
 
 class Page {
@@ -34,20 +26,19 @@ class Page {
     this.time = this.recording.first;
     this.playing = false;
     this.stale = true;
-    this.pace = new Pace();
     this.values = buildReadouts(this.items);
     this.speeds = buildTransport(this);
     buildLegend(mission);
-    buildHelp(mission.notes);
+    const keys = keysOf(this);
+    this.actions = Object.assign({}, ...keys.map(([, , actions]) => actions));
+    buildHelp(keys, mission.notes);
     this.strip = new Strip($("strip"), this);
     try {
       this.scene = new Scene($("scene"), $("marks"), this);
     } catch (error) {
       this.scene = new FlatMap($("marks"), this);
-      const alert = $("alert");
-      alert.hidden = false;
-      alert.textContent = `No three dimensions here (${error.message}): `
-        + "the track is shown from above. A browser with WebGL2 shows all.";
+      const alert = `No three dimensions here (${error.message}): the track is shown from above.`;
+      Object.assign($("alert"), { hidden: false, textContent: `${alert} A browser with WebGL2 shows all.` });
     }
     this.buttons = buildCameras(this);
     addEventListener("resize", () => this.touch());
@@ -148,8 +139,8 @@ class Page {
       this.touch();
     }
     if (this.stale) {
-      if (this.moving) this.pace.measure(interval);
-      this.draw(elapsed, this.moving ? this.pace.share : 1);
+      if (this.moving) measurePace(interval);
+      this.draw(elapsed, this.moving ? pace.share : 1);
       this.drawn = now;
     } else if (this.hasty && now - this.drawn > REST) this.draw(0, 1);
     this.moving = this.drawn === now;
@@ -200,12 +191,11 @@ class Page {
 
   toggleFollowing() {
     if (this.scene instanceof FlatMap) return;
-    if (this.scene.name === "chase") {
-      this.tell("the chase camera follows the vehicle always");
-      return;
+    if (this.scene.name === "chase") this.tell("the chase camera follows the vehicle always");
+    else {
+      this.scene.follow(!this.scene.following);
+      this.markButtons();
     }
-    this.scene.follow(!this.scene.following);
-    this.markButtons();
   }
 
   toggleCurrents() {
@@ -220,11 +210,10 @@ class Page {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const focused = document.activeElement;
     if (focused instanceof HTMLSelectElement) return;
-    const actions = keyActions(this, event);
-    const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    const action = this.actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action || (event.key === " " && focused?.closest("button, summary"))) return;
     event.preventDefault();
-    action();
+    action(event);
   }
 }
 

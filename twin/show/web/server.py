@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, Self
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -28,26 +28,29 @@ from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.records.trajectory import Trajectory
 from twin.show.render.playback import track_values
-from twin.show.render.shot import Shot, Subject
-from twin.show.render.subject import live_simulation
+from twin.show.render.subject import Shot, Subject, live_simulation
 from twin.show.web.channels import read_channels
-from twin.show.web.scene import describe, pack_channels, scale_share
+from twin.show.web.page import describe, pack_channels, scale_share
 
-HOST = "127.0.0.1"
-"""This machine only"""
+HOST = "127.0.0.1"  # this machine only
 NAMES = (HOST, "localhost")
-PORT = 8080
-"""That is taken when none is asked for, or the next free one"""
-PORTS = 100
-"""So many are tried then"""
+PORT, PORTS = 8080, 100
+"""Port that is taken when none is asked for, or a free one of so many behind it"""
 STRANGERS = 16
 """Connections that wait without having shown the key; a further one ends the oldest of them"""
-SILENCE = 10.0
-"""[s] without a byte, either way, after which a connection ends"""
+SILENCE = 10.0  # [s] without a byte, either way, after which a connection ends
+FIRST = 2  # samples with which the page begins
+LONGEST, SLICE = 0.5, 200
+"""[s] of computing in one answer, so that a fast mission does not keep the page waiting; and steps
+between two looks at the clock"""
 
 
-class PageServer:
+class PageServer(ThreadingHTTPServer):
     """Has its port from the beginning, and serves a page from `show` until the context ends."""
+
+    daemon_threads = True
+    request_queue_size = 128
+    """Connections that may wait for their turn: the system holds back more, for seconds each."""
 
     def __init__(self, port: int | None = None):
         """
@@ -59,9 +62,26 @@ class PageServer:
         """
         if port is not None and not 0 <= port <= 65535:
             raise InputError(f"--port {port} must be 0 to 65535; 0 takes any free one")
-        self._server = _first_free() if port is None else _bound(port)
+        for one in range(PORT, PORT + PORTS) if port is None else (port,):
+            try:
+                super().__init__((HOST, one), _Handler)
+                break
+            except OSError as error:
+                if port is not None:
+                    reason = f"--port {port}: {error.strerror or error}"
+                    raise InputError(
+                        f"{reason}; give another one, or 0 for any free one"
+                    ) from error
+                if error.errno != errno.EADDRINUSE:
+                    raise
+        else:
+            last = PORT + PORTS - 1
+            raise InputError(f"the ports {PORT} to {last} are taken: --port 0 takes any free one")
+        self.key, self.page = secrets.token_urlsafe(16), b""
+        self.live: LiveMission | None = None
         self._thread: threading.Thread | None = None
-        self._key = secrets.token_urlsafe(16)
+        self._strangers: dict[socket.socket, None] = {}
+        self._turn = threading.Lock()
 
     def show(self, text: str, live: LiveMission | None = None) -> None:
         """Serve a page from now on; called again, another one at the same address.
@@ -70,47 +90,31 @@ class PageServer:
           text: HTML of the page.
           live: what answers the page's questions for more samples.
         """
-        self._server.RequestHandlerClass = _handler(text.encode(), live, self._server, self._key)
+        self.page, self.live = text.encode(), live
         if self._thread is None:
-            self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+            self._thread = threading.Thread(target=self.serve_forever, daemon=True)
             self._thread.start()
 
     @property
     def port(self) -> int:
-        """That it serves at."""
-        return int(self._server.server_address[1])
+        """Port that it serves at."""
+        return int(self.server_address[1])
 
     @property
     def path(self) -> str:
-        """Of the page, with the key of this run."""
-        return f"/{self._key}/"
+        """Path of the page, with the key of this run."""
+        return f"/{self.key}/"
 
     @property
     def address(self) -> str:
-        """Of the page."""
+        """Address of the page."""
         return f"http://{HOST}:{self.port}{self.path}"
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         if self._thread is not None:
-            self._server.shutdown()
+            self.shutdown()
             self._thread.join()
-        self._server.server_close()
-
-
-class _Server(ThreadingHTTPServer):
-    """A browser that goes away in the middle of an answer is no error."""
-
-    daemon_threads = True
-    request_queue_size = 128
-    """Connections that may wait for their turn: the system holds back more, for seconds each."""
-
-    def __init__(self, port: int):
-        super().__init__((HOST, port), BaseHTTPRequestHandler)
-        self._strangers: dict[socket.socket, None] = {}
-        self._turn = threading.Lock()
+        self.server_close()
 
     def process_request(self, request: object, client_address: object) -> None:
         """Answer a connection in a thread of its own, as a stranger at first."""
@@ -135,101 +139,72 @@ class _Server(ThreadingHTTPServer):
         super().shutdown_request(request)  # type: ignore[arg-type]
 
     def handle_error(self, request: object, client_address: object) -> None:
+        """A browser that goes away in the middle of an answer is no error."""
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
 
 
-def _bound(port: int) -> _Server:
-    try:
-        return _Server(port)
-    except OSError as error:
-        raise InputError(
-            f"--port {port}: {error.strerror or error}; give another one, or 0 for any free one"
-        ) from error
+class _Handler(BaseHTTPRequestHandler):
+    server: PageServer
 
+    def setup(self) -> None:
+        self.timeout = SILENCE  # type: ignore[misc]  # of a connection, not of all
+        super().setup()
 
-def _first_free() -> _Server:
-    for port in range(PORT, PORT + PORTS):
-        try:
-            return _Server(port)
-        except OSError as error:
-            if error.errno != errno.EADDRINUSE:
-                raise
-    raise InputError(
-        f"the ports {PORT} to {PORT + PORTS - 1} are taken: --port 0 takes any free one"
-    )
+    def do_GET(self) -> None:
+        """The page; nothing changes by it."""
+        what = self._asked()
+        if what == "":
+            self._answer(self.server.page, "text/html; charset=utf-8")
+        elif what == "rows" and self.server.live is not None:
+            self.send_error(405, "the mission goes on by POST")
+        elif what is not None:
+            self.send_error(404)
 
-
-def _handler(
-    page: bytes, live: LiveMission | None, server: _Server, key: str
-) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
-        timeout = SILENCE
-
-        def do_GET(self) -> None:
-            """The page; nothing changes by it."""
-            what = self._asked()
-            if what == "":
-                self._answer(page, "text/html; charset=utf-8")
-            elif what == "rows" and live is not None:
-                self.send_error(405, "the mission goes on by POST")
-            elif what is not None:
-                self.send_error(404)
-
-        def do_POST(self) -> None:
-            """The samples since one: the mission is flown on to now."""
-            what = self._asked()
-            if what == "rows" and live is not None:
-                first = parse_qs(urlsplit(self.path).query).get("from", [""])[0]
-                if first.isdecimal() and len(first) < 16:
-                    self._answer(json.dumps(live.rows(int(first))).encode(), "application/json")
-                else:
-                    self.send_error(400, "from must be the number of a sample")
-            elif what is not None:
-                self.send_error(404)
-
-        def _asked(self) -> str | None:
-            """What is asked for, behind the key; None when that has been answered already."""
-            # A name that another site's address was bent to is not ours.
-            host = (self.headers.get("Host") or "").rpartition(":")[0]
-            try:
-                path = urlsplit(self.path).path
-            except ValueError:  # such as http://[::1
-                path = ""
-            shown, _, what = path.removeprefix("/").partition("/")
-            if host not in NAMES:
-                self.send_error(403)
-            elif shown == "favicon.ico":  # browsers ask for it beside every page
-                self.send_response(204)
-                self.end_headers()
-            elif not hmac.compare_digest(shown.encode(), key.encode()):
-                self.send_error(404, "take the whole address that the command printed")
+    def do_POST(self) -> None:
+        """The samples since one: the mission is flown on to now."""
+        what, live = self._asked(), self.server.live
+        if what == "rows" and live is not None:
+            first = parse_qs(urlsplit(self.path).query).get("from", [""])[0]
+            if first.isdecimal() and len(first) < 16:
+                self._answer(json.dumps(live.rows(int(first))).encode(), "application/json")
             else:
-                server.know(self.connection)
-                return what
-            return None
+                self.send_error(400, "from must be the number of a sample")
+        elif what is not None:
+            self.send_error(404)
 
-        def _answer(self, body: bytes, kind: str) -> None:
-            self.send_response(200)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            self.send_header("Cache-Control", "no-store")
-            self.send_header("Referrer-Policy", "no-referrer")
+    def _asked(self) -> str | None:
+        """What is asked for, behind the key; None when that has been answered already."""
+        # A name that another site's address was bent to is not ours.
+        host = (self.headers.get("Host") or "").rpartition(":")[0]
+        try:
+            path = urlsplit(self.path).path
+        except ValueError:  # such as http://[::1
+            path = ""
+        shown, _, what = path.removeprefix("/").partition("/")
+        if host not in NAMES:
+            self.send_error(403)
+        elif shown == "favicon.ico":  # browsers ask for it beside every page
+            self.send_response(204)
             self.end_headers()
-            self.wfile.write(body)
+        elif not hmac.compare_digest(shown.encode(), self.server.key.encode()):
+            self.send_error(404, "take the whole address that the command printed")
+        else:
+            self.server.know(self.connection)
+            return what
+        return None
 
-        def log_message(self, format: str, *args: object) -> None:
-            """Say nothing: the command's own lines are what people read."""
+    def _answer(self, body: bytes, kind: str) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.end_headers()
+        self.wfile.write(body)
 
-    return Handler
-
-
-FIRST = 2
-"""Samples with which the page begins"""
-LONGEST = 0.5
-"""[s] of computing in one answer, so that a fast mission does not keep the page waiting"""
-SLICE = 200
-"""Steps between two looks at the clock"""
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing: the command's own lines are what people read."""
 
 
 class LiveMission:
@@ -251,29 +226,23 @@ class LiveMission:
         if shot.start is not None or shot.end is not None:
             raise InputError("--start and --end are for a stored mission; a live one begins at 0 s")
         self._subject, self._shot, self._speed = subject, shot, speed_up
-        whole = np.ones(len(subject.trajectory.time), bool)
-        self._scale = track_values(subject.trajectory, shot.colour, whole, ())[1]
-        self.mission = self._describe()
-        # the first flight may have ended before its longest time; a step more completes its samples
-        flown = float(subject.trajectory.time[-1]) / self._simulation.model.opt.timestep
-        self._steps = min(self._simulation.steps, round(flown) + 2)
+        trajectory = subject.trajectory
+        time = trajectory.time
+        self._scale = track_values(trajectory, shot.colour, np.ones(len(time), bool), ())[1]
+        self.mission = describe(subject, shot, len(time))
+        """The page's mission: all of the scene, the first samples, and where it will end"""
         self._still = self.mission["profile"] is None
+        self.mission["channels"] = self._channels(trajectory, 0, FIRST)
+        deepest = float(trajectory["true_depth"].max())
+        self.mission["live"] = {"end": float(time[-1]), "depth": deepest}
+        self.mission["opening"] |= {"time": float(time[0]), "speed": speed_up}
+        self.mission["notes"] = ["The mission is flown while this page shows it."]
+        # the first flight may have ended before its longest time; a step more completes its samples
+        flown = float(time[-1]) / self._simulation.model.opt.timestep
+        self._steps = min(self._simulation.steps, round(flown) + 2)
         self._begun: float | None = None
         self._turn = threading.Lock()
         self._problem = ""
-
-    def _describe(self) -> dict[str, Any]:
-        """The page's mission: all of the scene, the first samples, and where it will end."""
-        trajectory = self._subject.trajectory
-        mission = describe(self._subject, self._shot, len(trajectory.time))
-        mission["channels"] = self._channels(trajectory, 0, FIRST, still=mission["profile"] is None)
-        mission["live"] = {
-            "end": float(trajectory.time[-1]),
-            "depth": float(trajectory["true_depth"].max()),
-        }
-        mission["opening"] |= {"time": float(trajectory.time[0]), "speed": self._speed}
-        mission["notes"] = ["The mission is flown while this page shows it."]
-        return mission
 
     def rows(self, first: int) -> dict[str, Any]:
         """The samples from number `first` on that are flown by now, and whether more will come."""
@@ -286,10 +255,7 @@ class LiveMission:
             return {"running": False, "problem": self._problem}
         if flown is None:
             return {"running": running}
-        return {
-            "running": running,
-            "channels": self._channels(flown, first, count, still=self._still),
-        }
+        return {"running": running, "channels": self._channels(flown, first, count)}
 
     def _fly(self) -> bool:
         """Step to where the clock is; whether the mission still goes on."""
@@ -321,14 +287,11 @@ class LiveMission:
         done = round(simulation.data.time / simulation.model.opt.timestep) >= self._steps
         return done or simulation.failed or bool(self._problem)
 
-    def _channels(
-        self, trajectory: Trajectory, first: int, count: int, *, still: bool
-    ) -> dict[str, Any]:
+    def _channels(self, trajectory: Trajectory, first: int, count: int) -> dict[str, Any]:
         """Samples `first` to `count` of a trajectory, packed."""
         shown: NDArray[np.bool_] = np.zeros(len(trajectory.time), bool)
         shown[first:count] = True
         values, _ = track_values(trajectory, self._shot.colour, shown, ())
-        channels = read_channels(
-            trajectory, shown, scale_share(values, self._scale), self._subject.floor, count
-        )
-        return pack_channels(channels, still=still)
+        share = scale_share(values, self._scale)
+        channels = read_channels(trajectory, shown, share, self._subject.floor, count)
+        return pack_channels(channels, still=self._still)

@@ -9,10 +9,9 @@ The page's script gets arrays as whole numbers of a declared step, in base64.
 from __future__ import annotations
 
 import base64
-import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -26,14 +25,15 @@ from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-SIDES, RINGS = 28, 10
-"""Facets around round shapes, and from the pole to the equator of domes"""
-CREASE = math.cos(math.radians(42.0))
-"""Faces that meet at a larger angle keep an edge"""
+SIDES, RINGS = 28, 10  # facets around round shapes, and from the pole to the equator of domes
+UNMOVED = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+"""Position and quaternion of a body in its parent's frame"""
+CREASE = math.cos(math.radians(42.0))  # faces that meet at a larger angle keep an edge
+WHOLES: tuple[type[np.signedinteger[Any]], ...] = (np.int8, np.int16, np.int32)
+"""The narrowest that holds a range is taken; the least number of each stands for NaN"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Body:
+class Body(NamedTuple):
     """One body of the vehicle; frames as MuJoCo has them, z up, metres."""
 
     parent: int
@@ -59,7 +59,7 @@ def read_solid(vehicle: Vehicle, faults: Sequence[Fault] = ()) -> list[Body]:
     model = mujoco.MjModel.from_xml_string(vehicle.xml)
     hull = model.body("hull").id
     turned = turned_bodies(model, vehicle, "")
-    ids = [hull, *(b for b in range(model.nbody) if b != hull and _carried(model, b, hull))]
+    ids = np.flatnonzero(model.body_rootid == hull).tolist()  # the hull is the first of its tree
     until = np.full(model.ngeom, math.inf)
     for fault in faults:
         lost = named_geoms(model, fault.gone)
@@ -68,11 +68,8 @@ def read_solid(vehicle: Vehicle, faults: Sequence[Fault] = ()) -> list[Body]:
     for moment in np.unique(until[until < math.inf]).tolist():
         for b in ids:
             if geoms := _seen(model, b, until == moment):
-                lost_shape = _shape(model, geoms)
-                found.append(Body(
-                    parent=ids.index(b), position=np.zeros(3),
-                    quaternion=np.array([1.0, 0, 0, 0]), moves=[], **lost_shape, until=moment,
-                ))  # fmt: skip
+                shape = _shape(model, geoms)
+                found.append(Body(ids.index(b), *UNMOVED, [], *shape, until=moment))
     return found
 
 
@@ -87,7 +84,7 @@ def _seen(model: mujoco.MjModel, body: int, among: NDArray[np.bool_]) -> list[in
     ]
 
 
-def _shape(model: mujoco.MjModel, geoms: Sequence[int]) -> dict[str, Any]:
+def _shape(model: mujoco.MjModel, geoms: Sequence[int]) -> tuple[Array, Array, Array]:
     """Corners, normals and colours of geoms of one body."""
     pieces, colours = [np.zeros((0, 2, 3, 3))], [np.zeros((0, 4))]
     for geom in geoms:
@@ -95,48 +92,34 @@ def _shape(model: mujoco.MjModel, geoms: Sequence[int]) -> dict[str, Any]:
         pieces.append(np.stack([piece, smooth_normals(piece)], axis=1))
         colours.append(np.tile(_colour(model, geom), (len(piece), 1)))
     shape = np.concatenate(pieces)
-    return {"corners": shape[:, 0], "normals": shape[:, 1], "colours": np.concatenate(colours)}
-
-
-def _carried(model: mujoco.MjModel, body: int, hull: int) -> bool:
-    while body:
-        body = int(model.body_parentid[body])
-        if body == hull:
-            return True
-    return False
+    return shape[:, 0], shape[:, 1], np.concatenate(colours)
 
 
 def _body(
     model: mujoco.MjModel, body: int, ids: list[int], turned: dict[str, Any], geoms: Sequence[int]
 ) -> Body:
     moves = []
-    for joint in range(model.njnt):
+    for joint in np.flatnonzero(model.jnt_bodyid == body).tolist():
         kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
-        if model.jnt_bodyid[joint] == body and kind != mujoco.mjtJoint.mjJNT_FREE:
+        if kind != mujoco.mjtJoint.mjJNT_FREE:
+            way = "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "turn"
             moves.append(
-                {
-                    "part": model.joint(joint).name,
-                    "kind": "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "turn",
-                    "axis": model.jnt_axis[joint].tolist(),
-                    "anchor": model.jnt_pos[joint].tolist(),
-                }
+                (model.joint(joint).name, way, model.jnt_axis[joint], model.jnt_pos[joint])
             )
     for name, found in turned.items():
         if found.body == body:
             axis = np.zeros(3)  # of the hull; the body's own is needed
-            back = found.rest * [1.0, -1.0, -1.0, -1.0]
-            mujoco.mju_rotVecQuat(axis, found.axis, back)
-            moves.append(
-                {"part": name, "kind": "turn", "axis": axis.tolist(), "anchor": [0.0, 0.0, 0.0]}
-            )
-    first = body == ids[0]
-    return Body(
-        parent=-1 if first else ids.index(int(model.body_parentid[body])),
-        position=np.zeros(3) if first else model.body_pos[body].copy(),
-        quaternion=np.array([1.0, 0, 0, 0]) if first else model.body_quat[body].copy(),
-        moves=moves,
-        **_shape(model, geoms),
-    )
+            mujoco.mju_rotVecQuat(axis, found.axis, found.rest * [1.0, -1.0, -1.0, -1.0])
+            moves.append((name, "turn", axis, np.zeros(3)))
+    described = [
+        {"part": part, "kind": kind, "axis": axis.tolist(), "anchor": anchor.tolist()}
+        for part, kind, axis, anchor in moves
+    ]
+    if body == ids[0]:
+        return Body(-1, *UNMOVED, described, *_shape(model, geoms))
+    frame = model.body_pos[body].copy(), model.body_quat[body].copy()
+    parent = ids.index(int(model.body_parentid[body]))
+    return Body(parent, *frame, described, *_shape(model, geoms))
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> Array:
@@ -156,10 +139,9 @@ def _triangles(model: mujoco.MjModel, geom: int) -> Array:
     shapes = mujoco.mjtGeom
     if kind == shapes.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]
-        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        vertices = model.mesh_vert[first : first + count]
         first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-        return np.asarray(vertices[model.mesh_face[first : first + count]], float)
+        corners = model.mesh_vertadr[mesh] + model.mesh_face[first : first + count]
+        return np.asarray(model.mesh_vert[corners], float)
     if kind == shapes.mjGEOM_BOX:
         return size * _unit_box()
     arc = np.linspace(0.0, np.pi / 2, RINGS + 1)
@@ -179,13 +161,8 @@ def lathe(profile: Array) -> Array:
     """A profile (n, 2) of radius and height, from the top, turned about z: (triangles, 3, 3)."""
     angle = 2.0 * np.pi * np.arange(SIDES + 1) / SIDES
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    grid = np.concatenate(
-        [
-            profile[:, None, :1] * ring,
-            np.broadcast_to(profile[:, None, 1:], (len(profile), SIDES + 1, 1)),
-        ],
-        axis=-1,
-    )
+    wide, high = profile[:, :1], profile[:, 1:]
+    grid = np.stack(np.broadcast_arrays(wide * ring[:, 0], wide * ring[:, 1], high), axis=-1)
     a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
     both = np.concatenate([np.stack([a, b, c], 2), np.stack([a, c, d], 2)]).reshape(-1, 3, 3)
     area = np.linalg.norm(np.cross(both[:, 1] - both[:, 0], both[:, 2] - both[:, 0]), axis=-1)
@@ -226,8 +203,6 @@ def smooth_normals(corners: Array) -> Array:
     return np.asarray(normals.reshape(corners.shape))
 
 
-WHOLES: tuple[type[np.signedinteger[Any]], ...] = (np.int8, np.int16, np.int32)
-"""The narrowest that holds a range is taken; the least number of each stands for NaN"""
 Packed = dict[str, Any]
 """{"type", "offset", "step", "data"}, as JSON takes it"""
 
@@ -238,7 +213,8 @@ def pack(values: Array, step: float) -> Packed:
     Raises:
       InputError: the range holds too many steps for 32 bits.
     """
-    known = values[np.isfinite(values)]
+    inside = np.isfinite(values)
+    known = values[inside]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
     offset = step * round((low + high) / 2.0 / step)
     most = max(high - offset, offset - low) / step + 1.0
@@ -246,8 +222,7 @@ def pack(values: Array, step: float) -> Packed:
     if kind is None:
         raise InputError(f"values from {low:g} to {high:g} cannot be packed in steps of {step:g}")
     whole = np.full(values.shape, np.iinfo(kind).min, kind)
-    inside = np.isfinite(values)
-    whole[inside] = np.rint((values[inside] - offset) / step).astype(kind)
+    whole[inside] = np.rint((known - offset) / step).astype(kind)
     return {
         "type": np.dtype(kind).name,
         "offset": offset,

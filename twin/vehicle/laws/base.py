@@ -1,10 +1,8 @@
-"""What every hull law says of itself: the force and moment of the water on the bare hull.
+"""Hull law: the force and moment of the water on the bare hull, and the registry of kinds.
 
 The law is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model (`fossen_*`):
 two codes that share the coefficients and nothing else. Added mass is not part of it: its matrix
 stands in the vehicle file, and both models treat it as Kirchhoff's equations say.
-
-The registry of hull laws, and what a kind must have to be one.
 """
 
 from __future__ import annotations
@@ -109,7 +107,7 @@ class HullLaw(abc.ABC):
         return None
 
     def problems(self) -> list[tuple[str, str]]:
-        """What is wrong with it: pairs of a field's name and the rule that it breaks."""
+        """Pairs of a field's name and the rule that it breaks."""
         return []
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
@@ -160,7 +158,7 @@ class HullLaw(abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What a kind lacks: both models need it."""
+        """Clause that says what a kind lacks for both models; empty where it is whole."""
         needed = ("native_wrench", "native_rate_damping", "fossen_wrench")
         lacking = [kernel for kernel in needed if getattr(cls, kernel) is None]
         return f"it lacks `{lacking[0]}`" if lacking else ""
@@ -168,6 +166,5 @@ class HullLaw(abc.ABC):
 
 LAWS: Registry[type[HullLaw]] = seams.LAWS
 """Every hull law, by name."""
-
 register = LAWS.add
 """Add a kind of one's own; usable as a decorator."""

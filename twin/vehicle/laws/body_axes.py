@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
 Array = NDArray[np.float64]
-
 AXES, VELOCITIES = "XYZKMN", "uvwpqr"
 PRODUCT, SQUARE, LINEAR, LIFT = 0.0, 1.0, 2.0, 3.0
 TERM = 5
@@ -179,7 +178,7 @@ def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
     """
 
     def wrenches(nu: Array) -> Array:
-        """Of velocities (..., 6)."""
+        """Wrenches of velocities (..., 6)."""
         impulse = nu @ added_mass.T
         h, moment_of = impulse[:, :3], impulse[:, 3:]
         force = -np.cross(nu[:, 3:], h)
@@ -199,10 +198,8 @@ def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
 NAMES = tuple(
     axis + "".join(velocities)
     for axis in AXES
-    for velocities in (
-        *((v,) for v in VELOCITIES),
-        *itertools.product(VELOCITIES, repeat=2),
-    )
+    for order in (1, 2)
+    for velocities in itertools.product(VELOCITIES, repeat=order)
 )
 """Every derivative that there can be."""
 

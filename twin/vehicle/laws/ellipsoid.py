@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
 Array = NDArray[np.float64]
-
 ROW = 27
 """Numbers of a geom: place 3, rotation 9, semi-axes 3, MuJoCo's 12 fluid coefficients; hull axes
 (x forward, y port, z up)."""
@@ -207,14 +206,11 @@ class Ellipsoids(HullLaw):
                 "given by geoms with fluidshape='ellipsoid' on body 'hull'; add one, or use "
                 "another law (--hydrodynamics coefficients)",
             )
+        moments = {"roll_moment": 2, "pitch_moment": 3, "yaw_moment": 2}
         damping = (0.0, 0.0, 0.0)
-        if all(name in reader.numerics for name in ("roll_moment", "pitch_moment", "yaw_moment")):
-            numeric = reader.numeric
-            damping = (
-                numeric("roll_moment", 2)[1],
-                numeric("pitch_moment", 3)[2],
-                numeric("yaw_moment", 2)[1],
-            )
+        if all(name in reader.numerics for name in moments):
+            roll, pitch, yaw = (reader.numeric(name, n)[-1] for name, n in moments.items())
+            damping = (roll, pitch, yaw)
         return cls(geoms=geoms, rate_damping=damping)
 
     def values(self) -> Array:

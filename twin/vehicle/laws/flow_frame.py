@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeGuard
 
@@ -119,7 +120,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
 
 @inline
 def native_rotary_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """Of the rates' moments in flow axes turned to the body, as `native_wrench` has them."""
+    """Damping of the rates' moments in flow axes turned to the body, as in `native_wrench`."""
     speed2 = u * u + v * v + w * w
     speed, in_plane = math.sqrt(speed2), math.sqrt(u * u + w * w)
     ca, sa, cb, sb = 1.0, 0.0, 1.0, 0.0
@@ -223,14 +224,10 @@ def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     )
     x, y, z = _to_body(ca, sa, cb, sb, force)
     k, m, n = _to_body(ca, sa, cb, sb, (t1, t2, t3))
-    return (
-        x,
-        y,
-        z,
-        one * k + s * (square * (ey * gz - ez * gy) + turning * c[K_P] * p),
-        one * m + s * (-square * ex * gz + turning * c[K_Q] * q),
-        one * n + s * (square * ex * gy + turning * c[K_R] * r),
-    )
+    k = one * k + s * (square * (ey * gz - ez * gy) + turning * c[K_P] * p)
+    m = one * m + s * (-square * ex * gz + turning * c[K_Q] * q)
+    n = one * n + s * (square * ex * gy + turning * c[K_R] * r)
+    return x, y, z, k, m, n
 
 
 @scalar
@@ -296,27 +293,15 @@ class FlowFrame(HullLaw):
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
         """From the `<numeric>` elements that bear the fields' names."""
-        numeric = reader.numeric
-        return cls(
-            drag=numeric("drag", 2),
-            lift=numeric("lift", 2),
-            side_force=numeric("side_force", 1),
-            roll_moment=numeric("roll_moment", 2),
-            pitch_moment=numeric("pitch_moment", 3),
-            yaw_moment=numeric("yaw_moment", 2),
-            side_force_lift=numeric("side_force_lift", 1, default=(0.0,)),
-            roll_moment_lift=numeric("roll_moment_lift", 1, default=(0.0,)),
-            yaw_moment_lift=numeric("yaw_moment_lift", 1, default=(0.0,)),
-            roll_from_yaw=numeric("roll_from_yaw", 2, default=(0.0, 0.0)),
-            yaw_from_roll=numeric("yaw_from_roll", 2, default=(0.0, 0.0)),
-            yaw_moment_offset=numeric("yaw_moment_offset", 1, default=(0.0,)),
-            wing_asymmetry=numeric("wing_asymmetry", 1, default=(0.0,)),
-            linear_angle=numeric("linear_angle", 1)[0],
-            blend_angle=numeric("blend_angle", 1)[0],
-            rate_damping_min_speed=numeric("rate_damping_min_speed", 1)[0],
-            identified_angle=reader.number("identified_angle", default=0.0),
-            cross_flow_drag=reader.number("cross_flow_drag", default=0.0),
-        )
+        fields: dict[str, Any] = {}
+        for field, size in _SIZES.items():
+            default = (0.0,) * size if field in _OPTIONAL_FIELDS else None
+            fields[field] = reader.numeric(field, size, default)
+        for field in ("linear_angle", "blend_angle", "rate_damping_min_speed"):
+            fields[field] = reader.number(field)
+        for field in ("identified_angle", "cross_flow_drag"):
+            fields[field] = reader.number(field, default=0.0)
+        return cls(**fields)
 
     def problems(self) -> list[tuple[str, str]]:
         """Drag or rate terms that drive, no lift slope, angles out of order, a negative speed."""
@@ -340,31 +325,18 @@ class FlowFrame(HullLaw):
         if self.rate_damping_min_speed < 0:
             found.append(("rate_damping_min_speed", "at least 0"))
         if not 0 < self.linear_angle < self.blend_angle <= math.pi / 2:
-            found.append(
-                (
-                    "linear_angle, blend_angle",
-                    "ordered as 0 < linear_angle < blend_angle <= pi/2",
-                )
-            )
+            rule = "ordered as 0 < linear_angle < blend_angle <= pi/2"
+            found.append(("linear_angle, blend_angle", rule))
         if not 0.0 <= self.identified_angle < math.pi / 2:
             found.append(("identified_angle", "between 0 and pi/2"))
         return found
 
     def values(self) -> Array:
         """In the order of K_D0 to CROSS_FLOW."""
-        return np.array(
-            [
-                *(*self.drag, *self.lift, *self.side_force),
-                *(*self.roll_moment, *self.pitch_moment, *self.yaw_moment),
-                *(*self.side_force_lift, *self.roll_moment_lift, *self.yaw_moment_lift),
-                *(*self.roll_from_yaw, *self.yaw_from_roll, *self.yaw_moment_offset),
-                *self.wing_asymmetry,
-                *(self.zero_lift, self.linear_angle, self.blend_angle),
-                self.rate_damping_min_speed,
-                self.cross_flow_drag or self.drag[1],
-            ],
-            dtype=np.float64,
-        )
+        coefficients = [value for field in _SIZES for value in getattr(self, field)]
+        angles = (self.zero_lift, self.linear_angle, self.blend_angle)
+        others = (*angles, self.rate_damping_min_speed, self.cross_flow_drag or self.drag[1])
+        return np.array([*coefficients, *others], dtype=np.float64)
 
     def polar(self, alpha: float, density: float) -> Polar:
         """As printed: K_D0 + K_D alpha^2, K_L0 + K_alpha alpha, K_M0 + K_M alpha."""
@@ -415,11 +387,8 @@ class FlowFrame(HullLaw):
     def with_drag(self, factor: float) -> Self:
         """K_D0 times the factor; what lift costs stays."""
         first, second = self.drag
-        return dataclasses.replace(
-            self,
-            drag=(first * factor, second),
-            cross_flow_drag=self.cross_flow_drag or second,
-        )
+        across = self.cross_flow_drag or second
+        return dataclasses.replace(self, drag=(first * factor, second), cross_flow_drag=across)
 
     @property
     def turns_by_itself(self) -> bool:
@@ -451,13 +420,11 @@ ROLL_LIFT_SHARE = Uncertainty(
     why="it changes sign with lift: the turns of 7 Seagliders and a SeaExplorer in dives and "
     "climbs show most of it to be theirs",
 )
-"""Of vehicles whose coefficients were identified in dives alone"""
-
+"""For vehicles whose coefficients were identified in dives alone"""
 _LIFT_FIELDS = (
     "side_force_lift", "roll_moment_lift", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",
 )  # fmt: skip
 _OPTIONAL_FIELDS = (*_LIFT_FIELDS, "yaw_moment_offset", "wing_asymmetry")
-
 COEFFICIENTS = (
     ("k_d0", "drag at zero angle of attack", "drag"),
     ("k_d", "drag due to angle of attack", "drag"),
@@ -482,5 +449,6 @@ COEFFICIENTS = (
     ("k_w", "roll moment of wings that do not lift alike", "wing_asymmetry"),
 )
 """Name, meaning and field of each coefficient, in the order of the values"""
-
 COEFFICIENT_NAMES = tuple(name for name, _, _ in COEFFICIENTS)
+_SIZES = Counter(field for _, _, field in COEFFICIENTS)
+"""Coefficients in each field"""

@@ -1,22 +1,22 @@
-"""Vehicle parts: what a hull can carry, one file a kind."""
+"""Vehicle parts: what a hull can carry."""
 
-from twin.vehicle.parts.base import PARTS, Part, Quantity, register
-from twin.vehicle.parts.battery_hinge import BatteryHinge
-from twin.vehicle.parts.battery_slide import BatterySlide
-from twin.vehicle.parts.drop_weight import DropWeight
-from twin.vehicle.parts.fin import Fin
-from twin.vehicle.parts.propeller import Propeller
-from twin.vehicle.parts.pump import Pump
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "PARTS",
-    "BatteryHinge",
-    "BatterySlide",
-    "DropWeight",
-    "Fin",
-    "Part",
-    "Propeller",
-    "Pump",
-    "Quantity",
-    "register",
-]
+from twin.lazy import attach, places
+
+if TYPE_CHECKING:
+    from twin.vehicle.parts.base import PARTS as PARTS
+    from twin.vehicle.parts.base import Move as Move
+    from twin.vehicle.parts.base import Part as Part
+    from twin.vehicle.parts.base import Quantity as Quantity
+    from twin.vehicle.parts.base import register as register
+    from twin.vehicle.parts.battery import BatteryHinge as BatteryHinge
+    from twin.vehicle.parts.battery import BatterySlide as BatterySlide
+    from twin.vehicle.parts.fin import Fin as Fin
+    from twin.vehicle.parts.propeller import Propeller as Propeller
+    from twin.vehicle.parts.pump import DropWeight as DropWeight
+    from twin.vehicle.parts.pump import Pump as Pump
+
+_PLACES = places(__name__)
+__all__ = [*_PLACES]
+__getattr__, __dir__ = attach(__name__, _PLACES)

@@ -1,11 +1,9 @@
-"""What every kind of vehicle part says of itself: one interface for batteries, pumps and fins.
+"""Vehicle part: the interface that every kind has, and the registry of kinds.
 
 A part is an actuator of the vehicle file with one activation: its position, which follows the
 command by d(position)/dt = clip((command - position) / lag, -rate, rate) inside its travel. What
 it does to the vehicle is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model
 (`fossen_*`): two codes that share the parameters and nothing else.
-
-The registry of vehicle parts, and what a kind must have to be one.
 """
 
 from __future__ import annotations
@@ -14,13 +12,14 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin import seams
+from twin.errors import InputError
 from twin.registry import Registry
 from twin.vehicle.changes import LAG_SPREAD, Uncertainty
 from twin.version import PHYSICS_VERSION
@@ -28,91 +27,68 @@ from twin.version import PHYSICS_VERSION
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
-
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
-
+Carrier = Any
+"""A `twin.vehicle.vehicle.Vehicle`, whose file imports this one."""
 VALUES = 24
 """Most parameters of a part that its kernels read."""
 
 
-class Moved(Protocol):
-    """What a part must know of the mass that it moves."""
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Losses:
+    """Losses of drives and electronics; `twin.vehicle.consumption` has the sources."""
 
-    @property
-    def mass(self) -> float:
-        """[kg]"""
+    hotel_power: float = 0.3
+    """[W] electronics and sensors, all the time: 0.29 in a Seaglider's dive"""
+    surface_power: float = 0.0
+    """[W] beside it at the surface: radio, GPS, air pump"""
+    payload_power: float = 0.0
+    """[W] of sensors while they sample; a simulated vehicle's always do"""
+    pump_efficiency: float = 0.36
+    """hydraulic over electrical power of the pump: 0.36 in that dive"""
+    hull_vacuum: float = 3e4
+    """[Pa] below the sea-level pressure inside the hull; the pump works against it too"""
+    pump_loss: float = 0.0
+    """[Pa] energy over the volume that is pumped out, at any depth: motor and gear"""
+    pump_return: float = 0.0
+    """[Pa] energy over the volume that is let in: valve, or the motor that holds it back"""
+    screw_efficiency: float = 0.4
+    """mechanical over electrical power of the battery's drives"""
+    rail_friction: float = 0.1
+    """friction over weight of the sliding battery"""
+    bearing_torque: float = 0.2
+    """[N m] friction of the turning battery"""
+    propeller_efficiency: float = 0.7
+    """mechanical over electrical power of a propeller's motor and gear"""
 
-    @property
-    def eccentricity(self) -> float:
-        """[m] of its CG below the axis."""
-
-
-class Carrier(Protocol):
-    """What a part must know of the vehicle that carries it; see `twin.vehicle.vehicle.Vehicle`."""
-
-    @property
-    def gravity(self) -> float:
-        """[m/s2]"""
-
-    @property
-    def reference_density(self) -> float:
-        """[kg/m3]"""
-
-    def moved_by(self, part: str) -> Moved:
-        """The mass that a slide or hinge moves."""
-
-    def pump_for_net_mass(self, net_mass: float) -> float:
-        """Position of its pump [cm3] for a net mass [kg]."""
-
-
-LOSSES = (
-    "pump_efficiency", "hull_vacuum", "screw_efficiency", "rail_friction", "bearing_torque",
-    "propeller_efficiency", "hotel_power", "surface_power", "payload_power", "pump_loss",
-    "pump_return",
-)  # fmt: skip
-"""Names of a file's numbers that say what its drives and electronics take"""
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"consumption: {name} = {value} must be 0 or more")
+            if name.endswith("_efficiency") and not 0.0 < value <= 1.0:
+                raise InputError(f"consumption: {name} must be above 0 and at most 1")
 
 
-class Losses(Protocol):
-    """What the drives of a vehicle lose; see `twin.vehicle.consumption.Consumption`."""
+class Move(NamedTuple):
+    """Short moves of a part, each field a number or one per move, shape (n,)."""
 
-    @property
-    def pump_efficiency(self) -> float:
-        """Hydraulic over electrical power of a pump."""
-
-    @property
-    def pump_loss(self) -> float:
-        """[Pa] energy over the volume that is pumped out, at any depth."""
-
-    @property
-    def pump_return(self) -> float:
-        """[Pa] energy over the volume that is let in."""
-
-    @property
-    def hull_vacuum(self) -> float:
-        """[Pa] below the sea-level pressure inside the hull."""
-
-    @property
-    def screw_efficiency(self) -> float:
-        """Mechanical over electrical power of a battery's drive."""
-
-    @property
-    def rail_friction(self) -> float:
-        """Friction over weight of a sliding mass."""
-
-    @property
-    def bearing_torque(self) -> float:
-        """[N m] friction of a turning mass."""
-
-    @property
-    def propeller_efficiency(self) -> float:
-        """Mechanical over electrical power of a propeller's motor."""
+    before: ArrayLike
+    """position, in the part's unit"""
+    after: ArrayLike
+    depth: ArrayLike
+    """[m]"""
+    pitch: ArrayLike
+    """[rad]"""
+    duration: ArrayLike
+    """[s]"""
+    speed: ArrayLike = 0.0
+    """[m/s] of surge through the water"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """How a store shows a part's position."""
+    """Quantity by which a store shows a part's position."""
 
     unit: str
     """as CF writes it"""
@@ -162,22 +138,12 @@ class Part:
     @classmethod
     def read(cls, reader: MjcfReader, actuator: Element, name: str) -> Self:
         """The part of an actuator; raises VehicleError naming what is missing or wrong."""
-        low, high = reader.vector(actuator, "actrange", 2)
-        lag, rate = reader.vector(actuator, "dynprm", 2)
-        common = {"low": low, "high": high, "lag": lag, "rate": rate}
-        return cls(
-            name=name,
-            position=cls._place(reader, actuator),
-            **{key: float(value) for key, value in common.items()},
-            **cls.own_parameters(reader, name),
-        )
-
-    @classmethod
-    def _place(cls, reader: MjcfReader, actuator: Element) -> tuple[float, float, float]:
-        if cls.joint is not None:
-            return (0.0, 0.0, 0.0)
-        x, y, z = (float(value) for value in reader.place(actuator.get("site", "")))
-        return (x, y, z)
+        low, high = reader.vector(actuator, "actrange", 2).tolist()
+        lag, rate = reader.vector(actuator, "dynprm", 2).tolist()
+        own = dict(cls.own_parameters(reader, name))
+        if cls.joint is None:
+            own["position"] = tuple(reader.place(actuator.get("site", "")).tolist())
+        return cls(name=name, low=low, high=high, lag=lag, rate=rate, **own)
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
@@ -185,15 +151,13 @@ class Part:
         return {}
 
     def problems(self) -> list[tuple[str, str]]:
-        """What is wrong with it: pairs of a field's name and the rule that it breaks."""
-        found = []
-        if not self.lag > 0.0:
-            found.append(("lag (dynprm)", "positive"))
-        if not self.rate > 0.0:
-            found.append(("rate (dynprm)", "positive"))
-        if not self.low < self.high:
-            found.append(("actrange", "an increasing pair"))
-        return found
+        """Pairs of a field's name and the rule that it breaks."""
+        rules = (
+            ("lag (dynprm)", self.lag > 0.0, "positive"),
+            ("rate (dynprm)", self.rate > 0.0, "positive"),
+            ("actrange", self.low < self.high, "an increasing pair"),
+        )
+        return [(name, rule) for name, kept, rule in rules if not kept]
 
     # --- what it does ---------------------------------------------------------------------------
 
@@ -243,7 +207,7 @@ class Part:
     # --- what guidance may do with it -----------------------------------------------------------
 
     def controls(self) -> tuple[str, ...]:
-        """What guidance can use it for: of "pitch", "heading", "buoyancy", "speed"."""
+        """Controls that guidance can use it for: of "pitch", "heading", "buoyancy", "speed"."""
         return ()
 
     @property
@@ -277,7 +241,7 @@ class Part:
         return 1.0
 
     def mirrored(self) -> float | None:
-        """What the mirror port to starboard makes of its position: 1 or -1 times it.
+        """Factor on its position in the mirror port to starboard: 1 or -1.
 
         None: the vehicle has no mirror image of it, or its kind does not say.
         """
@@ -287,42 +251,22 @@ class Part:
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Its lag and largest rate; kinds with an encoder or coefficients add theirs."""
-        return (
+        return tuple(
             Uncertainty(
-                name="lag",
-                field="lag",
+                name=field,
+                field=field,
                 spread=LAG_SPREAD,
-                long_name=f"factor on the lag of the {self.name}",
-                why="lags are rarely published",
-            ),
-            Uncertainty(
-                name="rate",
-                field="rate",
-                spread=LAG_SPREAD,
-                long_name=f"factor on the largest rate of the {self.name}",
-                why="largest rates are rarely published",
-            ),
+                long_name=f"factor on the {words} of the {self.name}",
+                why=f"{words}s are rarely published",
+            )
+            for field, words in (("lag", "lag"), ("rate", "largest rate"))
         )
 
     # --- what it takes --------------------------------------------------------------------------
 
-    def energy(
-        self,
-        vehicle: Carrier,
-        before: ArrayLike,
-        after: ArrayLike,
-        losses: Losses,
-        *,
-        depth: ArrayLike,
-        pitch: ArrayLike,
-        duration: ArrayLike,
-    ) -> Array:
-        """Electrical energy [J] of short moves between two positions; 0 unless a kind says.
-
-        Everything is a number or one per move, shape (n,). depth: [m]. pitch: [rad].
-        duration: [s]. A kind that `spins` is also given `speed`: [m/s] of surge through the water.
-        """
-        return np.zeros(np.shape(after))
+    def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
+        """Electrical energy [J] of short moves, shape of the moves; 0 unless a kind says."""
+        return np.zeros(np.shape(move.after))
 
     # --- what is drawn and shown ----------------------------------------------------------------
 
@@ -346,7 +290,7 @@ class Part:
         return f"{value:.4g} {self.unit}"
 
     def told(self, time: Array, positions: Array) -> dict[str, str]:
-        """How it moved, as a person reads it after a flight: a row's name and text.
+        """Summary of its motion after a flight: a row's name and text.
 
         Args:
           time: [s], shape (n,). positions: in stored units, shape (n,).
@@ -357,7 +301,7 @@ class Part:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What a kind lacks: each effect must be there for both models."""
+        """Clause that says what a kind lacks: each effect must be there for both models."""
         if not isinstance(getattr(cls, "quantity", None), Quantity):
             return "it lacks `quantity`: how a store shows its position"
         shared = {field.name for field in dataclasses.fields(Part)}
@@ -374,6 +318,5 @@ class Part:
 
 PARTS: Registry[type[Part]] = seams.PARTS
 """Every vehicle part, by name."""
-
 register = PARTS.add
 """Add a kind of one's own; usable as a decorator."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from twin.compiled import elementary, jit
 from twin.compiled.elementary import cross, dot, scalar
-from twin.vehicle.changes import Uncertainty, coefficient
+from twin.vehicle.changes import Uncertainty, coefficient, turned_encoder
 from twin.vehicle.parts.base import Carrier, Part, Quantity
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
 AXIS = 8  # and the two that follow
 INDUCED, NEUTRAL = 11, 12
-
 ASKEW = 0.2
 """Part of its larger moment that a fin's smaller one must have for the fin to do both"""
 
@@ -214,32 +213,21 @@ class Fin(Part):
 
     def problems(self) -> list[tuple[str, str]]:
         """Also: sizes, slopes and axes that no fin has."""
+        positive = ("area", "lift_slope", "stall_angle")
+        drags = ("zero_lift_drag", "drag_slope", "stalled_drag_slope", "induced_drag")
         found = super().problems()
-        for name in ("area", "lift_slope", "stall_angle"):
-            if not getattr(self, name) > 0.0:
-                found.append((name, "positive"))
-        for name in ("zero_lift_drag", "drag_slope", "stalled_drag_slope", "induced_drag"):
-            if getattr(self, name) < 0.0:
-                found.append((name, "at least 0: drag never drives"))
+        found += [(name, "positive") for name in positive if not getattr(self, name) > 0.0]
+        rule = "at least 0: drag never drives"
+        found += [(name, rule) for name in drags if getattr(self, name) < 0.0]
         if abs(self.axis[0]) > 1e-9:
             found.append(("axis", "across the hull: no part along x"))
         return found
 
     def values(self) -> tuple[float, ...]:
         """In the order of AREA to IN_HULL, then the axis, INDUCED and NEUTRAL."""
-        return (
-            self.area,
-            self.lift_slope,
-            self.stall_angle,
-            self.stalled_lift_slope,
-            self.zero_lift_drag,
-            self.drag_slope,
-            self.stalled_drag_slope,
-            float(self.in_hull),
-            *self.axis,
-            self.induced_drag,
-            self.neutral,
-        )
+        names = ("area", "lift_slope", *_OPTIONAL[:-2], "in_hull")
+        numbers = [float(getattr(self, name)) for name in names]
+        return (*numbers, *self.axis, self.induced_drag, self.neutral)
 
     @property
     def rest(self) -> float:
@@ -255,15 +243,7 @@ class Fin(Part):
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
         """Also: the zero of its encoder and its lift slope."""
-        offset = Uncertainty(
-            name="offset_deg",
-            unit="degree",
-            certain=0.0,
-            scale=math.pi / 180.0,
-            spread="uniform(-2, 2)",
-            long_name=f"zero error of the encoder of the {self.name}",
-            why="fin turned from where it says",
-        )
+        offset = turned_encoder(self.name, "fin")
         slope = coefficient("lift_slope", f"lift slope of the {self.name}", field="lift_slope")
         return (offset, *super().uncertainties(), slope)
 

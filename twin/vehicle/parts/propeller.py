@@ -22,17 +22,20 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from twin.compiled import elementary, jit
 from twin.compiled.elementary import scalar
 from twin.vehicle.changes import Uncertainty, coefficient
-from twin.vehicle.parts.base import Array, Carrier, Losses, Part, Quantity
+from twin.vehicle.parts.base import Array, Carrier, Losses, Move, Part, Quantity
 
 if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
-# places in the values
+FIELDS = (
+    "diameter", "thrust_coefficient", "torque_coefficient", "zero_thrust_advance",
+    "standing_drag", "zero_torque_advance", "standing_torque",
+)  # fmt: skip
+"""Fields that kernels read, in their order"""
 DIAMETER, THRUST, TORQUE, ADVANCE, STANDING, TORQUE_ADVANCE, STANDING_TORQUE = range(7)
 ADVANCES = np.concatenate([-np.geomspace(30.0, 1e-3, 200), [0.0], np.geomspace(1e-3, 30.0, 200)])
 """[1/rad] advance ratios at which a diagram must not give more power than it takes"""
@@ -124,26 +127,19 @@ class Propeller(Part):
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
         """`NAME.diameter`, `.thrust_coefficient`; the others are 0 where the file is silent."""
-        others = {
-            field.name: reader.number(f"{name}.{field.name}", default=0.0)
-            for field in dataclasses.fields(cls)
-            if field.default == 0.0
-        }
+        needed = ("diameter", "thrust_coefficient")
         return {
-            "diameter": reader.number(f"{name}.diameter"),
-            "thrust_coefficient": reader.number(f"{name}.thrust_coefficient"),
-            **others,
+            field: reader.number(f"{name}.{field}", default=None if field in needed else 0.0)
+            for field in FIELDS
         }
 
     def problems(self) -> list[tuple[str, str]]:
         """Also: sizes and coefficients that no screw has, and a diagram that gives energy."""
         found = super().problems()
-        for name in ("diameter", "thrust_coefficient"):
-            if not getattr(self, name) > 0.0:
-                found.append((name, "positive"))
-        for name in ("zero_thrust_advance", "zero_torque_advance", "standing_drag"):
-            if getattr(self, name) < 0.0:
-                found.append((name, "at least 0 (0: none)"))
+        sizes = ("diameter", "thrust_coefficient")
+        found += [(name, "positive") for name in sizes if not getattr(self, name) > 0.0]
+        others = ("zero_thrust_advance", "zero_torque_advance", "standing_drag")
+        found += [(name, "at least 0 (0: none)") for name in others if getattr(self, name) < 0.0]
         if self.standing_torque * self.torque_coefficient < 0.0:
             found.append(("standing_torque", "of the sign of torque_coefficient"))
         if self.zero_torque_advance > 0.0 and not found and self.power_given > GIVEN:
@@ -170,15 +166,7 @@ class Propeller(Part):
 
     def values(self) -> tuple[float, ...]:
         """In the order of DIAMETER to STANDING_TORQUE."""
-        return (
-            self.diameter,
-            self.thrust_coefficient,
-            self.torque_coefficient,
-            self.zero_thrust_advance,
-            self.standing_drag,
-            self.zero_torque_advance,
-            self.standing_torque,
-        )
+        return tuple(getattr(self, name) for name in FIELDS)
 
     def mirrored(self) -> float | None:
         """It is in the middle; its torque, which would turn round, is small."""
@@ -210,30 +198,19 @@ class Propeller(Part):
         wrench = native_wrench(np.array(self.values()), still, rate, *motion, density, 1e3)
         return float(wrench[0])
 
-    def energy(
-        self,
-        vehicle: Carrier,
-        before: ArrayLike,
-        after: ArrayLike,
-        losses: Losses,
-        *,
-        depth: ArrayLike,
-        pitch: ArrayLike,
-        duration: ArrayLike,
-        speed: ArrayLike = 0.0,
-    ) -> Array:
+    def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
         """Shaft power of its torque, over the efficiency of its motor [J].
 
-        A screw that the water drives gives nothing back. `speed` [m/s] is that of advance.
+        A screw that the water drives gives nothing back.
         """
-        rate = 0.5 * np.add(before, after, dtype=float)
-        flow = np.asarray(speed, dtype=float) / self.diameter
+        rate = 0.5 * np.add(move.before, move.after, dtype=float)
+        flow = np.asarray(move.speed, dtype=float) / self.diameter
         twisting = diagram(
             self.torque_coefficient, self.zero_torque_advance, self.standing_torque, rate, flow
         )
         power = vehicle.reference_density * self.diameter**5 * twisting * rate
         power *= math.copysign(1.0, self.torque_coefficient)
-        return np.asarray(np.maximum(power, 0.0) * duration / losses.propeller_efficiency)
+        return np.asarray(np.maximum(power, 0.0) * move.duration / losses.propeller_efficiency)
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
         """Ahead, from a quarter of its largest rate to three quarters."""

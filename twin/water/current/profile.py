@@ -81,16 +81,10 @@ class Uniform(Current):
 
 
 COLUMNS = {
-    "depth": ("depth", 1.0),
-    "depth_m": ("depth", 1.0),
-    "north": ("north", 1.0),
-    "north_m_s": ("north", 1.0),
-    "v": ("north", 1.0),
-    "east": ("east", 1.0),
-    "east_m_s": ("east", 1.0),
-    "u": ("east", 1.0),
-    "down": ("down", 1.0),
-    "down_m_s": ("down", 1.0),
+    **dict.fromkeys(("depth", "depth_m"), ("depth", 1.0)),
+    **dict.fromkeys(("north", "north_m_s", "v"), ("north", 1.0)),
+    **dict.fromkeys(("east", "east_m_s", "u"), ("east", 1.0)),
+    **dict.fromkeys(("down", "down_m_s"), ("down", 1.0)),
     "w": ("down", -1.0),
 }
 """CSV column names: our field and its sign (oceanographers' u, v, w are east, north, UP)."""

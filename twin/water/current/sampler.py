@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twin.compiled import borrowing, generate, inline, jit
-from twin.compiled.dispatch import Written
+from twin.compiled import Written, borrowing, generate, inline, jit
 from twin.seams import CURRENTS
 
 Floats = NDArray[np.float64]
@@ -33,7 +32,7 @@ INVALID = (math.nan,) * 6
 
 
 @borrowing
-def locate(program, start, n, x):  # type: ignore[no-untyped-def]
+def locate(program, start, n, x):
     """Cell of x on the ascending axis program[start:start+n]: index, fraction, 1/width.
 
     The guess of an evenly spaced axis is tried first, then a binary search. The width's inverse is
@@ -63,7 +62,7 @@ def locate(program, start, n, x):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def table(program, start, size, x, x_rate):  # type: ignore[no-untyped-def]
+def table(program, start, size, x, x_rate):
     """Linear table: n, axis (n), velocity (n, 3). Velocity, and derivative at `x_rate` of x."""
     if size < 1 or not (program[start] >= 1.0 and 1.0 + 4.0 * program[start] == size):
         return INVALID

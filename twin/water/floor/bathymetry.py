@@ -37,30 +37,19 @@ if TYPE_CHECKING:
 UP = "up"
 DOWN = "down"
 STANDARD_NAMES = {
-    "height_above_mean_sea_level": UP,
-    "height_above_geoid": UP,
-    "height_above_reference_ellipsoid": UP,
-    "height_above_geopotential_datum": UP,
-    "surface_altitude": UP,
-    "altitude": UP,
-    "sea_floor_depth_below_geoid": DOWN,
-    "sea_floor_depth_below_mean_sea_level": DOWN,
-    "sea_floor_depth_below_sea_surface": DOWN,
-    "sea_floor_depth_below_sea_level": DOWN,
-    "sea_floor_depth_below_reference_ellipsoid": DOWN,
-    "sea_floor_depth_below_geopotential_datum": DOWN,
-    "sea_floor_depth": DOWN,
-}
+    **dict.fromkeys((
+        "height_above_mean_sea_level", "height_above_geoid", "height_above_reference_ellipsoid",
+        "height_above_geopotential_datum", "surface_altitude", "altitude"), UP),
+    **dict.fromkeys((
+        "sea_floor_depth_below_geoid", "sea_floor_depth_below_mean_sea_level",
+        "sea_floor_depth_below_sea_surface", "sea_floor_depth_below_sea_level",
+        "sea_floor_depth_below_reference_ellipsoid",
+        "sea_floor_depth_below_geopotential_datum", "sea_floor_depth"), DOWN),
+}  # fmt: skip
 """CF names of the quantity, and where they count to"""
 NAMES = {
-    "elevation": UP,
-    "z": UP,
-    "topo": UP,
-    "altitude": UP,
-    "deptho": DOWN,
-    "bathymetry": DOWN,
-    "depth": DOWN,
-    "bathy_metry": DOWN,
+    **dict.fromkeys(("elevation", "z", "topo", "altitude"), UP),
+    **dict.fromkeys(("deptho", "bathymetry", "depth", "bathy_metry"), DOWN),
 }
 """Variables of GEBCO and EMODnet, ETOPO, and of ocean models, when no standard name tells"""
 METRES = ("m", "meter", "meters", "metre", "metres", "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -13,16 +13,13 @@ from twin.cli import Console, Hours, JsonOption
 if TYPE_CHECKING:
     from glider_twin_ops.forecast import Forecast as Found
     from glider_twin_ops.forecast import Known, Request
-    from twin import Vehicle
+    from twin import Origin, Vehicle
     from twin.mission import Mission
-    from twin.water.current import Current
-
 
 USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
 """[m] of --goto"""
 USUAL_HOURS = 6.0
 """[h] under water between surfacings of --goto"""
-USUAL_VEHICLE = "glider"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,12 +83,37 @@ class ForecastSurfacings(JsonOption):
 
     def run(self, console: Console) -> int:
         """Ask, fly, say."""
+        from glider_twin_ops.forecast import forecast
+
         self._check()
         if self.out is not None:
-            from glider_twin_ops.pages.forecast_page import check_forecast_target
+            from glider_twin_ops.pages import check_forecast_target
 
             check_forecast_target(self.out)
-        self._once(console, self.logs)
+        request, known = self._request(console)
+        seen: list[Found] = []
+        with console.progress(total=request.members, label="forecast", unit="members") as progress:
+
+            def refined(found: Found) -> None:
+                if not seen:
+                    _say_mean(console, found)
+                seen[:] = [found]
+                done = found.flown + found.failed
+                progress.update(done - progress.done, **_near(found))
+                if self.out is not None and not found.complete:
+                    self._write(self.out, found)
+
+            try:
+                found = forecast(request, known, threads=self.threads, refined=refined)
+            except KeyboardInterrupt as interrupt:
+                if self.out is None or not seen:
+                    raise
+                self._write(self.out, seen[0], ended=True)  # the page stops reading itself again
+                raise KeyboardInterrupt(
+                    f"{self.out} holds the forecast of {seen[0].flown} of {request.members} "
+                    "members; give the command again for all"
+                ) from interrupt
+        self._answer(console, found)
         return 0
 
     def _check(self) -> None:
@@ -101,13 +123,11 @@ class ForecastSurfacings(JsonOption):
             raise InputError("give --goto or --mission, not both")
         if self.goto is None and self.mission is None:
             said = 'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
-            raise InputError(said if self.logs is None else f"{said}; {self._aim(self.logs)}")
+            raise InputError(said if self.logs is None else f"{said}; {_aim(self.logs)}")
         if self.from_ is None and self.logs is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
-        for name, needed in (
-            ("depth", "goto"), ("pitch", "goto"), ("surface_every", "goto"), ("radius", "goto"),
-            ("current_error", "current"),
-        ):  # fmt: skip
+        needs = dict.fromkeys(("depth", "pitch", "surface_every", "radius"), "goto")
+        for name, needed in {**needs, "current_error": "current"}.items():
             if getattr(self, name) is not None and getattr(self, needed) is None:
                 option = name.replace("_", "-")
                 raise InputError(f"--{option} is for --{needed}, which is not given: leave it out")
@@ -116,86 +136,44 @@ class ForecastSurfacings(JsonOption):
         if self.threads < 0:
             raise InputError(f"--threads {self.threads} must be 0 or more")
 
-    def _aim(self, logs: Path) -> str:
-        """Where the log itself goes, and who takes that from it."""
-        from glider_twin_ops.forecast import aim_of
+    def _request(self, console: Console) -> tuple[Request, Known]:
+        from glider_twin_ops.forecast import Request
+        from twin.identify import identified, other_kind, with_consumption
+        from twin.logs import counted_energy
 
-        aim = aim_of(logs)
-        sent = f'in its last dive it was sent to --goto "{aim}"' if aim else "the log has none"
-        return f"{sent}; `twin watch --new FOLDER --from FILES` takes it from the log at each pass"
-
-    def _once(self, console: Console, logs: Path | None) -> None:
-        """One forecast."""
-        from glider_twin_ops.forecast import forecast
-
-        request, known = self._request(console, logs)
-        command_shows = _Shows(self, console, request)
-        with console.progress(total=request.members, label="forecast", unit="members") as progress:
-
-            def refined(found: Found) -> None:
-                command_shows.first(found)
-                done = found.flown + found.failed
-                progress.update(done - progress.done, **_near(found))
-                if self.out is not None and not found.complete:
-                    command_shows.write(found)
-
-            try:
-                found = forecast(request, known, threads=self.threads, refined=refined)
-            except KeyboardInterrupt as interrupt:
-                if command_shows.written is None:
-                    raise
-                raise KeyboardInterrupt(command_shows.partial()) from interrupt
-        command_shows.all(found)
-
-    def _request(self, console: Console, logs: Path | None) -> tuple[Request, Known]:
-        from glider_twin_ops.forecast import FIELD_ERROR, Request, begun, known_from_logs
-
-        vehicle = self._vehicle(console, logs)
+        vehicle = vehicle_of(self.vehicle, self.logs)
         mission = self._mission(vehicle)
-        known = None
-        if logs is not None:
-            console.note(f"reading {logs}")
-            from twin.identify import identified, other_kind, with_consumption
-            from twin.logs import counted_energy
-
-            if warning := other_kind(logs, vehicle):
+        if self.logs is not None:
+            if self.vehicle is None:
+                console.note(
+                    f"vehicle: {vehicle.name}, of the log's kind; --vehicle takes an identified one"
+                )
+            console.note(f"reading {self.logs}")
+            if warning := other_kind(self.logs, vehicle):
                 console.warn(warning)
-            model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
-            known = known_from_logs(logs, str(vehicle.path) if model else None)
+        model = self.way == "model" or (self.way == "usual" and bool(identified(vehicle)))
+        place, known = begun_at(console, self.from_, self.logs, vehicle if model else None)
+        if self.logs is not None:
             if known.silent:
                 console.warn(known.silent)
-            if (used := counted_energy(logs, vehicle, newest=True)) is not None:
+            if (used := counted_energy(self.logs, vehicle, newest=True)) is not None:
                 vehicle = with_consumption(vehicle, used.consumption)
                 console.note(f"energy by the log's counter: {used.power:.2f} W so far")
-        place, known, stale = begun(self.from_, known)
-        if stale:
-            console.warn(stale)
         request = Request(
             vehicle=vehicle,
             mission=mission,
             place=place,
             hours=self.hours,
             members=self.members,
-            field=self._field(),
-            field_error=FIELD_ERROR if self.current_error is None else self.current_error,
             density=self.density,
             energy_left_kwh=self.energy_left_kwh,
             seed=self.seed,
             engine=self.engine,
+            **field_of(self.current, self.current_error),
         )
         for note in request.notes():
             console.warn(note)
         return request, known
-
-    def _vehicle(self, console: Console, logs: Path | None) -> Vehicle:
-        from twin import load_vehicle
-        from twin.identify import start_vehicle
-
-        if self.vehicle is not None or logs is None:
-            return load_vehicle(USUAL_VEHICLE if self.vehicle is None else self.vehicle)
-        found = start_vehicle(logs)
-        console.note(f"vehicle: {found.name}, of the log's kind; --vehicle takes an identified one")
-        return found
 
     def _mission(self, vehicle: Vehicle) -> Mission:
         import math
@@ -206,73 +184,26 @@ class ForecastSurfacings(JsonOption):
         if self.mission is not None:
             return load_mission_for(vehicle, self.mission)
         assert self.goto is not None
+        every = USUAL_HOURS if self.surface_every is None else self.surface_every
         mission = mission_to(
             self.goto,
             depth=USUAL_DEPTH if self.depth is None else self.depth,
             pitch_deg=math.degrees(vehicle.usual_glide[0]) if self.pitch is None else self.pitch,
-            surface_after_s=3600.0
-            * (USUAL_HOURS if self.surface_every is None else self.surface_every),
+            surface_after_s=3600.0 * every,
             radius=USUAL_RADIUS if self.radius is None else self.radius,
         )
         mission.check(vehicle)
         return mission
 
-    def _field(self) -> Current | None:
-        if self.current is None:
-            return None
-        from twin.water.current import parse_field
+    def _write(self, out: Path, found: Found, *, ended: bool = False) -> Path:
+        """Write the folder; `ended`: no more members follow."""
+        from glider_twin_ops.pages import write_forecast
 
-        return parse_field(self.current)
+        return write_forecast(found, out, reload_s=None if ended or found.complete else 5.0)
 
+    def _answer(self, console: Console, found: Found) -> None:
+        from glider_twin_ops.pages import forecast_row
 
-class _Shows:
-    """What a forecast says: its first member at once, then all."""
-
-    def __init__(self, command: ForecastSurfacings, console: Console, request: Request):
-        self._command, self._console, self._request = command, console, request
-        self._said = False
-        self.written: Found | None = None
-        """What --out holds"""
-
-    def first(self, found: Found) -> None:
-        """The mean of what is known, at once."""
-        if self._said:
-            return
-        self._said = True
-        if not found.surfacings:
-            self._console.note(
-                f"the mean of what is known does not surface in {found.request.hours:g} h"
-            )
-        for one in found.surfacings:
-            self._console.note(
-                f"surfacing {one.number}: about {found.minute(one.time_s)} UTC at "
-                f"{one.latitude:.4f}, {one.longitude:.4f}"
-            )
-
-    def partial(self) -> str:
-        """What --out holds after an interruption, in words; its page stops reading itself again."""
-        assert self.written is not None
-        self.write(self.written, ended=True)
-        return (
-            f"{self._command.out} holds the forecast of {self.written.flown} of "
-            f"{self._request.members} members; give the command again for all"
-        )
-
-    def write(self, found: Found, *, ended: bool = False) -> Path:
-        """The folder; `ended`: no more members follow."""
-        from glider_twin_ops.pages.forecast_page import write_forecast
-
-        assert self._command.out is not None
-        reload_s = None if ended or found.complete else 5.0
-        index = write_forecast(found, self._command.out, reload_s=reload_s)
-        self.written = found
-        return index
-
-    def all(self, found: Found) -> None:
-        """The answer."""
-        from glider_twin_ops.pages.forecast_page import forecast_row
-
-        console = self._console
         console.answer(**found.describe())
         if found.surfacings:
             console.table([forecast_row(found, one) for one in found.surfacings])
@@ -291,15 +222,65 @@ class _Shows:
         console.say(f"{found.energy_per_day} per day{left}")
         for name, words in found.spread.items():
             console.say(f"{name}: {words}")
-        if self._command.out is not None:
-            console.say(f"map: {self.write(found)}")
+        if self.out is not None:
+            console.say(f"map: {self._write(self.out, found)}")
+
+
+def _aim(logs: Path) -> str:
+    """Where the log itself goes, and who takes that from it."""
+    from glider_twin_ops.forecast.known import aim_of
+
+    aim = aim_of(logs)
+    sent = f'in its last dive it was sent to --goto "{aim}"' if aim else "the log has none"
+    return f"{sent}; `twin watch --new FOLDER --from FILES` takes it from the log at each pass"
+
+
+def vehicle_of(name: str | None, logs: Path | None) -> Vehicle:
+    """Load a named vehicle, else the shipped one of the log's kind, else `glider`."""
+    from twin import load_vehicle
+    from twin.identify import start_vehicle
+
+    return load_vehicle(name or "glider") if name or logs is None else start_vehicle(logs)
+
+
+def begun_at(
+    console: Console, start: str | None, logs: Path | None, model: Vehicle | None
+) -> tuple[Origin, Known]:
+    """Where and when a forecast begins, and what is known then; says where that is little.
+
+    Args:
+      model: flight model for the way through the water in the logs.
+    """
+    from glider_twin_ops.forecast import begun, known_from_logs
+
+    path = None if model is None else str(model.path)
+    place, known, stale = begun(start, None if logs is None else known_from_logs(logs, path))
+    if stale:
+        console.warn(stale)
+    return place, known
+
+
+def field_of(current: str | None, error: float | None) -> dict[str, Any]:
+    """Field and its error as a `Request` takes them."""
+    from twin.water.current import parse_field
+
+    found: dict[str, Any] = {} if error is None else {"field_error": error}
+    return found if current is None else {**found, "field": parse_field(current)}
+
+
+def _say_mean(console: Console, found: Found) -> None:
+    """The mean of what is known, at once."""
+    if not found.surfacings:
+        console.note(f"the mean of what is known does not surface in {found.request.hours:g} h")
+    for one in found.surfacings:
+        console.note(
+            f"surfacing {one.number}: about {found.minute(one.time_s)} UTC at "
+            f"{one.latitude:.4f}, {one.longitude:.4f}"
+        )
 
 
 def _near(found: Found) -> dict[str, str]:
     """The next surfacing in a few words."""
     if not found.surfacings:
         return {}
-    from glider_twin_ops.forecast import NINETY
-
-    one = found.surfacings[0]
-    return {"90 %": f"{one.ellipse(NINETY).semi_major_m / 1e3:.2f} km"}
+    return {"90 %": f"{found.surfacings[0].ellipse(0.9).semi_major_m / 1e3:.2f} km"}

@@ -11,9 +11,7 @@ import tyro
 from twin.cli import Console, JsonOption
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from glider_twin_ops.health import Answers, DeploymentHealth
+    from glider_twin_ops.health import Answers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +46,7 @@ class JudgeHealth(JsonOption):
 
     def run(self, console: Console) -> int:
         """Judge, say, write the page."""
-        from glider_twin_ops.health import assess
+        from glider_twin_ops.health import answer_for, assess
         from twin import load_vehicle
         from twin.identify import other_kind, start_vehicle
         from twin.records import LogStore
@@ -69,8 +67,13 @@ class JudgeHealth(JsonOption):
                 deployments=self.deployment or None,
                 advance=progress.update,
             )
-        wanted = len(found) <= FEW if self.answers is None else self.answers
-        answered = self._answers(found) if wanted else {}
+        answered: dict[str, Answers] = {}
+        if len(found) <= FEW if self.answers is None else self.answers:
+            answered = {
+                one.name: answer_for(self.store, one.name, self.vehicle)
+                for one in found
+                if one.dives
+            }
         if shipped:
             console.note(
                 f"judged by the shipped {vehicle.name}; its own file, as `twin "
@@ -84,12 +87,12 @@ class JudgeHealth(JsonOption):
                 console.note(f"{one.name}: {remark}")
         for one in found:
             if one.alarm:
-                console.table(_rows(one), title=f"{one.name}: what it may be", digits=3)
+                console.table(one.likeliest(), title=f"{one.name}: what it may be", digits=3)
                 first = one.kinds[0]
                 console.note(f"{one.name}, to find out: {first.find_out}")
                 console.note(f"{one.name}, what else looks like it: {first.otherwise}")
         if self.page is not None:
-            from glider_twin_ops.pages.health_page import write_health
+            from glider_twin_ops.pages import write_health
 
             command = f"twin health {self.store}"
             command += "" if self.vehicle is None else f" --vehicle {self.vehicle}"
@@ -105,36 +108,6 @@ class JudgeHealth(JsonOption):
         )
         return 0
 
-    def _answers(self, found: Sequence[DeploymentHealth]) -> dict[str, Answers]:
-        """For each deployment that has dives."""
-        from glider_twin_ops.health import answer_for
-
-        return {
-            one.name: answer_for(self.store, one.name, self.vehicle) for one in found if one.dives
-        }
-
 
 FEW = 4
 """Deployments that are answered for where nobody says"""
-MOST_ROWS = 5
-"""Kinds of a table, the likeliest"""
-UNLIKELY = 0.005
-"""Probability below which a kind is not listed"""
-
-
-def _rows(one: DeploymentHealth) -> list[dict[str, object]]:
-    """A line for each kind that is not unlikely."""
-    return [
-        {
-            "fault": kind.kind,
-            "probability": kind.probability,
-            "since dive": kind.since_dive,
-            "size": kind.size,
-            "+-": kind.size_deviation,
-            "unit": kind.unit,
-            "shows in": ", ".join(kind.channels),
-            "dives to look at": ", ".join(map(str, kind.dives)),
-        }
-        for kind in one.kinds[:MOST_ROWS]
-        if kind.probability > UNLIKELY
-    ]

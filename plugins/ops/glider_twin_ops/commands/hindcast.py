@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -56,6 +55,7 @@ class HindcastSurfacings(JsonOption):
         from glider_twin_ops.forecast import hindcast
         from twin.errors import InputError
         from twin.records import LogStore
+        from twin.water.current import parse_field
 
         if self.out is not None:
             from twin.show.figures import check_page_target
@@ -63,11 +63,7 @@ class HindcastSurfacings(JsonOption):
             check_page_target(self.out)
         if self.engine != "lanes" and self.members is None:
             raise InputError("--engine is for --members, which is not given: leave it out")
-        field = None
-        if self.current is not None:
-            from twin.water.current import parse_field
-
-            field = parse_field(self.current)
+        field = None if self.current is None else parse_field(self.current)
         total = 0
         for path in self.stores:
             with LogStore(path) as logs:
@@ -87,11 +83,7 @@ class HindcastSurfacings(JsonOption):
             ("current", "current alone, way through the water and duration given: the same"),
             ("members", "where it surfaced, the forecast by members flown: the same"),
         ):
-            rows = [(one.name, getattr(one, which)) for one in found.deployments]
-            rows = [(name, scores) for name, scores in rows if scores and scores.segments]
-            if len(rows) > 1:
-                rows.append(("all", getattr(found, which)))
-            if rows:
+            if rows := found.rows(which, least=1):
                 console.table(_lines(rows), title=title, digits=3)
         for one in found.deployments:
             console.note(f"{one.name}: {_told(one)}")
@@ -100,52 +92,28 @@ class HindcastSurfacings(JsonOption):
             if one.beside_mujoco is not None:
                 console.note(f"{one.name}: last dive, first member: {one.beside_mujoco.text}")
         if self.out is not None:
-            from glider_twin_ops.pages.hindcast_page import write_hindcast
+            from glider_twin_ops.pages import write_hindcast
 
-            words = " ".join(str(path) for path in self.stores)
-            command = f"twin hindcast {words}"
-            if self.train_fraction:
-                command += f" --train-fraction {self.train_fraction:g}"
-            if self.current is not None:
-                command += f" --current {self.current}"
-            if self.members is not None:
-                command += f" --members {self.members}"
+            command = " ".join(["twin hindcast", *map(str, self.stores)])
+            for option in ("train_fraction", "current", "members"):
+                if value := getattr(self, option):
+                    said = f"{value:g}" if isinstance(value, float) else value
+                    command += f" --{option.replace('_', '-')} {said}"
             console.say(str(write_hindcast(self.out, found, command)))
         console.answer(
-            surfacing=found.surfacing.describe(),
-            current=found.current.describe(),
-            **({} if found.members is None else {"members": found.members.describe()}),
+            **found.describe(),
             deployments=[
-                {
-                    "name": one.name,
-                    "store": one.store,
-                    "dives": one.dives,
-                    "legs": len(one.legs),
-                    "surfacing": one.surfacing.describe(),
-                    "current": one.current.describe(),
-                    **_members(one),
-                }
+                {"name": one.name, "store": one.store, "dives": one.dives, "legs": len(one.legs)}
+                | one.describe()
                 for one in found.deployments
             ],
         )
         return 0
 
 
-def _members(one: DeploymentHindcast) -> dict[str, object]:
-    """Of members flown, as JSON can hold it."""
-    if one.members is None:
-        return {}
-    beside = one.beside_mujoco
-    return {
-        "members": one.members.describe(),
-        "members_unflown": {str(mission): why for mission, why in one.unflown.items()},
-        "beside_mujoco": None if beside is None else dataclasses.asdict(beside),
-    }
-
-
 def _lines(rows: Sequence[tuple[str, Scores]]) -> list[dict[str, object]]:
     """A line of a table for each deployment."""
-    from glider_twin_ops.forecast import METHODS
+    from glider_twin_ops.forecast.walk import METHODS
 
     partial = {method for _, scores in rows for method in scores.partial}
     return [

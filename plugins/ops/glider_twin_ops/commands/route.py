@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from glider_twin_ops.commands.forecast import begun_at, field_of, vehicle_of
 from twin.cli import Console, JsonOption
 
 if TYPE_CHECKING:
@@ -90,43 +91,31 @@ class PlanRoute(JsonOption):
         return 0
 
     def _request(self, console: Console) -> tuple[Request, Known]:
-        from glider_twin_ops.forecast import (
-            FIELD_ERROR,
-            Request,
-            begun,
-            known_from_logs,
-            mission_to,
-        )
-        from twin import load_vehicle
+        from glider_twin_ops.forecast import Request, mission_to
         from twin.errors import InputError
-        from twin.identify import identified, start_vehicle
-        from twin.water.current import parse_field
+        from twin.identify import identified
 
         if self.current_error is not None and self.current is None:
             raise InputError("--current-error is for --current, which is not given: leave it out")
-        known = None
-        if self.logs is None:
-            vehicle = load_vehicle(self.vehicle or "glider")
-        else:
-            vehicle = load_vehicle(self.vehicle) if self.vehicle else start_vehicle(self.logs)
-            known = known_from_logs(self.logs, str(vehicle.path) if identified(vehicle) else None)
-        place, known, stale = begun(self.from_, known)
-        if stale:
-            console.warn(stale)
+        vehicle = vehicle_of(self.vehicle, self.logs)
+        model = vehicle if identified(vehicle) else None
+        place, known = begun_at(console, self.from_, self.logs, model)
         latitude, longitude = _place("--to", self.to)
         mission = mission_to(
-            f"{latitude},{longitude}", depth=self.depth, pitch_deg=self.pitch or USUAL_PITCH,
-            surface_after_s=3600.0 * self.surface_every, radius=RADIUS,
-        )  # fmt: skip
+            f"{latitude},{longitude}",
+            depth=self.depth,
+            pitch_deg=self.pitch or USUAL_PITCH,
+            surface_after_s=3600.0 * self.surface_every,
+            radius=RADIUS,
+        )
         request = Request(
             vehicle=vehicle,
             mission=mission,
             place=place,
             members=self.members,
             hours=LONGEST,
-            field=None if self.current is None else parse_field(self.current),
-            field_error=FIELD_ERROR if self.current_error is None else self.current_error,
             seed=self.seed,
+            **field_of(self.current, self.current_error),
         )
         return request, known
 

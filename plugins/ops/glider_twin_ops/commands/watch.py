@@ -83,18 +83,16 @@ class WatchDeployment(JsonOption):
         deployment = WatchedDeployment.read(self.deployment)
         if self.to_learn:
             self._learn(console, deployment)
-            return 0
-        if self.once or self.replay or until is not None:
+        elif self.once or self.replay or until is not None:
             self._pass(console, deployment, until)
-            return 0
-        if not self.serve:
+        elif not self.serve:
             self._forever(console, lambda page: None)
-            return 0
-        from twin.show.web import PageServer
+        else:
+            from twin.show.web import PageServer
 
-        with PageServer(self.port) as server:
-            console.note(f"open {server.address} in a browser once the first pass is done")
-            self._forever(console, lambda page: server.show(page.read_text(encoding="utf-8")))
+            with PageServer(self.port) as server:
+                console.note(f"open {server.address} in a browser once the first pass is done")
+                self._forever(console, lambda page: server.show(page.read_text(encoding="utf-8")))
         return 0
 
     def _check(self) -> None:
@@ -107,20 +105,22 @@ class WatchDeployment(JsonOption):
             if getattr(self, name) not in (None, False):
                 raise InputError(f"--{name.strip('_').replace('_', '-')}: {why}")
         ends = [name for name in ("once", "replay", "as_of", "to_learn") if getattr(self, name)]
+        endless = "is for passes without end: leave it out, or --once"
+        wrong = ""
         if self.to_learn and len(ends) > 1:
-            raise InputError("--to-learn makes no pass: leave --once, --replay and --as-of out")
-        if self.every is not None and ends:
-            raise InputError("--every is for passes without end: leave it out, or --once")
-        if self.port is not None and not self.serve:
-            raise InputError("--port is for --serve, which is not given: leave it out")
-        if self.serve and ends:
-            raise InputError("--serve is for passes without end: leave it out, or --once")
-        if self.every is not None and not self.every >= LEAST_EVERY:
-            raise InputError(f"--every {self.every:g} must be {LEAST_EVERY:g} s or more")
-        if self.json and not (self.new or ends):
-            raise InputError(
-                "--json needs --once, --replay, --as-of or --to-learn: watching never ends"
-            )
+            wrong = "--to-learn makes no pass: leave --once, --replay and --as-of out"
+        elif self.every is not None and ends:
+            wrong = f"--every {endless}"
+        elif self.port is not None and not self.serve:
+            wrong = "--port is for --serve, which is not given: leave it out"
+        elif self.serve and ends:
+            wrong = f"--serve {endless}"
+        elif self.every is not None and not self.every >= LEAST_EVERY:
+            wrong = f"--every {self.every:g} must be {LEAST_EVERY:g} s or more"
+        elif self.json and not (self.new or ends):
+            wrong = "--json needs --once, --replay, --as-of or --to-learn: watching never ends"
+        if wrong:
+            raise InputError(wrong)
 
     def _until(self) -> datetime.datetime | None:
         import datetime
@@ -140,39 +140,34 @@ class WatchDeployment(JsonOption):
         return found.replace(tzinfo=datetime.UTC, microsecond=0)
 
     def _make(self, console: Console) -> None:
-        import os
-
-        from glider_twin_ops.watching import AUTO, WatchedDeployment, kind_of
+        from glider_twin_ops.watching import WatchedDeployment
+        from glider_twin_ops.watching.arrived_files import kind_of
+        from glider_twin_ops.watching.deployment_folder import AUTO
         from twin import load_vehicle
         from twin.errors import InputError, quoted
         from twin.identify import other_kind
 
-        source = self.from_
-        if source is None and (answer := _asked(console, "folder in which files arrive")):
-            source = Path(answer)
-        if source is None:
+        answer = self.from_ or _asked(console, "folder in which files arrive")
+        if not answer:
             raise InputError("--from is missing: the folder in which files of the vehicle arrive")
+        source = Path(answer)
         if not source.is_dir():
             raise InputError(f"--from {source}: there is no such folder; make it, it may be empty")
-        vehicle = self.vehicle
+        vehicle, goto = self.vehicle, self.goto
         if vehicle is None:
             vehicle = _asked(console, "vehicle (empty: that of the kind of log)")
         flown = load_vehicle(vehicle) if vehicle else None
-        if vehicle:
-            vehicle = str(Path(vehicle).resolve()) if Path(vehicle).is_file() else vehicle
-        goto = self.goto
         if goto is None:
             goto = _asked(console, "places LAT,LON[;LAT,LON] it goes to (empty: as it flew)")
-        mapping = self.mapping or ""
         made = WatchedDeployment(
             folder=self.deployment,
             source=str(source.resolve()),
-            vehicle=vehicle or "",
+            vehicle=_whole(vehicle),
             kind=self.kind or AUTO,
-            goto=goto or "",
+            goto=goto,
             energy_kwh=self.energy_kwh or 0.0,
-            cache="" if self.cache is None else os.fspath(self.cache.resolve()),
-            mapping=str(Path(mapping).resolve()) if Path(mapping).is_file() else mapping,
+            cache="" if self.cache is None else str(self.cache.resolve()),
+            mapping=_whole(self.mapping or ""),
         )
         path = made.write()
         kind = kind_of(made)
@@ -186,7 +181,8 @@ class WatchDeployment(JsonOption):
     ) -> Passed | None:
         """One pass, said."""
         from glider_twin_ops.pages.morning_page import summary
-        from glider_twin_ops.watching import alone, one_pass
+        from glider_twin_ops.watching import one_pass
+        from glider_twin_ops.watching.watch_pass import alone
 
         with alone(deployment.folder) as free:
             if not free:
@@ -253,18 +249,19 @@ def _late(latest: Mapping[str, Any], until: datetime.datetime | None) -> str:
     Args:
       latest: as `latest.json` has it. until: None: now.
     """
-    import datetime
+    import time
+
+    from twin.records import unix_seconds
 
     if not latest.get("last_fix"):
         return ""
-    fix = _utc(latest["last_fix"]["time"])
-    now = datetime.datetime.now(datetime.UTC) if until is None else until
-    hours = (now - fix).total_seconds() / HOUR
+    now = time.time() if until is None else until.timestamp()
+    hours = (now - unix_seconds(latest["last_fix"]["time"].rstrip("Z"))) / HOUR
     if not 1.0 <= hours < PAST_DAYS * DAY_H:
         return ""
     said = f"The last fix is {_age(hours)} old"
     if surfacings := (latest.get("forecast") or {}).get("surfacings"):
-        over = (now - _utc(surfacings[0]["late"])).total_seconds() / HOUR
+        over = (now - unix_seconds(surfacings[0]["late"])) / HOUR
         if over > 0.0:
             said += (
                 f"; 95 of 100 draws had come up again {_age(over)} ago: its files are late, or "
@@ -273,14 +270,13 @@ def _late(latest: Mapping[str, Any], until: datetime.datetime | None) -> str:
     return said
 
 
-def _utc(text: str) -> datetime.datetime:
-    import datetime
-
-    return datetime.datetime.fromisoformat(text).replace(tzinfo=datetime.UTC)
-
-
 def _age(hours: float) -> str:
     return f"{hours:.1f} h" if hours < 2.0 * DAY_H else f"{hours / DAY_H:.0f} d"
+
+
+def _whole(name: str) -> str:
+    """Path of a file from the root on; another name as it is."""
+    return str(Path(name).resolve()) if Path(name).is_file() else name
 
 
 def _asked(console: Console, what: str) -> str:

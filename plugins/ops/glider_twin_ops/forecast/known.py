@@ -11,10 +11,11 @@ from __future__ import annotations
 import dataclasses
 import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from glider_twin_ops.forecast.current_models import CurrentPool
+from glider_twin_ops.forecast.expected_dive import Rhythm, WayPool
 from glider_twin_ops.forecast.logged_leg import (
     MODEL,
     dive_times,
@@ -23,9 +24,8 @@ from glider_twin_ops.forecast.logged_leg import (
     place_at,
     why_no_legs,
 )
-from glider_twin_ops.forecast.surfacing_schedule import Rhythm
+from glider_twin_ops.forecast.pool import FILTER, CurrentPool
 from glider_twin_ops.forecast.walk import walk
-from glider_twin_ops.forecast.way_pool import WayPool
 from twin import Origin
 from twin.cli import counted
 from twin.errors import InputError, StoreError
@@ -33,8 +33,8 @@ from twin.geodesy import great_circle
 from twin.navigation import chi_squared
 from twin.navigation.current import CurrentFilter
 from twin.physics import parse_place, utc_text
-from twin.records import LogStore
-from twin.records.coordinates import unix_seconds, utc_minute
+from twin.records import LogStore, unix_seconds
+from twin.records.coordinates import utc_minute
 
 DAY, KILO = 86400.0, 1e3
 OLD, FAR = 2.0, 30.0
@@ -45,8 +45,7 @@ MOST_BEFORE = 60.0
 """[s] by which clocks may differ"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LastSeen:
+class LastSeen(NamedTuple):
     """The newest sample of a log: no surfacing to come is earlier."""
 
     time: float
@@ -99,7 +98,7 @@ class Known:
     @property
     def filter_(self) -> CurrentFilter:
         """The pool's current filter: it alone knows the errors of speed and compass, too."""
-        return self.pool.filtered.filter_
+        return self.pool.filters[FILTER]
 
     def at(self, time: float) -> Known:
         """The same later, at a unix time [s]: what was known of the current has aged.
@@ -145,12 +144,12 @@ class Known:
 
 
 def known_without_logs(latitude: float, time: float) -> Known:
-    """The prior, at a place and a unix time [s]."""
+    """Know the prior alone, at a latitude [degree] and a unix time [s]."""
     return Known(pool=CurrentPool(latitude=latitude, time=time))
 
 
 def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
-    """What a store of logs tells, by the last deployment that has a dive from fix to fix.
+    """Learn what a store of logs tells, by the last deployment that has a dive from fix to fix.
 
     Args:
       path: of a store that `factory import` wrote.
@@ -174,8 +173,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
             )
         times = dive_times(logs, deployment)
         seen = _last_seen(logs, deployment)
-    latitude = float(np.median([one.begin[0] for one in legs]))
-    walked = walk(legs, latitude=latitude, dives=times.dives)
+    walked = walk(legs, dives=times.dives)
     last = legs[-1]
     return Known(
         pool=walked.pool,
@@ -253,9 +251,8 @@ MOVING = 0.03
 
 
 def _last_seen(logs: LogStore, deployment: str) -> LastSeen | None:
-    """The newest sample of a deployment; None where its newest dive has no depth."""
-    ends = {row: float(logs.time(row)[-1]) for row in logs.missions_of(deployment)}
-    row = max(ends, key=lambda one: ends[one])
+    """Newest sample of a deployment; None where its newest dive has no depth."""
+    end, row = max((float(logs.time(row)[-1]), row) for row in logs.missions_of(deployment))
     if "measured_depth" not in logs:
         return None
     depth = np.asarray(logs.signal("measured_depth", row), float)
@@ -264,4 +261,4 @@ def _last_seen(logs: LogStore, deployment: str) -> LastSeen | None:
     rate = np.abs(np.diff(depth)) / logs.period
     moving = rate[rate > MOVING]
     rise = float(depth[-1] / np.median(moving)) if len(moving) else 0.0
-    return LastSeen(time=ends[row], depth=float(depth[-1]), rise=max(rise, 0.0))
+    return LastSeen(time=end, depth=float(depth[-1]), rise=max(rise, 0.0))

@@ -13,15 +13,14 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
-import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from twin import Origin
+from twin import Origin, estimate_flight
 from twin.cli import counted
 from twin.geodesy import position
 from twin.logs import fixes_at, track_velocity
@@ -32,13 +31,9 @@ from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import utc_clock, utc_minute
 
-FIXED = ("measured_gps_north", "measured_gps_east")
-READ = tuple(
-    f"{name}_{axis}"
-    for name in ("measured_onboard", "commanded_waypoint", "measured_current")
-    for axis in ("north", "east")
-)
-"""Signals of the dives"""
+AXES = ("north", "east")
+READ = ("measured_gps", "measured_onboard", "commanded_waypoint", "measured_current")
+"""Signals of the dives, north and east each"""
 MODEL, PITCH, REPORTED = "flight model", "depth rate and pitch", "reported current"
 """How a way through the water was found"""
 
@@ -65,6 +60,12 @@ class LoggedLeg:
     not say"""
 
     @property
+    def velocity(self) -> Array:
+        """[m/s] Through the water, north and east, mean over the dive, (2,)."""
+        assert self.leg.velocity is not None  # legs of a store have a way
+        return self.leg.velocity
+
+    @property
     def end(self) -> tuple[float, float]:
         """Latitude, longitude [degree] of the fix after."""
         return place_at(self.leg.over_ground, self.begin)
@@ -87,35 +88,25 @@ def place_at(metres: Sequence[float] | Array, begin: tuple[float, float]) -> tup
 def legs_of(
     logs: LogStore, deployment: str, flown: Mapping[int, Array] | None = None
 ) -> list[LoggedLeg]:
-    """The legs of a deployment, in order of time; dives without two fixes or a way are left out.
+    """Legs of a deployment, in order of time; dives without two fixes or a way are left out.
 
     Args:
-      logs: the store.
-      deployment: name of it.
       flown: velocity through the water by a flight model, north and east [m/s], (time, 2), by
         mission, where there is one.
     """
     durations = logs.number(DIVE_DURATION)
-    moved = np.stack([logs.number(f"displacement_{n}") for n in ("north", "east")], axis=1)
-    currents = {
-        method: np.stack([logs.number(f"{name}_{n}") for n in ("north", "east")], axis=1)
-        for method, name in ((PITCH, "dac"), (REPORTED, "vehicle_dac"))
-    }
+    moved, *currents = (
+        np.stack([logs.number(f"{name}_{axis}") for axis in AXES], axis=1)
+        for name in ("displacement", "dac", "vehicle_dac")
+    )
     found: list[LoggedLeg] = []
     missions = logs.missions_of(deployment)
-    places = {mission: k for k, mission in enumerate(missions)}
-    blocks = {name: logs.rows(name, missions) for name in (*FIXED, *READ) if name in logs}
-
-    def signal(name: str, mission: int) -> Array:
-        count = int(logs.samples[mission])
-        if name not in blocks:
-            return np.full(count, np.nan)
-        return np.asarray(blocks[name][places[mission], :count], float)
-
-    for mission in missions:
+    names = [f"{name}_{axis}" for name in READ for axis in AXES]
+    blocks = {name: logs.rows(name, missions) for name in names if name in logs}
+    for k, mission in enumerate(missions):
         duration, ground = float(durations[mission]), moved[mission]
         begin, _ = logs.fixes(mission)
-        start = float(logs.starts[mission])
+        start, count = float(logs.starts[mission]), int(logs.samples[mission])
         if not (np.isfinite([duration, start, *ground, *begin]).all() and duration > 0.0):
             continue
         if found and start < found[-1].leg.end - 1.0:
@@ -123,13 +114,15 @@ def legs_of(
         way, method = None, ""
         if flown and mission in flown:
             velocity = flown[mission]
-            way = 0.5 * logs.period * (velocity[1:] + velocity[:-1]).sum(axis=0)
-            method = MODEL
-        for kind, values in currents.items():
+            way, method = 0.5 * logs.period * (velocity[1:] + velocity[:-1]).sum(axis=0), MODEL
+        for kind, values in zip((PITCH, REPORTED), currents, strict=True):
             if way is None and np.isfinite(values[mission]).all():
                 way, method = ground - duration * values[mission], kind
         if way is None or not np.isfinite(way).all():
             continue
+        absent = np.full(count, np.nan)
+        signals = [blocks[name][k, :count] if name in blocks else absent for name in names]
+        fixes, onboard, waypoints, known = np.array(signals, float).reshape(len(READ), 2, -1)
         found.append(
             LoggedLeg(
                 mission=mission,
@@ -141,9 +134,9 @@ def legs_of(
                 ),
                 method=method,
                 begin=begin,
-                onboard=_onboard(functools.partial(signal, mission=mission), logs.period),
-                targets=_targets(functools.partial(signal, mission=mission)),
-                believed=_believed(functools.partial(signal, mission=mission)),
+                onboard=_onboard(onboard.T, fixes.T, logs.period),
+                targets=_targets(waypoints.T),
+                believed=_first(known.T),
             )
         )
     return found
@@ -160,8 +153,7 @@ class DiveTime(NamedTuple):
     """[s] at the surface before it; NaN where the log does not tell"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class DiveTimes:
+class DiveTimes(NamedTuple):
     """When a deployment dived, and when its log is silent."""
 
     dives: tuple[DiveTime, ...]
@@ -215,16 +207,12 @@ def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
         known = fixed and begun and (abs(gap - told) < SAME or gap < usual)
         if not known and gap - told >= SILENT:
             holes.append((before, begin - told))
-        if (begun and ended) or _afloat(logs.signal("measured_depth", row)):
+        depth = logs.signal("measured_depth", row)
+        depth = depth[np.isfinite(depth)]  # afloat at both ends, by fixes or by this
+        if (begun and ended) or (depth.size and max(depth[0], depth[-1]) < AFLOAT):
             dives.append(DiveTime(begin, end, gap if known else math.nan))
         before, fixed = end, ended
-    return DiveTimes(dives=tuple(dives), holes=tuple(holes))
-
-
-def _afloat(depth: Array) -> bool:
-    """Whether a dive begins and ends at the surface by its depth [m]."""
-    known = depth[np.isfinite(depth)]
-    return bool(known.size and max(known[0], known[-1]) < AFLOAT)
+    return DiveTimes(tuple(dives), tuple(holes))
 
 
 def usual_duration(before: Sequence[DiveTime]) -> float:
@@ -233,10 +221,9 @@ def usual_duration(before: Sequence[DiveTime]) -> float:
 
 
 def why_no_legs(logs: LogStore, deployment: str) -> str:
-    """What the dives of a deployment without legs lack, in words."""
+    """Reason, in words, why the dives of a deployment have no legs."""
     rows = logs.missions_of(deployment)
-    fixes = [np.isfinite(logs.fixes(row)).all(axis=1).tolist() for row in rows]
-    begun, ended = (sum(each) for each in zip(*fixes, strict=True))
+    begun, ended = np.isfinite([logs.fixes(row) for row in rows]).all(axis=2).sum(axis=0).tolist()
     moved = np.isfinite(logs.number("displacement_north")[rows])
     if moved.any():
         return (
@@ -246,19 +233,14 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
         )
     return (
         f"no dive has GPS fixes at both ends: of {counted(len(rows), 'dive')} of deployment "
-        f"{deployment!r} {begun} {_begin(begun)} with one and {ended} {_begin(ended, 'end')}"
+        f"{deployment!r} {begun} begin{'s' * (begun == 1)} with one and {ended} "
+        f"end{'s' * (ended == 1)}"
     )
 
 
-def _begin(count: int, verb: str = "begin") -> str:
-    return f"{verb}s" if count == 1 else verb
-
-
-def _onboard(signal: Callable[[str], Array], period: float) -> tuple[float, float] | None:
+def _onboard(track: Array, fixes: Array, period: float) -> tuple[float, float] | None:
     """By the vehicle's own track, without its jumps to fixes; None without one."""
-    track = np.stack([signal(f"measured_onboard_{n}") for n in ("north", "east")], axis=1)
-    known = np.stack([signal(name) for name in FIXED], axis=1)
-    velocity = track_velocity(track, period, fixes_at(known))
+    velocity = track_velocity(track, period, fixes_at(fixes))
     if velocity is None:
         return None
     north, east = period * velocity[:-1].sum(axis=0)
@@ -269,9 +251,8 @@ APART = 30.0
 """[m] from which two waypoints are not the same: a log repeats one as its position is corrected"""
 
 
-def _targets(signal: Callable[[str], Array]) -> tuple[tuple[float, float], ...]:
-    """The waypoints that were commanded during a dive, in their order."""
-    places = np.stack([signal(f"commanded_waypoint_{axis}") for axis in ("north", "east")], axis=1)
+def _targets(places: Array) -> tuple[tuple[float, float], ...]:
+    """Waypoints that were commanded during a dive, in their order."""
     places = places[np.isfinite(places).all(axis=1)]
     new = np.ones(len(places), bool)
     new[1:] = (np.diff(places, axis=0) != 0.0).any(axis=1)
@@ -282,10 +263,8 @@ def _targets(signal: Callable[[str], Array]) -> tuple[tuple[float, float], ...]:
     return tuple(found)
 
 
-def _believed(signal: Callable[[str], Array]) -> tuple[float, float] | None:
-    """The current that a vehicle knew first in a dive; None without."""
-    signals = (signal(f"measured_current_{axis}") for axis in ("north", "east"))
-    both = np.stack(list(signals), axis=1)
+def _first(both: Array) -> tuple[float, float] | None:
+    """First known pair of a dive's signals; None without."""
     known = both[np.isfinite(both).all(axis=1)]
     return (float(known[0, 0]), float(known[0, 1])) if known.size else None
 
@@ -298,8 +277,6 @@ def flown_velocities(
     Raises:
       TwinError: the vehicle cannot be flown on this store.
     """
-    from twin.logs import estimate_flight
-
     flight = estimate_flight(store, vehicle, missions=missions, thermal_lag=False)
     return {
         one.dive.mission: one.dive.velocity for one in flight.missions if one.dive.tells_current

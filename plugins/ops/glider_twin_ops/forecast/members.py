@@ -1,58 +1,46 @@
 """Members: the scenarios that a forecast flies, each with its own vehicle, water and compass.
 
-Flights: members flown side by side on all cores, each told as its track and its surfacings.
+Drawn are possible courses of the current, and of the errors of speed and compass.
 """
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import itertools
 import math
-import os
-import warnings
-from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glider_twin_ops.forecast.draws import (
-    INTERVAL,
-    WaterDraws,
-    calibration_deviation,
-    draw_field_error,
-    draw_models,
-    draw_water,
-    draw_ways,
-    scaled_speed,
-)
+from glider_twin_ops.forecast.expected_dive import GUIDED, SHORTEST, Delays, WayPool
 from glider_twin_ops.forecast.known import Known
-from glider_twin_ops.forecast.request import Request, believing, longest_dive
-from glider_twin_ops.forecast.surfacing_schedule import SHORTEST, Delays
-from glider_twin_ops.forecast.way_pool import GUIDED, WayPool
-from twin import Scenario, Trajectory, Vehicle, scenario_of
-from twin.checks import state_at
-from twin.errors import InaccurateStep, SimulationUnstable
-from twin.fossen import LANES
-from twin.identify import SPEED, draw_vehicles, known_compass
-from twin.mission import SURFACED_MARGIN_M, Mission, Waypoint
+from glider_twin_ops.forecast.member_flights import MemberFlight, fly_nominal, nominal_scenario
+from glider_twin_ops.forecast.pool import FILTER, CurrentPool, Mixture
+from glider_twin_ops.forecast.request import Request, longest_dive
+from twin import Mission, Scenario, Series, Vehicle, Waypoint
+from twin.errors import SimulationUnstable
+from twin.identify import SPEED, draw_vehicles, known_compass, normal_draws
 from twin.navigation import chi_squared
-from twin.navigation.current import CurrentParameters
+from twin.navigation.current import (
+    CALIBRATION,
+    DIVE,
+    MODES,
+    CurrentFilter,
+    CurrentParameters,
+    Leg,
+    passage,
+)
 from twin.numbers import Array
-from twin.physics import Fleet, file_timestep, fly_in_lanes, quiet_mujoco, stiffness_of
-from twin.records.coordinates import unix_seconds
-from twin.vehicle import ENERGY
-from twin.water.current import Current, Series, sample_track
+from twin.records import unix_seconds
+from twin.water.current import Current, sample_track
 
-SAMPLE_PERIOD = 10.0
-"""[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
+LARGEST_SCALE = 0.5
+"""A speed is never drawn further off than by this part"""
+INTERVAL = 1800.0
+"""[s] between two values of a course: a tenth of the time in which an inertial oscillation turns
+around at 60 degree"""
+FIELD_TIME = 86400.0
+"""[s] after which the error of a forecast field has lost its memory: weather's"""
 OBEYS = 0.2
 """Weight of the way to its waypoints below which these hardly count"""
-STEPS, SETTLED = 2.0, 0.75
-"""Times the vehicle file's physics step: in six hours the end moves by less than 5 m, in lanes by
-about 1 m (`python -m benchmarks.forecast_speed`). Where such a step times the vehicle's fastest
-rate is above `SETTLED` the file's own is flown: members differ by a fifth, and at 1 they would be
-unstable"""
 STRAIGHT = 5e5
 """[m] farther than a glider goes in a forecast"""
 FASTEST = 3.0
@@ -66,16 +54,16 @@ class Members:
     scenarios: tuple[Scenario, ...]
     spread: dict[str, str]
     """What was drawn, in words."""
-    delays: Delays | None = None
+    delays: Delays | None
     """By what they come up later than they fly; None where no log tells it."""
-    drift: Array | None = None
+    drift: Array
     """[m/s] north and east of each at the surface, (member, 2)."""
-    earliest: float = 0.0
+    earliest: float
     """[s] after the start: the log has the vehicle under water until then."""
 
     def delayed(self, number: int, flight: MemberFlight) -> MemberFlight:
-        """The flight of a member, as late as was drawn for it, and as its log has it."""
-        if self.delays is not None and self.drift is not None:
+        """Flight of a member, as late as was drawn for it, and as its log has it."""
+        if self.delays is not None:
             stays, late = self.delays.stays[number], float(self.delays.late[number])
             flight = flight.delayed(stays, late, self.drift[number])
         return flight.not_before(self.earliest)
@@ -93,7 +81,10 @@ def members_of(request: Request, known: Known) -> Members:
     water, deviation = draw_models(water, known.pool, rng)
     spread = {"current": f"{known.source}: known to {deviation:.2f} m/s each way"}
     if request.field is not None:
-        water, spread["current"] = _with_field(request, known, water, rng)
+        field = _mean_field(request, request.field)
+        error, told = request.field_error, known.legs > 0
+        water = draw_field_error(water, known.filter_, field, error, rng, told=told)
+        spread["current"] = f"field, error {error:g} m/s" + f", from {known.source}" * told
     told = known.by_model and known.legs > 0
     vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not told)
     spread["vehicle"] = f"identified: {', '.join(drawn)}" if drawn else "not identified"
@@ -101,7 +92,7 @@ def members_of(request: Request, known: Known) -> Members:
     deviation, _ = calibration_deviation(known.filter_)
     if not told:
         deviation = CurrentParameters.speed_scale
-        scale, source = _normal(rng, count, deviation), "assumed"
+        scale, source = deviation * _scattered(rng, count, 1)[:, 0], "assumed"
         if known.ways is not None and (slower := _beside_log(request, known.ways)) is not None:
             scale, source = scale + slower, "as recent dives"
     if told or not set(drawn) & set(SPEED):
@@ -113,8 +104,8 @@ def members_of(request: Request, known: Known) -> Members:
     spread["compass"] = (
         f"{math.degrees(compass[0]):+.1f} degree, +-{math.degrees(deviation):.1f} degree, {source}"
     )
-    mission = believing(request.mission, known.last_current)
-    nominal = _scenario(request, mission)
+    mission = _believing(request.mission, known.last_current)
+    nominal = nominal_scenario(request, mission)
     if known.ways is not None and isinstance(mission.segments[0], Waypoint):
         off, spread["way"] = _ways(request, mission, known.ways, rng)
         course = water.current + off[:, None, :]
@@ -123,32 +114,53 @@ def members_of(request: Request, known: Known) -> Members:
         spread["spread"] = (
             f"way and current {wider:.2f} times as wide, as surfacings so far were off"
         )
+    courses = (
+        Series(interval=INTERVAL, north=tuple(north), east=tuple(east))
+        for north, east in np.clip(water.current, -FASTEST, FASTEST).swapaxes(1, 2)
+    )
     scenarios = tuple(
         dataclasses.replace(
             nominal,
             vehicle=vehicle,
             believed=request.vehicle,
             compass_offset=-float(offset),
-            current=_current(request.field, course),
+            current=series if request.field is None else request.field + series,
         )
-        for vehicle, offset, course in zip(vehicles, compass, water.current, strict=True)
+        for vehicle, offset, series in zip(vehicles, compass, courses, strict=True)
     )
-    delays = None
+    begin = unix_seconds(str(request.place.time))
+    delays, earliest = None, 0.0
     if known.rhythm is not None and known.time is not None:
         dives = math.ceil(duration / SHORTEST) + 1
-        waited = unix_seconds(str(request.place.time)) - known.time
-        delays = known.rhythm.draw(count, dives, waited, rng)
+        delays = known.rhythm.draw(count, dives, begin - known.time, rng)
         spread["times"] = known.rhythm.words
-    earliest = 0.0
     if known.last_seen is not None:
-        begin = unix_seconds(str(request.place.time))
         earliest = max(known.last_seen.time + known.last_seen.rise - begin, 0.0)
         if earliest > 0.0:
             spread["under water"] = known.last_seen.words
     return Members(
-        scenarios=scenarios, spread=spread, delays=delays, drift=water.current[:, 0],
+        scenarios=scenarios,
+        spread=spread,
+        delays=delays,
+        drift=water.current[:, 0],
         earliest=earliest,
-    )  # fmt: skip
+    )
+
+
+def _believing(mission: Mission, current: tuple[float, float] | None) -> Mission:
+    """Mission as a vehicle begins it that believes in a current, north and east [m/s]."""
+    if current is None:
+        return mission
+    north, east = current
+    segments = tuple(
+        dataclasses.replace(segment, current_north_m_s=north, current_east_m_s=east)
+        if isinstance(segment, Waypoint)
+        and segment.current == "estimated"
+        and segment.current_north_m_s is None
+        else segment
+        for segment in mission.segments
+    )
+    return dataclasses.replace(mission, segments=segments)
 
 
 def _beside_log(request: Request, ways: WayPool) -> float | None:
@@ -191,13 +203,6 @@ def _ways(
     return off, said
 
 
-def _normal(rng: np.random.Generator, count: int, deviation: float) -> Array:
-    """Draws about 0, (count,), the first of them 0."""
-    draws = deviation * rng.standard_normal(count)
-    draws[0] = 0.0
-    return draws
-
-
 def _compass(
     request: Request, known: Known, water: WaterDraws, rng: np.random.Generator
 ) -> tuple[Array, float, str]:
@@ -208,248 +213,188 @@ def _compass(
         # by a flight model, whose compass was corrected: the filter's error is what remained of it
         return (identified if known.by_model else 0.0) + water.compass, filtered, "by the fixes"
     if deviation is not None:
-        drawn = _normal(rng, request.members, deviation)
+        drawn = deviation * _scattered(rng, request.members, 1)[:, 0]
         return identified + drawn, deviation, "identified"
     return water.compass, filtered, "assumed"
 
 
-def _scenario(request: Request, mission: Mission) -> Scenario:
-    """The nominal one; its current is put in later."""
-    duration = request.flown
-    flown = dataclasses.replace(mission, duration_s=duration)
-    place = request.place
-    return scenario_of(
-        vehicle=request.vehicle,
-        mission=flown,
-        duration=duration,
-        start={
-            "latitude": place.latitude_deg,
-            "longitude": place.longitude_deg,
-            "time": place.time,
-            "heading": _first_heading(flown, request),
-        },
-        current=request.field,
-        engine=request.engine,
-        timestep=_step(request.vehicle),
-        sample_period=SAMPLE_PERIOD,
-        density=request.density,
-    )
-
-
-def _step(vehicle: Vehicle) -> float:
-    """[s] of the physics, which is explicit in what is not rotary damping."""
-    own, stiff = file_timestep(vehicle), stiffness_of(vehicle)
-    return own if stiff is not None and STEPS * own * stiff.rest > SETTLED else STEPS * own
-
-
-def _first_heading(mission: Mission, request: Request) -> float:
-    """[rad] toward the first target, so that no turn at the start takes time."""
-    placed = mission.placed(request.place.latitude_deg, request.place.longitude_deg)
-    targets = getattr(placed.segments[0], "targets", None)
-    if not targets:
-        return math.radians(mission.start_heading_deg)
-    return math.atan2(targets[0]["east_m"], targets[0]["north_m"]) % (2.0 * math.pi)
-
-
-def _with_field(
-    request: Request, known: Known, water: WaterDraws, rng: np.random.Generator
-) -> tuple[WaterDraws, str]:
-    """The draws of the field's error, and what they are in words."""
-    field = _mean_field(request)
-    drawn = draw_field_error(
-        water, known.filter_, field, request.field_error, rng, told=known.legs > 0
-    )
-    words = f"field, error {request.field_error:g} m/s"
-    return drawn, words + (f", from {known.source}" if known.legs else "")
-
-
-def _mean_field(request: Request) -> tuple[float, float]:
+def _mean_field(request: Request, field: Current) -> tuple[float, float]:
     """North, east [m/s] at the start, mean over the depths of the first dives."""
-    assert request.field is not None
     depths = np.linspace(0.0, max(request.deepest, 1.0), 21)
     rest = np.zeros_like(depths)
-    program = request.field.compile(request.flown, request.place)
+    program = field.compile(request.flown, request.place)
     north, east = sample_track(program, rest, rest, rest, depths, rest, rest, rest)[:, :2].T
     return float(north.mean()), float(east.mean())
 
 
-def _current(field: Current | None, course: Array) -> Current:
-    cut = np.clip(course, -FASTEST, FASTEST)
-    series = Series(interval=INTERVAL, north=tuple(cut[:, 0]), east=tuple(cut[:, 1]))
-    return series if field is None else field + series
-
-
-PER_CORE = {"mujoco": 12, "lanes": 4 * LANES[0]}
-"""Members for each core between two looks: enough to keep it busy, few enough to show progress"""
-UNDER = 3.0
-"""Times the depth that counts as surfaced, beyond which the vehicle has dived"""
-FLOATS = 300.0
-"""[s] beyond a mission's own stay at the surface, after which it is over"""
-THINNED = 30
-"""Samples of a track for one point that is kept"""
+def scaled_speed(vehicle: Vehicle, scale: float) -> Vehicle:
+    """Vehicle so much faster at the same weight: all forces of the water over (1 + scale)^2."""
+    factor = 1.0 / (1.0 + min(max(scale, -LARGEST_SCALE), LARGEST_SCALE)) ** 2
+    factors = {
+        one.name: factor
+        for one in vehicle.law.uncertainties()
+        if one.unit == "1" and one.certain == 1.0
+    }
+    return vehicle.replace(law=vehicle.law.scaled(factors))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class MemberFlight:
-    """One member."""
+class WaterDraws:
+    """Draws by member; the first member is the mean of all that is known."""
 
-    time: Array
-    """[s] since the start of each surfacing, (surfacing,)"""
-    place: Array
-    """North, east [m] there, (surfacing, 2)"""
-    energy: Array
-    """[J] taken until then, (surfacing,)"""
-    track: Array
-    """North, east [m], thinned, (point, 2)"""
-    times: Array
-    """[s] since the start of its points, (point,)"""
-    duration: float
-    """[s] of the flight"""
-    taken: float
-    """[J] in all"""
-    end: Array
-    """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
-    over: bool = False
-    """Whether its mission was over with its last surfacing: it floats from then on"""
-
-    def delayed(self, stays: Array, late: float, drift: Array) -> MemberFlight:
-        """The same with stays at the surface [s] before its dives, in which it drifts [m/s], and
-        with dives that last longer by a part, along their own way; energy is as flown."""
-        longer = late * np.append(0.0, self.time)
-        farther = late * np.vstack([np.zeros((1, 2)), self.place.reshape(-1, 2)])
-        stayed = np.cumsum(stays)
-        ended = np.searchsorted(self.time, self.times)  # dives, before a point of the track
-        surfaced = np.arange(len(self.time))
-        return dataclasses.replace(
-            self,
-            time=self.time + stayed[surfaced] + longer[1:],
-            place=self.place + stayed[surfaced, None] * drift + farther[1:],
-            times=np.append(0.0, self.times + stayed[ended] + longer[ended]),
-            track=np.vstack(
-                [self.track[:1], self.track + stayed[ended, None] * drift + farther[ended]]
-            ),
-        )
-
-    def not_before(self, earliest: float) -> MemberFlight:
-        """The same with its first surfacing no earlier than a time [s]: its first dive lasts so
-        much longer, along its own way; energy is as flown."""
-        if not len(self.time) or self.time[0] >= earliest:
-            return self
-        first = float(self.time[0])
-        later = earliest - first
-        farther = later / first * self.place[0]
-        dived = np.clip(self.times / first, 0.0, 1.0)  # how much of the first dive is over
-        return dataclasses.replace(
-            self,
-            time=self.time + later,
-            place=self.place + farther,
-            times=self.times + dived * later,
-            track=self.track + dived[: len(self.track), None] * farther,
-        )
-
-    def rates(self) -> tuple[float, float]:
-        """[W] and [m/s] over ground until its last surfacing; of the whole flight without one."""
-        end, energy = self.duration, self.taken
-        if len(self.time):
-            end, energy = float(self.time[-1]), float(self.energy[-1])
-        before = self.track[self.times <= end]
-        return energy / end, float(np.hypot(*np.diff(before, axis=0).T).sum()) / end
+    current: Array
+    """North, east [m/s], (member, time, 2), INTERVAL apart"""
+    speed_scale: Array
+    """[1] real speed over the model's, less 1, (member,)"""
+    compass: Array
+    """[rad] that true headings are beyond the compass's, (member,)"""
 
 
-def fly(
-    scenarios: Sequence[Scenario], *, threads: int = 0
-) -> Iterator[list[MemberFlight | SimulationUnstable]]:
-    """Fly the first member, then the others in fleets; yields what each fleet found.
-
-    In lanes the first ones fly together, which takes no longer, and are told one after the other.
+def draw_water(
+    filter_: CurrentFilter, duration: float, count: int, rng: np.random.Generator, dive: float
+) -> WaterDraws:
+    """Draw courses of the current and errors of speed and compass that a filter expects.
 
     Args:
-      threads: of a fleet; 0 takes every core.
+      filter_: at the start. duration: [s]. count: of members, the mean included.
+      dive: [s] after which what single dives add is another.
     """
-    cores = threads or os.cpu_count() or 1
-    engine = scenarios[0].engine
-    first = LANES[0] if engine == "lanes" else 1
-    rest = max(len(scenarios) - first, 0)
-    fleets = math.ceil(rest / (PER_CORE[engine] * cores))
-    ends = [0, *(first + rest * k // fleets for k in range(fleets)), len(scenarios)]
-    for a, b in itertools.pairwise(ends):
-        found = _flown(scenarios[a:b], threads)
-        if a == 0:  # the mean of what is known, at once
-            yield found[:1]
-            found = found[1:]
-        if found:
-            yield found
+    mean, covariance = _state(filter_)
+    states = mean + np.vstack([np.zeros_like(mean), normal_draws(covariance, count - 1, rng)])
+    times = np.arange(math.ceil(duration / INTERVAL) + 2)
+    modes = states[:, MODES::2] + 1j * states[:, MODES + 1 :: 2]
+    gone = passage(filter_.modes, INTERVAL)
+    deviation = np.sqrt(filter_.inflation * gone.noise)
+    course = np.empty((count, len(times), 2))
+    added = states[:, DIVE]
+    per_dive = max(1, round(dive / INTERVAL))
+    for k in times:
+        if k and k % per_dive == 0:
+            added = filter_.parameters.dive * _scattered(rng, count, 2)
+        total = modes.sum(axis=1)
+        course[:, k, 0], course[:, k, 1] = total.real + added[:, 0], total.imag + added[:, 1]
+        noise = _scattered(rng, count, 2 * len(deviation))
+        modes = gone.kept * modes + deviation * (noise[:, ::2] + 1j * noise[:, 1::2])
+    scale, compass = states[:, CALIBRATION].T
+    return WaterDraws(current=course, speed_scale=scale, compass=compass)
 
 
-@contextlib.contextmanager
-def coarse_steps() -> Iterator[None]:
-    """Let steps be inaccurate: a millimetre per second is little beside an unknown current.
+def draw_models(
+    drawn: WaterDraws, pool: CurrentPool, rng: np.random.Generator
+) -> tuple[WaterDraws, float]:
+    """Give each member one of a pool's models by its weight.
 
-    Filters of warnings belong to the process: who flies in several threads enters it before the
-    first of them starts and leaves it after the last has ended.
+    Members of the filter keep what was drawn of it; those of another model take its course and an
+    error that lasts, Student's t of the model's scale. The first member is the mean of all.
+
+    Args:
+      pool: with what it has learned, its filter at the start.
+
+    Returns:
+      The draws, and the deviation [m/s] of the currents at the start, mean of north and east.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", InaccurateStep)
-        yield
-
-
-def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | SimulationUnstable]:
-    """One fleet."""
-    results: list[Trajectory | SimulationUnstable]
-    with quiet_mujoco(), coarse_steps():
-        if scenarios[0].engine == "lanes":
-            results = fly_in_lanes(scenarios, threads=threads, lean=True)
-        else:
-            results = Fleet(scenarios, threads=threads).run()
-    return [
-        result if isinstance(result, SimulationUnstable) else told(result, scenario)
-        for result, scenario in zip(results, scenarios, strict=True)
+    count, steps, _ = drawn.current.shape
+    filter_ = pool.filters[FILTER]
+    begins = filter_.time + INTERVAL * np.arange(steps) - 0.5 * INTERVAL
+    points = [
+        Leg(start=begin, duration=INTERVAL, over_ground=(0.0, 0.0), through_water=None)
+        for begin in begins.tolist()
     ]
+    courses = {
+        name: drawn.current[0]
+        if name == FILTER
+        else np.array([pool.alone(name, point)[0] for point in points])
+        for name in pool.pool.names
+    }
+    known = [name for name, course in courses.items() if np.isfinite(course).all()]
+    part = np.array([pool.pool.weights[name] for name in known])
+    part /= part.sum()
+    taken = rng.choice(len(known), size=count, p=part)
+    freedom = pool.pool.freedom
+    heavy = np.sqrt(freedom / rng.chisquare(freedom, count))
+    error = heavy[:, None] * rng.standard_normal((count, 2))
+    course, variance = drawn.current.copy(), np.empty(len(known))
+    for k, name in enumerate(known):
+        if name == FILTER:
+            _, covariance = _state(filter_)
+            total = np.zeros((2, len(covariance)))
+            for axis in range(2):
+                total[axis, MODES + axis :: 2] = 1.0
+                total[axis, DIVE.start + axis] = 1.0
+            variance[k] = 0.5 * float(np.trace(total @ covariance @ total.T))
+            continue
+        scale, mine = pool.pool.scales[name], taken == k
+        variance[k] = scale**2 * freedom / (freedom - 2.0)
+        course[mine] = courses[name] + scale * error[mine][:, None, :]
+    course[0] = np.einsum("m,mtk->tk", part, np.array([courses[name] for name in known]))
+    apart = np.array([courses[name][0] for name in known]) - course[0, 0]
+    deviation = math.sqrt(float(part @ (variance + 0.5 * (apart**2).sum(axis=1))))
+    return dataclasses.replace(drawn, current=course), deviation
 
 
-def fly_nominal(
-    request: Request, missions: Sequence[Mission]
-) -> list[MemberFlight | SimulationUnstable]:
-    """Missions by the request's vehicle in still water, from its start."""
-    still = [dataclasses.replace(request, mission=mission, field=None) for mission in missions]
-    longest = max(one.flown for one in still)
-    scenarios = [_scenario(one, one.mission) for one in still]
-    return _flown([dataclasses.replace(one, duration=longest) for one in scenarios], threads=0)
+def draw_ways(ahead: Mixture, freedom: float, count: int, rng: np.random.Generator) -> Array:
+    """Draw by how much the water seems to move faster, as a vehicle does not go as it was sent,
+    north and east [m/s], (member, 2).
 
-
-def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
-    """The surfacings of a run."""
-    vehicle = scenario.vehicle
-    depth, afloat = run["true_depth"], 0.5 * vehicle.hull_length + SURFACED_MARGIN_M
-    found = surfacings(depth, afloat)
-    stays = [getattr(one, "stay_s", 0.0) for one in getattr(scenario.mission, "segments", ())]
-    last = int(found[-1]) if len(found) else len(depth) - 1
-    floats = run.time[-1] - run.time[last] > max(stays, default=0.0) + FLOATS
-    energy = np.sum([run[name] for name in run if name.startswith(ENERGY)], axis=0)
-    return MemberFlight(
-        time=run.time[found],
-        place=run.position[found, :2],
-        energy=energy[found],
-        track=run.position[::THINNED, :2],
-        times=run.time[::THINNED],
-        duration=float(run.time[-1]),
-        taken=float(energy[-1]),
-        end=state_at(run, -1),
-        over=bool(floats and depth[last:].max() <= UNDER * afloat),
-    )
-
-
-def surfacings(depth: Array, afloat: float) -> NDArray[np.int64]:
-    """Indices of the samples at which a vehicle has come up from a dive.
+    Each member takes one kind of way by its weight, and an error of its scale that lasts. The first
+    one has the mean of all.
 
     Args:
-      depth: [m], (time,). afloat: [m] above which it counts as surfaced.
+      ahead: what a pool of ways expects; the members fly the first kind that it knows.
+      freedom: [1] of the pool's Student's t.
     """
-    found, dived = [], False
-    for k, below in enumerate(depth.tolist()):
-        if below > UNDER * afloat:
-            dived = True
-        elif dived and below <= afloat:
-            found.append(k)
-            dived = False
-    return np.array(found, dtype=np.int64)
+    off = ahead.draw(count, freedom, rng) - ahead.means[0]
+    off[0] = ahead.mean - ahead.means[0]
+    return off
+
+
+def draw_field_error(
+    drawn: WaterDraws,
+    filter_: CurrentFilter,
+    field: tuple[float, float],
+    deviation: float,
+    rng: np.random.Generator,
+    *,
+    told: bool,
+) -> WaterDraws:
+    """Put the error of a field in the place of the current.
+
+    Args:
+      field: north, east [m/s] of the field at the start, mean over the dives' depths.
+      deviation: [m/s] of the field's error, north and east each.
+      told: whether fixes have told the filter a current, and with it the error at the start.
+    """
+    seen, spread = filter_.current
+    prior, gain = deviation**2 * np.eye(2), np.zeros((2, 2))
+    if told:
+        gain = prior @ np.linalg.inv(prior + filter_.inflation * spread)
+    mean = gain @ (seen - np.array(field))
+    count, steps, _ = drawn.current.shape
+    kept = math.exp(-INTERVAL / FIELD_TIME)
+    gained = deviation * math.sqrt(1.0 - kept**2)
+    error = mean + np.vstack([np.zeros(2), normal_draws(prior - gain @ prior, count - 1, rng)])
+    course = np.empty((count, steps, 2))
+    for k in range(steps):
+        course[:, k] = error
+        error = kept * error + gained * _scattered(rng, count, 2)
+    return dataclasses.replace(drawn, current=course)
+
+
+def calibration_deviation(filter_: CurrentFilter) -> tuple[float, float]:
+    """Standard deviations of the drawn errors of the speed [1] and of the compass [rad]."""
+    _, covariance = _state(filter_)
+    scale, compass = np.sqrt(np.diag(covariance)[CALIBRATION])
+    return float(scale), float(compass)
+
+
+def _state(filter_: CurrentFilter) -> tuple[Array, Array]:
+    """Mean and covariance of the state, as the filter's own forecasts spread it."""
+    state = filter_.state()
+    return state["mean"], filter_.inflation * state["covariance"]
+
+
+def _scattered(rng: np.random.Generator, count: int, size: int) -> Array:
+    """Standard normal draws, (count, size); none for the first member."""
+    draws = rng.standard_normal((count, size))
+    draws[0] = 0.0
+    return draws

@@ -1,10 +1,12 @@
-"""Pool: forecasts of several models, mixed by how likely each made what was found.
+"""Pools: forecasts of several models, mixed by how likely each made what was found.
 
 The weight of a model is multiplied by the likelihood of each value found under its forecast, and
 forgets (dynamic model averaging: Raftery, Karny and Ettler 2010, Technometrics 52). A forecast is a
 mixture of Student's t distributions, one a model, so that one surprise neither settles nor ruins a
 model. The scale of a model's errors is learned on the way: robustly, from a prior that counts as
 some errors, and with the same forgetting.
+
+`CurrentPool` mixes simple ideas of the mean current over the next dive.
 """
 
 from __future__ import annotations
@@ -12,12 +14,20 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.errors import InputError
+from twin.navigation.current import (
+    CONSTITUENTS,
+    CurrentFilter,
+    CurrentParameters,
+    Leg,
+    begin_leg,
+    pass_leg,
+)
 from twin.numbers import Array
 
 FREEDOM = 5.0
@@ -199,3 +209,125 @@ def _log_sum(logarithms: Array) -> float:
 
 def _normalised(logarithms: Array) -> Array:
     return np.asarray(np.exp(logarithms - _log_sum(logarithms)))
+
+
+HOUR, DAY = 3600.0, 86400.0
+NOTHING = np.full(2, np.nan)
+PERSISTENCE, MEAN, TIDE, FILTER = "persistence", "mean of three", "tidal fit", "filter"
+FIELD, BESIDE = "field", "filter beside the field"
+CURRENT_PRIORS: Mapping[str, Prior] = {
+    PERSISTENCE: Prior(0.17, 0.07),
+    MEAN: Prior(0.09, 0.075),
+    TIDE: Prior(0.11, 0.07),
+    FILTER: Prior(0.71, 0.82),
+    FIELD: Prior(0.5, 0.1),
+    BESIDE: Prior(0.5, 1.0),
+}
+"""Of each model, as deployments have them in common (`python -m benchmarks.surfacings`); scales in
+m/s, of the filters in their own deviations. The two with a field are assumed."""
+LAST = {PERSISTENCE: 1, MEAN: 3}
+"""Dives whose mean a model says"""
+TIDAL_DAYS, FEWEST = 2.0, 6
+"""[d] of a tidal fit, and the dives below which it is their mean alone"""
+
+
+class CurrentPool:
+    """Models of the current of one deployment: the last dives, a tide, a filter, a field.
+
+    pool = CurrentPool(latitude=31.5, time=legs[0].start)
+    for leg in legs:
+        ahead = pool.expect(leg)   # ahead.mean: north, east [m/s]
+        pool.learn(leg)
+
+    Args:
+      latitude: [degree] of the deployment.
+      time: [s] at which it begins, on the legs' clock.
+      field: whether legs say what a forecast field foretells.
+      priors: of the models by name.
+    """
+
+    def __init__(
+        self,
+        *,
+        latitude: float,
+        time: float,
+        field: bool = False,
+        priors: Mapping[str, Prior] = CURRENT_PRIORS,
+    ):
+        follows = {FILTER: 0.0, BESIDE: 1.0} if field else {FILTER: 0.0}
+        self.filters = {
+            name: CurrentFilter(CurrentParameters(field=part), latitude=latitude, time=time)
+            for name, part in follows.items()
+        }
+        """Beside a field the second one follows what that lacks"""
+        names = [one for one in CURRENT_PRIORS if field or one not in (FIELD, BESIDE)]
+        self.pool = Pool({name: priors[name] for name in names})
+        self._legs: list[Leg] = []
+
+    def alone(self, name: str, leg: Leg) -> tuple[Array, Array]:
+        """Mean current over a leg that begins now, by one model, and how its error spreads.
+
+        Args:
+          leg: its start, duration, way through the water and field; its `over_ground` is not read.
+
+        Returns:
+          North, east [m/s], (2,), NaN while the model has nothing to say, and a matrix (2, 2) that
+          the pool scales; a filter's has the way's errors of speed and compass.
+        """
+        if name in self.filters:
+            filter_ = self.filters[name]
+            begin_leg(filter_, leg)
+            field = leg.foretold(filter_.parameters)
+            ahead = filter_.forecast([leg.end], leg.velocity, field=field)
+            spread = ahead.displacement_covariance[0] / filter_.inflation
+            return ahead.displacement[0] / leg.duration, spread / leg.duration**2
+        if name == FIELD:
+            mean = NOTHING if leg.field is None else np.array(leg.field)
+        elif name == TIDE:
+            mean = tidal_fit(self._legs, leg, TIDAL_DAYS)
+        else:
+            last = [one.current for one in self._legs[-LAST[name] :]]
+            mean = np.mean(last, axis=0) if last else NOTHING
+        return mean, np.eye(2)
+
+    def expect(self, leg: Leg) -> Mixture:
+        """Mean current [m/s] over a leg that begins now, by the models together."""
+        means, shapes = zip(*(self.alone(name, leg) for name in self.pool.names), strict=True)
+        return self.pool.expect(np.array(means), np.array(shapes))
+
+    def learn(self, leg: Leg) -> Array:
+        """Take a leg whose fix has come; returns the part of each model in explaining it."""
+        self.expect(dataclasses.replace(leg, over_ground=(math.nan, math.nan)))
+        part = self.pool.learn(leg.current)
+        self._legs.append(leg)
+        for filter_ in self.filters.values():
+            begin_leg(filter_, leg)
+            pass_leg(filter_, leg)
+        return part
+
+
+def tidal_fit(legs: Sequence[Leg], ahead: Leg, days: float) -> Array:
+    """Mean current [m/s] over a leg, by mean and M2 of the last days' legs in least squares, (2,).
+
+    Until these are `FEWEST` and span a period of M2: their mean alone; NaN without any.
+    """
+    recent = [one for one in legs if one.start >= ahead.start - days * DAY]
+    if not recent:
+        return NOTHING
+    period = CONSTITUENTS["M2"].period * HOUR
+    enough = len(recent) >= FEWEST and recent[-1].end - recent[0].start >= period
+    turn = 2.0 * math.pi / period if enough else 0.0
+    rows = np.array([_means(one, turn, ahead.start) for one in recent])
+    fitted, *_ = np.linalg.lstsq(rows, np.array([one.current for one in recent]), rcond=None)
+    return np.asarray(_means(ahead, turn, ahead.start) @ fitted)
+
+
+def _means(leg: Leg, turn: float, origin: float) -> Array:
+    """Over a leg the means of 1, cosine and sine at a rate [rad/s] since a time [s]; rate 0: 1."""
+    if turn == 0.0:
+        return np.ones(1)
+    begin, end = turn * (leg.start - origin), turn * (leg.end - origin)
+    over = turn * leg.duration
+    return np.array(
+        [1.0, (math.sin(end) - math.sin(begin)) / over, (math.cos(begin) - math.cos(end)) / over]
+    )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from twin import Origin, Vehicle
+from twin import Mission, Origin, Vehicle, Waypoint
 from twin.errors import InputError, MissionError, unknown_name
-from twin.mission import Mission, Waypoint
 from twin.physics import ENGINES
 from twin.water.current import Current
 
@@ -74,8 +73,7 @@ class Request:
         """What is odd about depth and targets; MissionError where one is too far to be meant."""
         said = []
         placed = self.mission.placed(self.place.latitude_deg, self.place.longitude_deg)
-        first = placed.segments[0]
-        if isinstance(first, Waypoint):
+        if isinstance(first := placed.segments[0], Waypoint):
             away = math.hypot(first.targets[0]["north_m"], first.targets[0]["east_m"])
             if away <= first.arrival_radius_m:
                 said.append(
@@ -161,22 +159,6 @@ def mission_to(
         arrival_radius_m=radius,
     )
     return Mission(name="goto", segments=(segment,))
-
-
-def believing(mission: Mission, current: tuple[float, float] | None) -> Mission:
-    """The mission as a vehicle begins it that believes in a current, north and east [m/s]."""
-    if current is None:
-        return mission
-    north, east = current
-    segments = tuple(
-        dataclasses.replace(segment, current_north_m_s=north, current_east_m_s=east)
-        if isinstance(segment, Waypoint)
-        and segment.current == "estimated"
-        and segment.current_north_m_s is None
-        else segment
-        for segment in mission.segments
-    )
-    return dataclasses.replace(mission, segments=segments)
 
 
 def longest_dive(mission: Mission) -> float:

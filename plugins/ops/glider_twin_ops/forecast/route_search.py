@@ -3,31 +3,29 @@
 Dijkstra's algorithm over the nodes of the water, where each edge takes as long as the current along
 it, when it is passed, makes it, and ways of few corners that are thrown at random; then the corners
 are moved until the mean over all draws of the water is least (Powell 1964, Comput. J. 7).
+North and east are metres in the plane that touches the Earth at the start.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import heapq
+import itertools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glider_twin_ops.forecast.route_water import STEP, RouteWater
 from twin.compiled import inline, jit
 from twin.numbers import Array
 
+STEP = 3.0 * 3600.0
+"""[s] between two times of the water"""
 REACH = 4
 """Nodes that an edge spans at most: 48 directions"""
-EDGES = np.array(
-    [
-        (n, e)
-        for n in range(-REACH, REACH + 1)
-        for e in range(-REACH, REACH + 1)
-        if math.gcd(n, e) == 1
-    ]
-)
+SPANS = range(-REACH, REACH + 1)
+EDGES = np.array([(n, e) for n in SPANS for e in SPANS if math.gcd(n, e) == 1])
 LOOKS = (4, 8, 16)
 """Places of an edge where its current is looked up, at the node that is nearest: few find ways that
 bear a forecast's errors, many find the best of a water that is known; all of them are tried"""
@@ -49,6 +47,41 @@ AT_ONCE = 1_000_000
 """Numbers of lines and corners that are held beside each other at a time"""
 BARRED = 1e9
 """[s] of a way that must not be taken"""
+ALONE = 3
+"""Single draws whose fastest ways are candidates, too"""
+APART = 2.0
+"""Nodes by which two ways must differ to be two"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RouteWater:
+    """Currents on a grid, by member; the first one is what is expected."""
+
+    north: Array
+    """[m], (north,)"""
+    east: Array
+    """[m], (east,)"""
+    current: Array
+    """[m/s] north, east, (member, time, north, east, 2), `STEP` apart in time"""
+
+    @property
+    def spacing(self) -> float:
+        """[m] of the nodes."""
+        return float(self.north[1] - self.north[0])
+
+    @property
+    def corners(self) -> Array:
+        """[m] of the region, south-west and north-east, (2, 2)."""
+        return np.array([[self.north[k], self.east[k]] for k in (0, -1)])
+
+    @property
+    def lasts(self) -> float:
+        """[s] from the start on that it covers."""
+        return STEP * (self.current.shape[1] - 1)
+
+    def part(self, members: slice) -> RouteWater:
+        """Some of its members."""
+        return dataclasses.replace(self, current=self.current[members])
 
 
 @inline
@@ -77,11 +110,11 @@ def way_times(
       way: [m] north, east of its corners, (corner, 2). speed: [m/s] through the water.
       avoided: polygons, each (corner, 2). begin: [s] after the start.
     """
-    if not water.holds(way).all() or crosses(way, avoided):
+    low, high = water.corners
+    if not ((way >= low) & (way <= high)).all() or crosses(way, avoided):
         return np.full(len(water.current), BARRED)
-    corner = np.array([water.north[0], water.east[0]])
     way = np.ascontiguousarray(way, dtype=np.float64)
-    return np.asarray(_flown(water.current, corner, water.spacing, way, float(speed), float(begin)))
+    return np.asarray(_flown(water.current, low, water.spacing, way, float(speed), float(begin)))
 
 
 @jit(nogil=True)
@@ -122,13 +155,83 @@ def _cell(place, count):  # type: ignore[no-untyped-def]
     return int(place), place - int(place)
 
 
+def best_ways(
+    water: RouteWater,
+    stops: Array,
+    speed: float,
+    avoided: Sequence[Array],
+    rng: np.random.Generator,
+) -> list[Array]:
+    """Ways through stops, [m] north, east, (stop, 2), that are fastest in the mean water or in a
+    draw, and polished in all; each (corner, 2), none twice."""
+    ways: list[Array] = []
+    edges = open_edges(water, avoided)
+    for member in range(min(1 + ALONE, len(water.current))):
+        found = _through(water, member, stops, speed, avoided, edges, rng)
+        if found is not None and all(_differs(found, way, water.spacing) for way in ways):
+            ways.append(found)
+    return ways
+
+
+def _through(
+    water: RouteWater,
+    member: int,
+    stops: Array,
+    speed: float,
+    rings: Sequence[Array],
+    edges: NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> Array | None:
+    """The polished way from stop to stop that is fastest, of those that one draw begins with."""
+    alone = water.part(slice(member, member + 1))
+    whole, begin = stops[:1], 0.0
+    for here, there in itertools.pairwise(stops):
+        legs = []
+        for looks in LOOKS:
+            leg = fastest(water, member, here, there, speed, edges, begin, looks)
+            if leg is None:
+                return None
+            legs.append(leg)
+        caught = thrown(alone, here, there, speed, rings, begin, rng)
+        legs += [polished(alone, leg, speed, rings, begin) for leg in caught]
+
+        def mean(way: Array, begin: float = begin) -> float:
+            return _mean_time(water, way, speed, rings, begin)
+
+        legs = [
+            polished(water, leg, speed, rings, begin) if mean(leg) < BARRED else leg for leg in legs
+        ]
+        leg = min(legs, key=mean)
+        begin += float(np.median(way_times(water, leg, speed, (), begin)))
+        whole = np.concatenate([whole, leg[1:]])
+    return whole
+
+
+def _mean_time(
+    water: RouteWater, way: Array, speed: float, avoided: Sequence[Array], begin: float
+) -> float:
+    """[s] that a way takes in the mean of all members."""
+    return float(way_times(water, way, speed, avoided, begin).mean())
+
+
+def _differs(one: Array, other: Array, spacing: float) -> bool:
+    """Whether two ways are apart somewhere, by their points at equal parts of their lengths."""
+
+    def even(way: Array) -> Array:
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+        at = np.linspace(0.0, along[-1], 50)
+        return np.stack([np.interp(at, along, way[:, k]) for k in range(2)], axis=1)
+
+    return float(np.hypot(*(even(one) - even(other)).T).max()) > APART * spacing
+
+
 def fastest(
     water: RouteWater,
     member: int,
     start: Array,
     goal: Array,
     speed: float,
-    edges: NDArray[np.bool_] | None = None,
+    edges: NDArray[np.bool_],
     begin: float = 0.0,
     looks: int = LOOKS[0],
 ) -> Array | None:
@@ -136,22 +239,24 @@ def fastest(
 
     Args:
       start, goal: [m] north, east. speed: [m/s]. begin: [s] after the start of the water.
-      edges: that may be taken, of `open_edges`; None: all of them.
+      edges: that may be taken, of `open_edges`.
       looks: places of an edge where its current is looked up.
     """
-    columns = len(water.east)
-    open_ = open_edges(water) if edges is None else edges
-    first, last = (_node(water, point) for point in (start, goal))
-    before = _spread(water.current[member], water.spacing, open_, first, last, float(speed),
-                     float(begin), looks)  # fmt: skip
+    first, last = (
+        (int(np.argmin(np.abs(water.north - n))), int(np.argmin(np.abs(water.east - e))))
+        for n, e in (start, goal)
+    )
+    field, spacing = water.current[member], water.spacing
+    before = _spread(field, spacing, edges, first, last, float(speed), float(begin), looks)
     nodes = [last]
     while nodes[-1] != first:
         came = int(before[nodes[-1]])
         if came < 0:
             return None
-        nodes.append(divmod(came, columns))
-    found = np.array([_point(water, node) for node in reversed(nodes)])
-    return np.concatenate([start[None], found[1:-1], goal[None]])
+        nodes.append(divmod(came, len(water.east)))
+    rows, columns = np.array(nodes[-2:0:-1], int).reshape(-1, 2).T
+    inner = np.stack([water.north[rows], water.east[columns]], axis=1)
+    return np.concatenate([start[None], inner, goal[None]])
 
 
 def open_edges(water: RouteWater, avoided: Sequence[Array] = ()) -> NDArray[np.bool_]:
@@ -162,9 +267,9 @@ def open_edges(water: RouteWater, avoided: Sequence[Array] = ()) -> NDArray[np.b
     there = here + EDGES
     found = ((there >= 0) & (there < (rows, columns))).all(axis=-1)
     if avoided:
-        origin = np.array([water.north[0], water.east[0]])
-        ends = (origin + water.spacing * there).reshape(-1, 2)
-        begins = np.broadcast_to(origin + water.spacing * here, there.shape).reshape(-1, 2)
+        origin, spacing = water.corners[0], water.spacing
+        begins = np.broadcast_to(origin + spacing * here, there.shape).reshape(-1, 2)
+        ends = (origin + spacing * there).reshape(-1, 2)
         found &= ~meets(begins, ends, avoided).reshape(found.shape)
     return found
 
@@ -191,15 +296,14 @@ def thrown(
         return []
     ahead = (goal - start) / length
     aside = np.array([-ahead[1], ahead[0]])
-    low, high = (np.array([water.north[k], water.east[k]]) for k in (0, -1))
     found = []
     for k in range(THROWN):
         corners = 1 + k % MOST_THROWN
         along = length * np.sort(rng.uniform(*ALONG, corners))
         across = length * np.cumsum(rng.normal(0.0, ASIDE[k % len(ASIDE)], corners))
-        inner = np.clip(start + np.outer(along, ahead) + np.outer(across, aside), low, high)
-        way = np.concatenate([start[None], inner, goal[None]])
-        found.append((float(way_times(water, way, speed, avoided, begin).mean()), way))
+        inner = start + np.outer(along, ahead) + np.outer(across, aside)
+        way = np.concatenate([start[None], np.clip(inner, *water.corners), goal[None]])
+        found.append((_mean_time(water, way, speed, avoided, begin), way))
     found.sort(key=lambda one: one[0])
     return [way for times, way in found[:CAUGHT] if times < BARRED]
 
@@ -252,17 +356,17 @@ def polished(
     few = thinned(water, way, speed, avoided, begin)
     if len(few) < 3:
         few = np.stack([few[0], few.mean(axis=0), few[-1]])
-    ends = few[:1], few[-1:]
+
+    def moved(inner: Array) -> Array:
+        return np.concatenate([few[:1], inner.reshape(-1, 2) * water.spacing, few[-1:]])
 
     def cost(inner: Array) -> float:
-        moved = np.concatenate([ends[0], inner.reshape(-1, 2) * water.spacing, ends[1]])
-        return float(way_times(water, moved, speed, avoided, begin).mean())
+        return _mean_time(water, moved(inner), speed, avoided, begin)
 
     inner = few[1:-1].ravel() / water.spacing
-    found = minimize(cost, inner, method="Powell", options={"maxfev": 120 * len(inner),
-                     "xtol": 0.05, "ftol": 1e-4})  # fmt: skip
-    moved = np.concatenate([ends[0], found.x.reshape(-1, 2) * water.spacing, ends[1]])
-    return moved if found.fun < cost(inner) else few
+    options = {"maxfev": 120 * len(inner), "xtol": 0.05, "ftol": 1e-4}
+    found = minimize(cost, inner, method="Powell", options=options)
+    return moved(found.x) if found.fun < cost(inner) else few
 
 
 def thinned(
@@ -272,14 +376,10 @@ def thinned(
 
     More are left out while that costs less than `WORTH` of the time each.
     """
-
-    def cost(one: Array) -> float:
-        return float(way_times(water, one, speed, avoided, begin).mean())
-
-    now = cost(way)
+    now = _mean_time(water, way, speed, avoided, begin)
     while len(way) > 2:
         without = [np.delete(way, k, axis=0) for k in range(1, len(way) - 1)]
-        costs = [cost(one) for one in without]
+        costs = [_mean_time(water, one, speed, avoided, begin) for one in without]
         least = int(np.argmin(costs))
         if len(way) <= CORNERS + 2 and costs[least] > (1.0 + WORTH) * now:
             break
@@ -320,15 +420,3 @@ def _side(a: Array, b: Array, c: Array) -> Array:
     """Twice the area of the triangle of three points, signed."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
-
-
-def _node(water: RouteWater, point: Array) -> tuple[int, int]:
-    north, east = (
-        int(np.argmin(np.abs(axis - value)))
-        for axis, value in zip((water.north, water.east), point, strict=True)
-    )
-    return north, east
-
-
-def _point(water: RouteWater, node: Sequence[int]) -> tuple[float, float]:
-    return float(water.north[node[0]]), float(water.east[node[1]])

@@ -3,7 +3,8 @@
 Candidates are the fastest ways in the mean water and in single draws of it, moved to the least mean
 over all draws. Other draws, which found none of them, say how long each takes and choose: a way is
 promised only where it is seldom slower than the straight one. The best three and the straight way
-are flown by the twin.
+are flown by the twin. Water is the current of a region, mean over the depths of the dives, and
+draws of its error.
 """
 
 from __future__ import annotations
@@ -15,26 +16,30 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.known import Known
-from glider_twin_ops.forecast.members import MemberFlight, fly, fly_nominal, members_of
-from glider_twin_ops.forecast.request import LEAST_MEMBERS, LONGEST_HOURS, Request
-from glider_twin_ops.forecast.route_search import (
-    BARRED,
-    LOOKS,
-    fastest,
-    open_edges,
-    polished,
-    thrown,
-    way_times,
+from glider_twin_ops.forecast.member_flights import MemberFlight, fly, fly_nominal
+from glider_twin_ops.forecast.members import (
+    FIELD_TIME,
+    INTERVAL,
+    draw_models,
+    draw_water,
+    members_of,
 )
-from glider_twin_ops.forecast.route_water import RouteWater, route_water
-from glider_twin_ops.forecast.surfacing_forecast import feature
-from twin.errors import InputError, MissionError, SimulationUnstable
+from glider_twin_ops.forecast.request import (
+    HOUR,
+    LEAST_MEMBERS,
+    LONGEST_HOURS,
+    Request,
+    longest_dive,
+)
+from glider_twin_ops.forecast.route_search import BARRED, STEP, RouteWater, best_ways, way_times
+from glider_twin_ops.forecast.surfacing_forecast import collection, feature
+from twin import Grid, Mission, Waypoint
+from twin.errors import InputError, MissionError
 from twin.geodesy import from_tangent_plane, to_tangent_plane, wrap_longitude
-from twin.mission import Mission
 from twin.numbers import Array
+from twin.water.current import Current, sample_track
 
 PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
 """[degree] of the polar"""
@@ -44,16 +49,12 @@ POLAR_HOURS = 12.0
 """[h] that each of them is flown for"""
 DRAWS = 48
 """Of the water beside what is expected, for the search, and as many others to judge by"""
-ALONE = 3
-"""Single draws whose fastest ways are candidates, too"""
 BEST = 3
 """Ways that are flown"""
 SLOWER, SELDOM = 1.02, 0.05
 """Times the straight way that counts as slower, and the part of draws in which a way may be so"""
 OFTEN = 0.5
 """Part of the draws that do not arrive from which no way is to be taken"""
-APART = 2.0
-"""Nodes by which two ways must differ to be two"""
 MOST_VIAS = 6
 AT_HAND = 2.5
 """Times the time of the straight way in still water that the water must be known for"""
@@ -62,6 +63,14 @@ NEAR = 2000.0
 NINETY = (0.05, 0.95)
 LATE = 1.2
 """Times the hours within which 95 of 100 draws arrive that the twin flies"""
+NODES = 41
+"""Along the longer side of the region"""
+LEVELS = 9
+"""Depths of the mean"""
+EDDIES = 24
+"""Waves that make an error of the field"""
+SHORTEST, LONGEST = 3e4, 2e5
+"""[m] Their lengths: mesoscale eddies, that models misplace"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -100,25 +109,23 @@ class Route:
         return ";".join(f"{latitude:.4f},{longitude:.4f}" for latitude, longitude in self.places)
 
     def row(self) -> dict[str, object]:
-        """Of a table."""
+        """Cells of a table."""
         told = self.describe()
-        low, high = told["hours_90"]
-        gain = "" if self.name == "straight" else (
-            f"{100 * told['gain']:.0f} % ({100 * told['gain_90'][0]:.0f} to "
-            f"{100 * told['gain_90'][1]:.0f})"
-        )  # fmt: skip
+        hours, gain = ([told[name], *told[f"{name}_90"]] for name in ("hours", "gain"))
         found: dict[str, object] = {
             "way": self.name,
-            "hours": f"{told['hours']:.1f} ({low:.1f} to {high:.1f})"
+            "hours": "{:.1f} ({:.1f} to {:.1f})".format(*hours)
             if self.arrives > 0.0
             else f"over {self.known_hours:.0f}",
-            "gain": gain,
+            "gain": ""
+            if self.name == "straight"
+            else "{:.0f} % ({:.0f} to {:.0f})".format(*(100 * part for part in gain)),
             "slower in": f"{100 * told['slower_in']:.0f} %",
             "arrives in": f"{100 * told['arrives_in']:.0f} %",
         }
         if told["flown"]:
-            hours = told["hours_flown"]
-            found["flown"] = "none arrived" if hours is None else f"{hours:.1f} h"
+            mean = told["hours_flown"]
+            found["flown"] = "none arrived" if mean is None else f"{mean:.1f} h"
             found["arrived"] = f"{told['arrived']} of {told['flown']}"
         return found
 
@@ -197,19 +204,27 @@ class RoutePlan:
             )
             for one in self.routes
         ]
-        return {"type": "FeatureCollection", "features": features}
+        return collection(features)
 
 
-def polar(request: Request, pitches: Sequence[float] = PITCHES) -> dict[float, float]:
+def polar(
+    request: Request, aim: Waypoint, pitches: Sequence[float] = PITCHES
+) -> dict[float, float]:
     """Speed over ground in still water [m/s] by pitch [degree], as the twin flies the mission.
+
+    Args:
+      aim: the request's segment; its last place is moved so far that nothing arrives.
 
     Raises:
       MissionError: the vehicle can fly none of the pitches.
     """
+    place = request.place
+    origin, last = (place.latitude_deg, place.longitude_deg), aim.targets[-1]
+    way = np.array(to_tangent_plane(last["latitude"], last["longitude"], *origin), float)
+    (far,) = _places(way[None] * max(BEYOND / max(float(np.hypot(*way)), 1.0), 1.0), origin)
     missions = {}
-    far = _beyond(request)
     for pitch in pitches:
-        mission = _pitched(far, pitch)
+        mission = _aimed(request.mission, aim, [far], pitch)
         try:
             mission.check(request.vehicle)
             missions[pitch] = mission
@@ -224,6 +239,21 @@ def polar(request: Request, pitches: Sequence[float] = PITCHES) -> dict[float, f
         for pitch, flight in zip(missions, flown, strict=True)
         if isinstance(flight, MemberFlight)
     }
+
+
+def _places(metres: Array, origin: tuple[float, float]) -> list[tuple[float, float]]:
+    """Latitude, longitude [degree] of north, east [m] from an origin, (place, 2)."""
+    latitude, longitude = from_tangent_plane(metres[:, 0], metres[:, 1], *origin)
+    return list(zip(latitude.tolist(), wrap_longitude(longitude).tolist(), strict=True))
+
+
+def _aimed(
+    mission: Mission, aim: Waypoint, places: Sequence[tuple[float, float]], pitch: float
+) -> Mission:
+    """Mission to some places [degree], at a pitch [degree]."""
+    targets = tuple({"latitude": north, "longitude": east} for north, east in places)
+    segment = dataclasses.replace(aim, targets=targets, pitch_deg=pitch, climb_pitch_deg=None)
+    return dataclasses.replace(mission, segments=(segment,))
 
 
 def plan_routes(
@@ -256,19 +286,19 @@ def plan_routes(
     origin = place.latitude_deg, place.longitude_deg
     if said := request.notes():
         raise InputError(f"no way to look for: {said[0]}")
-    target = request.mission.segments[0].targets[-1]  # type: ignore[attr-defined]
-    goal = target["latitude"], target["longitude"]
+    aim = request.mission.segments[0]
+    assert isinstance(aim, Waypoint)
+    goal = aim.targets[-1]["latitude"], aim.targets[-1]["longitude"]
     points = np.array([(0.0, 0.0), *(to_tangent_plane(*one, *origin) for one in (*vias, goal))])
     rings = [np.array([to_tangent_plane(*one, *origin) for one in ring]) for ring in avoided]
     say("polar")
-    speeds = polar(request, PITCHES if pitch_deg is None else (pitch_deg,))
+    speeds = polar(request, aim, PITCHES if pitch_deg is None else (pitch_deg,))
     pitch, speed = max(speeds.items(), key=lambda one: one[1])
     length = float(np.hypot(*np.diff(points, axis=0).T).sum())
-    hours = AT_HAND * length / speed / 3600.0
     say("water")
     rng = np.random.default_rng(request.seed)
     wide = dataclasses.replace(request, members=1 + 2 * DRAWS)
-    both = route_water(wide, known, points, hours, rng)
+    both = route_water(wide, known, points, AT_HAND * length / speed / HOUR, rng)
     water, judge = both.part(slice(1 + DRAWS)), both.part(slice(1 + DRAWS, None))
     order = _order(water, points, speed)
     stops = points[[0, *(1 + k for k in order), len(points) - 1]]
@@ -280,31 +310,43 @@ def plan_routes(
     if not timed:
         raise InputError("no way of few corners keeps clear of the polygons: make them coarser")
     straight = way_times(judge, stops, speed)
-    routes: list[Route] = []
     names = (["straight"] if timed[0][1] is stops else []) + [f"way {1 + k}" for k in range(BEST)]
-    for (times, way), name in zip(timed, names, strict=False):
-        latitude, longitude = from_tangent_plane(way[1:, 0], way[1:, 1], *origin)
-        east = wrap_longitude(longitude)
-        routes.append(
-            Route(
-                name=name,
-                places=tuple(zip(latitude.tolist(), east.tolist(), strict=True)),
-                hours=times / 3600.0,
-                gain=1.0 - times / straight,
-                known_hours=judge.lasts / 3600.0,
-            )
+    routes = [
+        Route(
+            name=name,
+            places=tuple(_places(way[1:], origin)),
+            hours=times / HOUR,
+            gain=1.0 - times / straight,
+            known_hours=judge.lasts / HOUR,
         )
-    steeper = dataclasses.replace(request, mission=_pitched(request.mission, pitch))
+        for (times, way), name in zip(timed, names, strict=False)
+    ]
     if fly_them:
         say("flights")
         longest = LATE * max(float(np.quantile(one.hours, NINETY[1])) for one in routes)
-        beyond = (steeper.flown - steeper.horizon) / 3600.0  # members fly on for so long
-        longest = max(min(longest, LONGEST_HOURS, judge.lasts / 3600.0 - beyond), 1.0)
-        routes = [_flown(one, steeper, known, longest) for one in routes]
+        beyond = (request.flown - request.horizon) / HOUR  # members fly on for so long
+        longest = max(min(longest, LONGEST_HOURS, judge.lasts / HOUR - beyond), 1.0)
+        members = max(request.members, LEAST_MEMBERS)
+        asked = dataclasses.replace(request, hours=longest, members=members)
+        routes = [_flown(one, asked, _aimed(asked.mission, aim, one.places, pitch), known)
+                  for one in routes]  # fmt: skip
     best = routes[chosen(straight, [times for times, _ in timed])]
     return RoutePlan(
         routes=tuple(routes), best=best, speed=speed, pitch_deg=pitch, start=origin, order=order
     )
+
+
+def _flown(route: Route, asked: Request, mission: Mission, known: Known) -> Route:
+    """Route with the times of the members that the twin flies along it."""
+    members = members_of(dataclasses.replace(asked, mission=mission), known)
+    place = asked.place
+    last = to_tangent_plane(*route.places[-1], place.latitude_deg, place.longitude_deg)
+    found = []
+    for flight in itertools.chain.from_iterable(fly(members.scenarios)):
+        if isinstance(flight, MemberFlight):
+            there = np.flatnonzero(np.hypot(*(flight.track - last).T) <= NEAR)
+            found.append(flight.times[there[0]] / HOUR if there.size else math.nan)
+    return dataclasses.replace(route, flown=np.array(found), flown_hours=asked.hours)
 
 
 def _order(water: RouteWater, points: Array, speed: float) -> tuple[int, ...]:
@@ -340,114 +382,135 @@ def chosen(straight: Array, times: Sequence[Array]) -> int:
     return min(safe or range(len(times)), key=lambda k: float(times[k].mean()))
 
 
-def best_ways(
-    water: RouteWater,
-    stops: Array,
-    speed: float,
-    avoided: Sequence[Array],
-    rng: np.random.Generator,
-) -> list[Array]:
-    """Ways through stops, [m] north, east, (stop, 2), that are fastest in the mean water or in a
-    draw, and polished in all; each (corner, 2), none twice."""
-    ways: list[Array] = []
-    edges = open_edges(water, avoided)
-    for member in range(min(1 + ALONE, len(water.current))):
-        found = _through(water, member, stops, speed, avoided, edges, rng)
-        if found is not None and all(_differs(found, way, water.spacing) for way in ways):
-            ways.append(found)
-    return ways
+def route_water(
+    request: Request, known: Known, points: Array, hours: float, rng: np.random.Generator
+) -> RouteWater:
+    """The water around places.
+
+    Args:
+      request: with the field, the mission whose depths count, and how many members.
+      known: what the logs told; used where there is no field.
+      points: [m] north, east of start, targets and vias, (point, 2). hours: [h] to cover.
+
+    Raises:
+      InputError: nothing is known of the current, or not at one of the places.
+      CurrentError: the field does not cover the time.
+    """
+    if request.field is None and not known.legs:
+        raise InputError(
+            "the current is not known, so no way is better than the straight one: give --current "
+            "with a forecast's file, or --logs"
+        )
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = max(0.5 * float(np.hypot(*(high - low))), 1e4)
+    low, high = low - margin, high + margin
+    if request.field is not None:
+        covered = _covered(request.field, hours * HOUR, request)
+        low, high = np.maximum(low, covered[0]), np.minimum(high, covered[1])
+    outside = (points < low).any(axis=1) | (points > high).any(axis=1)
+    if outside.any():
+        raise InputError(
+            f"the current is not known at place {int(np.argmax(outside))} of the way (0 is the "
+            "start): --current ends before it; nothing can be promised there"
+        )
+    spacing = float((high - low).max()) / (NODES - 1)
+    north, east = (np.arange(low[k], high[k] + 0.5 * spacing, spacing) for k in range(2))
+    times: Array = STEP * np.arange(math.ceil(hours * HOUR / STEP) + 1, dtype=np.float64)
+    if request.field is None:
+        duration, dive = times[-1] + INTERVAL, longest_dive(request.mission)
+        water = draw_water(known.filter_, duration, request.members, rng, dive)
+        course = draw_models(water, known.pool, rng)[0].current
+        every = course[:, :: round(STEP / INTERVAL)][:, : len(times), None, None]
+        shape = (request.members, len(times), len(north), len(east), 2)
+        drawn = np.broadcast_to(every, shape).copy()
+    else:
+        mean = _mean(request.field, request, times, north, east)
+        drawn = erring(mean, request.field_error, request.members, rng, times, north, east)
+    return RouteWater(north=north, east=east, current=drawn)
 
 
-def _through(
-    water: RouteWater,
-    member: int,
-    stops: Array,
-    speed: float,
-    rings: Sequence[Array],
-    edges: NDArray[np.bool_],
-    rng: np.random.Generator,
-) -> Array | None:
-    """The polished way from stop to stop that is fastest, of those that one draw begins with."""
-    alone = water.part(slice(member, member + 1))
-    whole, begin = stops[:1], 0.0
-    for here, there in itertools.pairwise(stops):
-        legs = []
-        for looks in LOOKS:
-            leg = fastest(water, member, here, there, speed, edges, begin, looks)
-            if leg is None:
-                return None
-            legs.append(leg)
-        caught = thrown(alone, here, there, speed, rings, begin, rng)
-        legs += [polished(alone, leg, speed, rings, begin) for leg in caught]
-
-        def mean(way: Array, begin: float = begin) -> float:
-            return float(way_times(water, way, speed, rings, begin).mean())
-
-        legs = [
-            polished(water, leg, speed, rings, begin) if mean(leg) < BARRED else leg for leg in legs
+def _covered(field: Current, seconds: float, request: Request) -> tuple[Array, Array]:
+    """[m] south-west and north-east corner of what files of the field hold."""
+    low, high = np.full(2, -np.inf), np.full(2, np.inf)
+    place = request.place
+    origin = place.latitude_deg, place.longitude_deg
+    for part in getattr(field, "parts", (field,)):
+        if not isinstance(part, Grid):
+            continue
+        box, _ = part.load(seconds, place)
+        if not np.isfinite(box.latitude).all():
+            continue  # one column of water stands for everywhere
+        corners = [
+            to_tangent_plane(float(box.latitude[k]), float(box.longitude[k]) + origin[1], *origin)
+            for k in (0, -1)
         ]
-        leg = min(legs, key=mean)
-        begin += float(np.median(way_times(water, leg, speed, (), begin)))
-        whole = np.concatenate([whole, leg[1:]])
-    return whole
+        low, high = np.maximum(low, corners[0]), np.minimum(high, corners[1])
+    return low, high
 
 
-def _differs(one: Array, other: Array, spacing: float) -> bool:
-    """Whether two ways are apart somewhere, by their points at equal parts of their lengths."""
-
-    def even(way: Array) -> Array:
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
-        at = np.linspace(0.0, along[-1], 50)
-        return np.stack([np.interp(at, along, way[:, k]) for k in range(2)], axis=1)
-
-    return float(np.hypot(*(even(one) - even(other)).T).max()) > APART * spacing
-
-
-def _beyond(request: Request) -> Mission:
-    """The mission with its last place so far away that nothing arrives while the polar is flown."""
-    place, segment = request.place, request.mission.segments[0]
-    last = segment.targets[-1]  # type: ignore[attr-defined]
-    there = to_tangent_plane(
-        last["latitude"], last["longitude"], place.latitude_deg, place.longitude_deg
-    )
-    way = np.array([float(metres) for metres in there])
-    north, east = way * max(BEYOND / max(float(np.hypot(*way)), 1.0), 1.0)
-    latitude, longitude = from_tangent_plane(
-        np.array([north]), np.array([east]), place.latitude_deg, place.longitude_deg
-    )
-    target = {"latitude": float(latitude[0]), "longitude": float(wrap_longitude(longitude)[0])}
-    far = dataclasses.replace(segment, targets=(target,))  # type: ignore[call-arg]
-    return dataclasses.replace(request.mission, segments=(far,))
+def _mean(field: Current, request: Request, times: Array, north: Array, east: Array) -> Array:
+    """[m/s] mean over the depths of the dives, (time, north, east, 2)."""
+    depths = np.linspace(0.0, max(request.deepest, 1.0), LEVELS)
+    program = field.compile(float(times[-1]), request.place)
+    grid = np.meshgrid(times, north, east, depths, indexing="ij")
+    t, n, e, d = (axis.ravel() for axis in grid)
+    rest = np.zeros_like(t)
+    found = sample_track(program, t, n, e, d, rest, rest, rest)[:, :2]
+    return np.asarray(found.reshape(*grid[0].shape, 2).mean(axis=3))
 
 
-def _pitched(mission: Mission, pitch: float) -> Mission:
-    segments = tuple(
-        dataclasses.replace(one, pitch_deg=pitch, climb_pitch_deg=None)  # type: ignore[call-arg]
-        for one in mission.segments
-    )
-    return dataclasses.replace(mission, segments=segments)
+def erring(
+    forecast: Array,
+    error: float,
+    members: int,
+    rng: np.random.Generator,
+    times: Array,
+    north: Array,
+    east: Array,
+) -> Array:
+    """The water that a forecast lets expect, and draws of it, (member, time, north, east, 2).
+
+    A forecast that misplaces eddies is as lively as the water, and the larger its error, the less
+    of what it shows is there: of what differs from the mean over region and time the part 1 - N / 2
+    S is expected, where N is the variance of its error and S its own; the rest is drawn. Draws come
+    in pairs of opposite errors, so that an odd number of members has the expected water as mean.
+
+    Args:
+      forecast: [m/s] north, east, (time, north, east, 2). error: [m/s] standard deviation each way.
+    """
+    mean = forecast.mean(axis=(0, 1, 2))
+    liveliness, wrong = float(((forecast - mean) ** 2).mean()), error**2
+    there = max(1.0 - wrong / (2.0 * liveliness), 0.0) if liveliness > 0.0 else 0.0
+    if error == 0.0:
+        there = 1.0
+    # water that has nothing of the forecast adds its own liveliness to the forecast's
+    rest = liveliness * (1.0 - there**2) if there > 0.0 else wrong - liveliness
+    expected = mean + there * (forecast - mean)
+    found = np.empty((members, *forecast.shape))
+    found[0] = expected
+    for member in range(1, members, 2):
+        one = math.sqrt(rest) * eddies(rng, times, north, east)
+        found[member] = expected + one
+        if member + 1 < members:
+            found[member + 1] = expected - one
+    return found
 
 
-def _flown(route: Route, request: Request, known: Known, hours: float) -> Route:
-    """With the times of the members that the twin flies along it."""
-    targets = tuple({"latitude": north, "longitude": east} for north, east in route.places)
-    segment = dataclasses.replace(request.mission.segments[0], targets=targets)  # type: ignore[call-arg]
-    mission = dataclasses.replace(request.mission, segments=(segment,))
-    asked = dataclasses.replace(
-        request,
-        mission=mission,
-        hours=hours,
-        members=max(request.members, LEAST_MEMBERS),
-    )
-    north, east = to_tangent_plane(
-        *route.places[-1], request.place.latitude_deg, request.place.longitude_deg
-    )
-    found = []
-    for chunk in fly(members_of(asked, known).scenarios):
-        for flight in chunk:
-            if isinstance(flight, SimulationUnstable):
-                continue
-            away = np.hypot(flight.track[:, 0] - north, flight.track[:, 1] - east)
-            there = np.flatnonzero(away <= NEAR)
-            found.append(flight.times[there[0]] / 3600.0 if there.size else math.nan)
-    return dataclasses.replace(route, flown=np.array(found), flown_hours=hours)
+def eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:
+    """A random flow without divergence, 1 m/s each way, (time, north, east, 2)."""
+    turn = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
+    length = np.exp(rng.uniform(math.log(SHORTEST), math.log(LONGEST), EDDIES))
+    wave = 2.0 * math.pi / length * np.array([np.cos(turn), np.sin(turn)])
+    rate = rng.standard_normal(EDDIES) / FIELD_TIME
+    phase = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
+    size = rng.standard_normal(EDDIES) * math.sqrt(2.0 / EDDIES) * math.sqrt(2.0)
+    # a wave is a product of one of time, north and east each: real part of exp(i (a + b + c))
+    over, up = np.exp(1j * (phase - np.outer(times, rate))), np.exp(1j * np.outer(north, wave[0]))
+    of_two = (over[:, None] * up).reshape(-1, EDDIES)
+    right = np.exp(1j * np.outer(wave[1], east))
+    shape = len(times), len(north), len(east)
+    flow = [
+        ((of_two * sized) @ right).real.reshape(shape)
+        for sized in (-size * np.sin(turn), size * np.cos(turn))
+    ]
+    return np.stack(flow, axis=-1)

@@ -10,28 +10,31 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import datetime
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from glider_twin_ops.forecast.known import Known
-from glider_twin_ops.forecast.members import MemberFlight, coarse_steps, fly, members_of
-from glider_twin_ops.forecast.request import HOUR, Request
-from glider_twin_ops.forecast.surfacing import (
+from glider_twin_ops.forecast.member_flights import (
     HALF,
     NINETY,
+    MemberFlight,
     Surfacing,
+    coarse_steps,
     degrees,
+    fly,
     left_out,
     over,
     surfacings_of,
 )
+from glider_twin_ops.forecast.members import members_of
+from glider_twin_ops.forecast.request import HOUR, Request
 from twin.checks import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.geodesy import wrap_longitude
 from twin.numbers import Array
+from twin.records import unix_seconds
 from twin.records.coordinates import utc_clock, utc_minute
 
 DAY = 86400.0
@@ -111,23 +114,18 @@ class Forecast:
         """UTC."""
         return datetime.datetime.fromisoformat(str(self.request.place.time))
 
-    @property
-    def _begin(self) -> float:
-        """[s] unix of the start."""
-        return self.begins.replace(tzinfo=datetime.UTC).timestamp()
-
     def moment(self, seconds: float) -> str:
         """UTC at `seconds` after the start, ISO 8601 to the second."""
         return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
 
     def minute(self, seconds: float) -> str:
         """UTC at `seconds` after the start as people read it, such as 2023-09-20 06:31."""
-        return utc_minute(self._begin + round(seconds))
+        return utc_minute(unix_seconds(str(self.request.place.time)) + round(seconds))
 
     def bounds(self, one: Surfacing) -> str:
         """Between which times 90 of 100 surfacings come, UTC, with a day that is another one."""
-        middle = self._begin
-        times = (utc_clock(middle + at, middle + one.time_s) for at in (one.early_s, one.late_s))
+        begin = unix_seconds(str(self.request.place.time))
+        times = (utc_clock(begin + at, begin + one.time_s) for at in (one.early_s, one.late_s))
         return " to ".join(times)
 
     def targets(self) -> Array:
@@ -143,7 +141,8 @@ class Forecast:
 
     def describe(self) -> dict[str, Any]:
         """JSON-able."""
-        request, place = self.request, self.request.place
+        request, place, beside = self.request, self.request.place, self.beside_mujoco
+        same = ("flown", "failed", "spread", "left_out", "over_s", "remarks", "bounds_known")
         return {
             "vehicle": request.vehicle.name,
             "mission": request.mission.name,
@@ -155,24 +154,12 @@ class Forecast:
             "hours": request.hours,
             "members": request.members,
             "engine": request.engine,
-            "beside_mujoco": (
-                None if self.beside_mujoco is None else dataclasses.asdict(self.beside_mujoco)
-            ),
-            "flown": self.flown,
-            "failed": self.failed,
-            "spread": self.spread,
+            "beside_mujoco": None if beside is None else dataclasses.asdict(beside),
+            **{name: getattr(self, name) for name in same},
             "notes": list(request.notes()),
-            "left_out": self.left_out,
-            "over_s": self.over_s,
-            "remarks": self.remarks,
-            "bounds_known": self.bounds_known,
             "surfacings": [
-                {
-                    **one.describe(),
-                    "time": self.moment(one.time_s),
-                    "early": self.moment(one.early_s),
-                    "late": self.moment(one.late_s),
-                }
+                one.describe()
+                | {k: self.moment(getattr(one, f"{k}_s")) for k in ("time", "early", "late")}
                 for one in self.surfacings
             ],
             "power_W": self.power_w,
@@ -196,16 +183,18 @@ class Forecast:
                 features.append(feature("Polygon", [ring], said_of_it))
             point = [one.longitude, one.latitude]
             features.append(feature("Point", point, {"what": "surfacing", **said}))
-        return {"type": "FeatureCollection", "features": features}
+        return collection(features)
 
 
 def feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
     """A GeoJSON feature (RFC 7946)."""
-    return {
-        "type": "Feature",
-        "geometry": {"type": kind, "coordinates": coordinates},
-        "properties": properties,
-    }
+    shape = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "geometry": shape, "properties": properties}
+
+
+def collection(features: list[dict[str, Any]]) -> dict[str, Any]:
+    """A GeoJSON FeatureCollection."""
+    return {"type": "FeatureCollection", "features": features}
 
 
 def forecast(
@@ -228,8 +217,7 @@ def forecast(
     """
     members = members_of(request, known)
     flights: list[MemberFlight] = []
-    failed = number = 0
-    first: Array | None = None
+    number = 0
     found: Forecast | None = None
     lanes = request.engine == "lanes"
     with coarse_steps(), concurrent.futures.ThreadPoolExecutor(1) as pool:
@@ -237,25 +225,22 @@ def forecast(
         nominal: MemberFlight | SimulationUnstable | None = None
         for chunk in fly(members.scenarios, threads=threads):
             nominal = nominal or chunk[0]
-            failed += sum(isinstance(one, SimulationUnstable) for one in chunk)
-            for k, one in enumerate(chunk):
+            for k, one in enumerate(chunk, start=number):
                 if isinstance(one, MemberFlight):
-                    flights.append(members.delayed(number + k, one))
+                    flights.append(members.delayed(k, one))
             number += len(chunk)
             if not flights:
                 continue
-            if first is None:
-                until = flights[0].times <= request.horizon
-                first = degrees(flights[0].track[until], request.place)
             told = surfacings_of(flights, request.place, request.horizon)
+            until = flights[0].times <= request.horizon
             found = Forecast(
                 request=request,
                 surfacings=told,
                 left_out=left_out(flights, len(told), request.horizon),
                 over_s=over(flights, request.horizon),
                 flown=len(flights),
-                failed=failed,
-                track=first,
+                failed=number - len(flights),
+                track=degrees(flights[0].track[until], request.place),
                 spread=members.spread,
                 power_w=float(np.mean([one.taken / one.duration for one in flights])),
                 ways=tuple((one.times, one.track) for one in flights),
@@ -305,11 +290,9 @@ class NoticeBox:
 
     def feature(self) -> dict[str, Any]:
         """A GeoJSON feature; its longitudes go on across the date line."""
-        east = self.east + (360.0 if self.east < self.west else 0.0)
-        ring = [
-            [self.west, self.south], [east, self.south], [east, self.north],
-            [self.west, self.north], [self.west, self.south],
-        ]  # fmt: skip
+        west, east = self.west, self.east + (360.0 if self.east < self.west else 0.0)
+        south, north = self.south, self.north
+        ring = [[west, south], [east, south], [east, north], [west, north], [west, south]]
         begin, end = self.begin.isoformat(), self.end.isoformat()
         said = {"what": "box of a notice", "begin": begin, "end": end, "holds": self.holds}
         return feature("Polygon", [ring], said)
@@ -324,20 +307,29 @@ def notice_boxes(found: Forecast, hours: float = HOURS) -> list[NoticeBox]:
     ways = [(time, degrees(way, found.request.place)) for time, way in found.ways]
     last = min(found.request.horizon, float(np.median([time[-1] for time, _ in ways])))
     boxes = []
-    for begin in np.arange(0.0, last, hours * 3600.0):
-        end = min(begin + hours * 3600.0, last)
-        inside = np.concatenate([_between(time, way, begin, end) for time, way in ways])
-        west, south = (math.floor(v * MINUTES * TENTH) / MINUTES / TENTH for v in inside.min(0))
-        east, north = (math.ceil(v * MINUTES * TENTH) / MINUTES / TENTH for v in inside.max(0))
+    for begin in np.arange(0.0, last, hours * HOUR):
+        end = min(begin + hours * HOUR, last)
+        inside = np.concatenate(
+            [
+                way[(time > begin) & (time < end)].tolist()
+                + [[np.interp(at, time, way[:, k]) for k in range(2)] for at in (begin, end)]
+                for time, way in ways
+            ]
+        )
+        west, south = np.floor(inside.min(0) * MINUTES * TENTH) / MINUTES / TENTH
+        east, north = np.ceil(inside.max(0) * MINUTES * TENTH) / MINUTES / TENTH
         west, east = wrap_longitude(np.array([west, east])).tolist()
         boxes.append(
             NoticeBox(
                 begin=found.begins + datetime.timedelta(seconds=begin),
                 end=found.begins + datetime.timedelta(seconds=end),
-                south=south, north=north, west=west, east=east,
+                south=float(south),
+                north=float(north),
+                west=west,
+                east=east,
                 holds=max(0.0, 1.0 - 4.0 / (len(ways) + 1)),
             )
-        )  # fmt: skip
+        )
     return boxes
 
 
@@ -351,12 +343,6 @@ def boxes_text(boxes: Sequence[NoticeBox], title: str) -> str:
         f"{100.0 * boxes[0].holds:.0f} %"
     ]
     return "\n".join([*lines, *(one.text() for one in boxes)]) + "\n"
-
-
-def _between(time: np.ndarray, way: np.ndarray, begin: float, end: float) -> np.ndarray:
-    """The points of a way within two times, those at the times themselves included."""
-    at = np.concatenate([[begin], time[(time > begin) & (time < end)], [end]])
-    return np.stack([np.interp(at, time, way[:, k]) for k in range(2)], axis=1)
 
 
 def _angle(value: float, signs: str, digits: int) -> str:

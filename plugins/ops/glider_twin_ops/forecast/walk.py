@@ -21,13 +21,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from glider_twin_ops.forecast import surfacing_schedule, way_pool
-from glider_twin_ops.forecast.current_models import PRIORS, CurrentPool, TidalFit
+from glider_twin_ops.forecast.expected_dive import (
+    SCHEDULE_PRIORS,
+    WAY_PRIORS,
+    Rhythm,
+    SurfacingSchedule,
+    WayPool,
+    middle,
+    plain_velocity,
+)
 from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, place_at, usual_duration
-from glider_twin_ops.forecast.pool import Mixture, Prior
-from glider_twin_ops.forecast.surfacing_schedule import Rhythm, SurfacingSchedule, middle
-from glider_twin_ops.forecast.way_pool import WayPool, plain_velocity
+from glider_twin_ops.forecast.pool import CURRENT_PRIORS, CurrentPool, Mixture, Prior, tidal_fit
 from twin.navigation import chi_squared
 from twin.navigation.current import Leg, Reaches
 from twin.numbers import Array
@@ -54,11 +60,9 @@ RIVAL_DAYS = 5.0
 class Priors:
     """What is believed before the first dive; the shipped values hold over deployments."""
 
-    current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: PRIORS)
-    way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: way_pool.PRIORS)
-    schedule: Mapping[str, Prior] = dataclasses.field(
-        default_factory=lambda: surfacing_schedule.PRIORS
-    )
+    current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: CURRENT_PRIORS)
+    way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: WAY_PRIORS)
+    schedule: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: SCHEDULE_PRIORS)
     surfacing_reach: Pair = (0.81, 4.8)
     """[1] squared distances within which the two ellipses of a surfacing lie"""
     current_reach: Pair = (0.69, 3.1)
@@ -104,14 +108,10 @@ class HindcastSurfacing:
     """Row in the store."""
     time: float
     """[s] unix"""
-    method: str
-    """How its way through the water was found"""
     scored: bool
     """False in the part that only teaches"""
     places: dict[str, Pair]
     """Latitude, longitude [degree]: `begin`, `fix`, and where each method has the surfacing"""
-    expected_hours: float
-    """[h] that the dive was to last"""
     surfacing: Judged
     current: Judged
     found: Pair
@@ -152,7 +152,6 @@ class Walked:
 def walk(
     legs: Sequence[LoggedLeg],
     *,
-    latitude: float,
     dives: Sequence[DiveTime] = (),
     train: int = 0,
     priors: Priors | None = None,
@@ -162,8 +161,7 @@ def walk(
     """Forecast every leg's end.
 
     Args:
-      legs: of one deployment, in order of time.
-      latitude: [degree] of the deployment.
+      legs: of one deployment, in order of time, at least one.
       dives: all that are known, those without a known way, too, in order of time; by default the
         legs'.
       train: legs at the beginning that are not scored.
@@ -172,26 +170,29 @@ def walk(
       flown: flies members of each scored leg too.
     """
     priors = priors or Priors()
-    begin = legs[0].leg.start if legs else 0.0
     pool = CurrentPool(
-        latitude=latitude, time=begin, field=field is not None, priors=priors.current
+        latitude=float(np.median([one.begin[0] for one in legs])),
+        time=legs[0].leg.start,
+        field=field is not None,
+        priors=priors.current,
     )
-    ways, ends, tide = WayPool(priors.way), SurfacingSchedule(priors.schedule), TidalFit(RIVAL_DAYS)
+    ways, ends = WayPool(priors.way), SurfacingSchedule(priors.schedule)
     reaches = Reaches(priors.surfacing_reach), Reaches(priors.current_reach)
-    times = list(dives) or [_time_of(one) for one in legs]
+    times = list(dives) or [DiveTime(one.leg.start, one.leg.end, math.nan) for one in legs]
     parts: dict[str, list[Array]] = {"current": [], "way": [], "schedule": []}
     alone: list[Array] = []
     found: list[HindcastSurfacing] = []
     for k, one in enumerate(legs):
         leg = one.leg
         while times and times[0].end <= leg.start + 1.0:
-            _keep(parts["schedule"], ends.learn(times.pop(0)))
+            if (part := ends.learn(times.pop(0))) is not None:
+                parts["schedule"].append(part)
         if field is not None:
             told = field(one, one, np.array(leg.through_water), leg.duration)
             leg = dataclasses.replace(leg, field=told)
         if k:
             lasts = ends.expect(leg.start)
-            judged = _judge(legs[:k], one, leg, (pool, ways, tide), lasts, reaches, field)
+            judged = _judge(legs[:k], one, leg, (pool, ways), lasts, reaches, field)
             members = None
             if flown is not None and k >= train:
                 members = _by_members(flown, legs[:k], one, judged.surfacing, (pool, ways), lasts)
@@ -199,13 +200,16 @@ def walk(
             for reach, each in zip(reaches, (judged.surfacing, judged.current), strict=True):
                 reach.learn(each.distance)
             if k >= train:
-                off = [model.expect(leg)[0] - leg.current for model in pool.models.values()]
+                off = [pool.alone(name, leg)[0] - leg.current for name in pool.pool.names]
                 alone.append(HOUR * np.hypot(*np.array(off).T))
-        _keep(parts["current"], pool.learn(leg))
-        _keep(parts["way"], ways.learn(one))
-        tide.learn(leg)
+        parts["current"].append(pool.learn(leg))
+        parts["way"].append(ways.learn(one))
     pools = {"current": pool.pool, "way": ways.pool, "schedule": ends.pool}
-    errors = np.mean(alone, axis=0) if alone else np.full(len(pool.models), np.nan)
+    names = pool.pool.names
+    errors = np.mean(alone, axis=0) if alone else np.full(len(names), np.nan)
+    whole = copy.deepcopy(ends)
+    for dive in times:
+        whole.learn(dive)
     return Walked(
         surfacings=tuple(found),
         weights={
@@ -216,42 +220,23 @@ def walk(
         scales={name: one.scales for name, one in pools.items()},
         pool=pool,
         ways=ways,
-        rhythm=_rhythm(ends, times, dives),
+        rhythm=Rhythm.of(whole, dives),
         reach=reaches[0].now,
-        singles=dict(zip(pool.models, errors.tolist(), strict=True)),
+        singles=dict(zip(names, errors.tolist(), strict=True)),
     )
-
-
-def _time_of(one: LoggedLeg) -> DiveTime:
-    return DiveTime(one.leg.start, one.leg.end, math.nan)
-
-
-def _rhythm(
-    ends: SurfacingSchedule, left: Sequence[DiveTime], dives: Sequence[DiveTime]
-) -> Rhythm | None:
-    """After all dives, of which those that are left have not been learned."""
-    schedule = copy.deepcopy(ends)
-    for dive in left:
-        schedule.learn(dive)
-    return Rhythm.of(schedule, dives)
-
-
-def _keep(parts: list[Array], part: Array | None) -> None:
-    if part is not None:
-        parts.append(part)
 
 
 def _judge(
     before: Sequence[LoggedLeg],
     one: LoggedLeg,
     leg: Leg,
-    known: tuple[CurrentPool, WayPool, TidalFit],
+    known: tuple[CurrentPool, WayPool],
     lasts: Mixture,
     reaches: tuple[Reaches, Reaches],
     field: FieldMean | None,
 ) -> HindcastSurfacing:
     """One surfacing, forecast by what the dives before have taught."""
-    pool, ways, tide = known
+    pool, ways = known
     duration = middle(lasts)
     through = ways.expect(one, duration)
     ahead = _leg_ahead(leg, duration, duration * through.mean)
@@ -261,49 +246,45 @@ def _judge(
     carried = pool.expect(ahead)
     ground = through.mean + carried.mean
     ended = np.array(leg.over_ground)
-    usual = usual_duration([_time_of(each) for each in before])
+    legs = [each.leg for each in before]
+    usual = usual_duration([DiveTime(each.start, each.end, math.nan) for each in legs])
     plain = plain_velocity(before, one.targets)
-    last = before[-1].leg.current
-    fitted = tide.expect(_leg_ahead(leg, usual, usual * plain))[0]
+    last = legs[-1].current
+    fitted = tidal_fit(legs, _leg_ahead(leg, usual, usual * plain), RIVAL_DAYS)
     reached = {
         "forecast": duration * ground,
         "persistence": usual * (plain + last),
         "tide": usual * (plain + fitted),
         "no_current": usual * plain,
     }
-    if one.onboard is not None:
-        reached["onboard"] = usual * (plain + np.array(ways.steered(one)))
-    given = np.array(leg.through_water)
     mixed = pool.expect(leg)
     drifted = {
         "forecast": mixed.mean,
         "persistence": last,
-        "tide": tide.expect(leg)[0],
+        "tide": tidal_fit(legs, leg, RIVAL_DAYS),
         "no_current": np.zeros(2),
     }
+    given = np.array(leg.through_water)
     missed = {name: ended - given - leg.duration * each for name, each in drifted.items()}
     if one.onboard is not None:
+        reached["onboard"] = usual * (plain + np.array(ways.steered(one)))
         missed["onboard"] = ended - np.array(one.onboard)
-    places = {"fix": ended, **reached}
+    places = {name: place_at(to, one.begin) for name, to in {"fix": ended, **reached}.items()}
+    hours = leg.duration / HOUR
     return HindcastSurfacing(
         mission=one.mission,
         time=leg.end,
-        method=one.method,
         scored=True,
-        places={
-            "begin": one.begin,
-            **{name: place_at(metres, one.begin) for name, metres in places.items()},
-        },
-        expected_hours=duration / HOUR,
+        places={"begin": one.begin, **places},
         surfacing=Judged(
-            hours=leg.duration / HOUR,
+            hours=hours,
             missed={name: _pair(ended - metres) for name, metres in reached.items()},
             covariance=duration**2 * (through.covariance + carried.covariance)
             + lasts.covariance[0, 0] * np.outer(ground, ground),
             reach=reaches[0].now,
         ),
         current=Judged(
-            hours=leg.duration / HOUR,
+            hours=hours,
             missed={name: _pair(metres) for name, metres in missed.items()},
             covariance=leg.duration**2 * mixed.covariance,
             reach=reaches[1].now,
@@ -321,10 +302,9 @@ def _by_members(
     known: tuple[CurrentPool, WayPool],
     lasts: Mixture,
 ) -> Judged | None:
-    """The same surfacing with its forecast by members flown."""
-    pool, ways = known
+    """One surfacing with its forecast by members flown."""
     duration = middle(lasts)
-    told = flown(before, one, pool, ways, duration, surfacing.reach)
+    told = flown(before, one, *known, duration, surfacing.reach)
     if told is None:
         return None
     mean, covariance = told
@@ -337,7 +317,7 @@ def _by_members(
 
 
 def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
-    """The leg as it is expected: nothing of it but its start is known."""
+    """Leg as it is expected: nothing of it but its start is known."""
     unknown = (math.nan, math.nan)
     return Leg(
         start=leg.start, duration=duration, over_ground=unknown, through_water=_pair(through)
@@ -346,3 +326,118 @@ def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
 
 def _pair(values: Array) -> Pair:
     return float(values[0]), float(values[1])
+
+
+METHODS = ("forecast", "persistence", "tide", "no_current", "onboard")
+RESAMPLED, BLOCK, SEED = 2000, 6, 1
+"""Bootstrap samples, surfacings in a block (about a day: errors of neighbours are alike, Kunsch
+1989, Ann. Stat. 17), and the seed"""
+LEAST_BLOCKS, LEAST_SEGMENTS = 5, 12
+"""Blocks of a deployment, which are shorter where it is short, and surfacings below which there are
+no intervals: those resampled from fewer are too narrow"""
+INTERVAL = (2.5, 97.5)
+"""[%]"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scores:
+    """Of some surfacings; None where nothing could be scored."""
+
+    segments: int
+    """Surfacings scored"""
+    segments_of: dict[str, int]
+    """Of these, the surfacings that a method says anything of: its figures are of them alone"""
+    mean: dict[str, float | None]
+    """[m/h] by method"""
+    median: dict[str, float | None]
+    """[m/h] by method"""
+    rival: str | None
+    """The method beside the forecast with the smallest mean, of those that say something of every
+    surfacing"""
+    ratio: float | None
+    """[1] mean of the forecast by that of the rival"""
+    ratio_interval: tuple[float, float] | None
+    """[1] 95 % bootstrap interval of that; None of fewer than `LEAST_SEGMENTS`"""
+    coverage_50: float | None
+    """[1] part of the fixes within the 50 % ellipse"""
+    coverage_90: float | None
+
+    @property
+    def partial(self) -> tuple[str, ...]:
+        """Methods that say something of some surfacings only."""
+        return tuple(n for n, count in self.segments_of.items() if 0 < count < self.segments)
+
+    def describe(self) -> dict[str, object]:
+        """The figures with their units in the names."""
+        return {
+            "segments": self.segments,
+            "mean_m_per_h": self.mean,
+            "median_m_per_h": self.median,
+            "coverage_50": self.coverage_50,
+            "coverage_90": self.coverage_90,
+        }
+
+
+def scores_of(deployments: Sequence[Sequence[Judged]]) -> Scores:
+    """The scores of some deployments together.
+
+    Args:
+      deployments: what was scored of each; blocks of the bootstrap stay within one.
+    """
+    every = [one for run in deployments for one in run]
+    errors = {name: np.array([one.error(name) for one in every]) for name in METHODS}
+    known = {name: values[np.isfinite(values)] for name, values in errors.items()}
+    mean = {n: float(v.mean()) if v.size else None for n, v in known.items()}
+    whole = {
+        name: figure
+        for name, figure in mean.items()
+        if name != "forecast" and figure is not None and len(known[name]) == len(every)
+    }
+    rival = min(whole, key=lambda name: whole[name]) if whole else None
+    interval = None
+    if rival is not None and len(every) >= LEAST_SEGMENTS:
+        interval = bootstrap(
+            [len(run) for run in deployments],
+            lambda rows: float(errors["forecast"][rows].mean() / errors[rival][rows].mean()),
+        )
+    held = np.array([one.held for one in every], float).reshape(-1, 2)
+    return Scores(
+        segments=len(every),
+        segments_of={name: len(values) for name, values in known.items()},
+        mean=mean,
+        median={n: float(np.median(v)) if v.size else None for n, v in known.items()},
+        rival=rival,
+        ratio=None if rival is None else float(errors["forecast"].mean()) / whole[rival],
+        ratio_interval=interval,
+        coverage_50=float(held[:, 0].mean()) if every else None,
+        coverage_90=float(held[:, 1].mean()) if every else None,
+    )
+
+
+def bootstrap(
+    counts: Sequence[int],
+    figure: Callable[[NDArray[np.intp]], float],
+    interval: tuple[float, float] = INTERVAL,
+) -> tuple[float, float]:
+    """Interval of a figure, resampled in blocks of neighbours, each deployment as long as it is.
+
+    Args:
+      counts: surfacings of each deployment, one after the other.
+      figure: of the surfacings at some indices.
+      interval: [%] its two percentiles.
+    """
+    rng = np.random.default_rng(SEED)
+    found = []
+    for _ in range(RESAMPLED):
+        picked, first = [], 0
+        for count in counts:
+            if not count:
+                continue
+            block = min(BLOCK, max(count // LEAST_BLOCKS, 1))
+            begins = rng.integers(0, count - block + 1, -(-count // block))
+            rows = (begins[:, None] + np.arange(block)).ravel()[:count]
+            picked.append(first + rows)
+            first += count
+        found.append(figure(np.concatenate(picked)))
+    low, high = np.percentile(found, interval)
+    return float(low), float(high)

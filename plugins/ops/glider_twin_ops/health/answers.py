@@ -12,14 +12,14 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from glider_twin_ops.health.beliefs import FOLLOWED, Beliefs, follow_parameters
-from glider_twin_ops.health.dive_signals import strokes_of
+from glider_twin_ops.health.dive_channels import strokes_of
 from twin import Vehicle, load_vehicle
 from twin.errors import TwinError
 from twin.identify import load_calibration, load_logs, start_vehicle
@@ -95,40 +95,40 @@ def answer_for(
         rows = logs.missions_of(deployment)
         pump = _pump(logs, rows)
         numbers = np.asarray(logs.array(DIVE) if DIVE in logs else np.arange(len(logs)), float)
-        starts = logs.starts
+        starts = np.asarray(logs.starts)
     if pump is None:
         lacking["pump"] = "the log has no strokes of a pump"
-    beliefs = tried("drag", lambda: _followed(store, rows, flown))
-    used = () if beliefs is None else beliefs.rows
+    beliefs = tried(
+        "drag",
+        lambda: follow_parameters(
+            load_logs(store, rows, task="following a vehicle's drag"),
+            load_calibration(flown),
+            (*FOLLOWED, *COMPASS),
+        ),
+    )
+    used = [] if beliefs is None else list(beliefs.rows)
+    dives, time = tuple(int(number) for number in numbers[used]), starts[used]
     compass = None if beliefs is None else _compass(beliefs)
     if compass is None:
         lacking["compass"] = lacking.get("drag", "too few fixes of dives on different headings")
     return Answers(
         beliefs=beliefs,
-        dives=tuple(int(numbers[row]) for row in used),
-        time=np.array([starts[row] for row in used]),
+        dives=dives,
+        time=time,
         compass=compass,
-        drag=None if beliefs is None else _drag(beliefs, numbers, starts),
+        drag=None if beliefs is None else _drag(beliefs, dives, time),
         pump=pump,
         energy=tried("energy", lambda: _energy(store, rows, flown)),
         lacking=lacking,
     )
 
 
-def _followed(store: str | StorePath, rows: list[int], vehicle: Vehicle) -> Beliefs:
-    logs = load_logs(store, rows, task="following a vehicle's drag")
-    return follow_parameters(logs, load_calibration(vehicle), (*FOLLOWED, *COMPASS))
-
-
-def _drag(beliefs: Beliefs, numbers: Array, starts: Array) -> dict[str, Any]:
+def _drag(beliefs: Beliefs, dives: Sequence[int], time: Array) -> dict[str, Any]:
     """Drag after each dive, and how much it changed over them all."""
-    back, off = (
-        getattr(beliefs, name)("drag", smoothed=True) for name in ("value", "deviation")
-    )  # fmt: skip
-    time = np.array([starts[row] for row in beliefs.rows])
+    back, off = beliefs.value("drag", smoothed=True), beliefs.deviation("drag", smoothed=True)
     return {
         "unit": "kg m-1",
-        "dives": [int(numbers[row]) for row in beliefs.rows],
+        "dives": list(dives),
         "days": ((time - time[0]) / SECONDS).tolist(),
         "value": beliefs.value("drag").tolist(),
         "deviation": beliefs.deviation("drag").tolist(),
@@ -146,11 +146,9 @@ def _compass(beliefs: Beliefs) -> dict[str, Any] | None:
     one_cycle = np.sqrt(np.diag(covariance))[1:3]
     if (one_cycle > TOLD * spread[1:3]).any():
         return None
-    heading = np.deg2rad(HEADINGS)
-    basis = np.stack(
-        [np.ones_like(heading), np.cos(heading), np.sin(heading), np.cos(2 * heading),
-         np.sin(2 * heading)], axis=1,
-    )  # fmt: skip
+    turn = np.deg2rad(HEADINGS)
+    waves = (np.ones_like(turn), np.cos(turn), np.sin(turn), np.cos(2 * turn), np.sin(2 * turn))
+    basis = np.stack(waves, axis=1)
     off = np.sqrt(np.einsum("hi,ij,hj->h", basis, covariance, basis))
     cosine, sine = value[1:3]
     iron = math.hypot(cosine, sine)
@@ -168,17 +166,15 @@ def _compass(beliefs: Beliefs) -> dict[str, Any] | None:
 
 def _pump(logs: LogStore, rows: list[int]) -> list[dict[str, float]] | None:
     """Rate and power of what is pumped out, by depth."""
-    names = [f"measured_{name}" for name in ("depth", "pump", "pump_power", "voltage",
-                                             "battery_current")]  # fmt: skip
+    signals = ("depth", "pump", "pump_power", "voltage", "battery_current")
+    names = [f"measured_{name}" for name in signals]
     if any(name not in logs for name in names[:2]):
         return None
-    period = logs.period
     blocks = {name: logs.rows(name, rows) for name in names if name in logs}
     depths, rates, powers = [], [], []
     for k, row in enumerate(rows):
         told = {name: block[k, : logs.samples[row]].astype(float) for name, block in blocks.items()}
-        strokes = strokes_of(told["measured_pump"], period)
-        rate, pumping = strokes.rate, strokes.inner
+        rate, _, pumping = strokes_of(told["measured_pump"], logs.period)
         power = told.get("measured_pump_power")
         if power is None and {"measured_voltage", "measured_battery_current"} <= told.keys():
             taken = told["measured_voltage"] * told["measured_battery_current"]

@@ -7,24 +7,27 @@ found[0].alarm, found[0].kind, found[0].since_dive
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.health.channels import CHANNELS, NAMES
-from glider_twin_ops.health.deployment_dives import told_by
-from glider_twin_ops.health.deployment_health import (
-    NONE,
-    DeploymentHealth,
-    KindVerdict,
-    loud_channels,
+from glider_twin_ops.health.channels import (
+    CHANNELS,
+    NAMES,
+    NOISE,
+    Channel,
+    standing,
+    steps_in_shear,
 )
-from glider_twin_ops.health.disturbances import standing, steps_in_shear
+from glider_twin_ops.health.deployment_dives import told_by
+from glider_twin_ops.health.dive_channels import Mask
 from glider_twin_ops.health.judgement import (
     FIRST,
+    NONE,
     Levels,
     Verdict,
     follow,
@@ -41,7 +44,7 @@ from glider_twin_ops.health.signatures import (
 )
 from twin import Vehicle, load_vehicle
 from twin.errors import InputError
-from twin.faults import FAULTS, Fault
+from twin.faults import FAULTS
 from twin.identify import start_vehicle
 from twin.numbers import Array
 from twin.records import LogStore
@@ -56,6 +59,155 @@ ENDS, BELOW = 0.0, 1.0
 a level that is lower itself, so that an alarm does not flap"""
 LEANING = 3.0
 """[degree] of what turns a vehicle, in dives and in climbs, from which on it leans to one side"""
+MOST_ROWS, UNLIKELY = 5, 0.005
+"""Kinds of a table, the likeliest, and the probability below which one is not listed"""
+LOUD = 6.0
+"""Deviations off its level from which a channel of the last dive is told"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class KindVerdict:
+    """What the dives say of one kind of fault."""
+
+    kind: str
+    says: str
+    probability: float
+    since_dive: int | None
+    """Number of the first dive with it, as the log counts; None where it is unlikely"""
+    size: float
+    """in `unit`"""
+    size_deviation: float
+    unit: str
+    dives: tuple[int, ...]
+    """Numbers of the dives to look at: those that speak for it most"""
+    channels: tuple[str, ...]
+    """by which it shows"""
+    also: tuple[str, ...]
+    """Other kinds that no channel of this log tells from it"""
+    otherwise: str
+    find_out: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DeploymentHealth:
+    """The health of one deployment."""
+
+    name: str
+    days: float
+    """[d] from its first dive to its last"""
+    dives: tuple[int, ...]
+    """Numbers of its dives, as the log counts"""
+    alarm: bool = False
+    kind: str = NONE
+    """The most likely fault; none without an alarm"""
+    since_dive: int | None = None
+    noticed_dive: int | None = None
+    """The dive after which the alarm that stands was given"""
+    rang: tuple[tuple[int, int], ...] = ()
+    """First and last dive after which each alarm stood; one whose odds fell back has ended"""
+    probability: float = 0.0
+    """of that kind, or of a fault at all where there is no alarm"""
+    kinds: tuple[KindVerdict, ...] = ()
+    """every kind that the vehicle can have and the log can show: of an alarm the one it is of, then
+    those that show in what is far off its level in the last dive, then the likeliest"""
+    evidence: Array
+    """log of the odds of a fault after each dive, see `Verdict`, (dives,)"""
+    threshold: float
+    levels: Levels
+    values: Array
+    """of the channels, (dives, channels)"""
+    time: Array
+    """[s] unix, of the middle of each dive, (dives,)"""
+    lacking: tuple[str, ...]
+    """Channels that this log does not tell"""
+    remarks: tuple[str, ...]
+    """What is no fault and a pilot should know: what drove it, how it leans, what was changed"""
+    driven: tuple[int, ...] = ()
+    """Numbers of the dives that a thruster drove"""
+
+    @property
+    def judged(self) -> bool:
+        """Whether there were dives enough; without them the probability is 0."""
+        return bool(self.kinds)
+
+    def describe(self) -> dict[str, object]:
+        """Plain values, as `--json` prints them."""
+        same = ("name", "days", "alarm", "judged", "kind", "since_dive", "noticed_dive",
+                "probability")  # fmt: skip
+        first = self.kinds[0] if self.alarm else None
+        of_alarm = ("size", "size_deviation", "otherwise", "find_out")
+        return {
+            **{name: getattr(self, name) for name in same},
+            **{name: getattr(first, name, None) for name in of_alarm},
+            "dives": len(self.dives),
+            "also": list(first.also) if first else [],
+            "rang": [list(dives) for dives in self.rang],
+            "remarks": list(self.remarks),
+            "lacking": list(self.lacking),
+        }
+
+    def likeliest(self) -> list[dict[str, object]]:
+        """Rows of a table: kinds that are not unlikely."""
+        return [
+            {
+                "fault": kind.kind,
+                "probability": kind.probability,
+                "since dive": kind.since_dive,
+                "size": kind.size,
+                "+-": kind.size_deviation,
+                "unit": kind.unit,
+                "shows in": ", ".join(kind.channels),
+                "dives to look at": ", ".join(map(str, kind.dives)),
+            }
+            for kind in self.kinds[:MOST_ROWS]
+            if kind.probability > UNLIKELY
+        ]
+
+    def verdict(self) -> str:
+        """One line for a person."""
+        many = len(self.dives)
+        if not self.judged:
+            said = "1 dive is" if many == 1 else f"{many} dives are"
+            return f"{self.name}: {said} too few to judge"
+        if self.alarm:
+            first = self.kinds[0]
+            told = f" or {', '.join(first.also)}" if first.also else ""
+            unit = "" if first.unit == "1" else f" {first.unit}"
+            return (
+                f"{self.name}: {first.says} ({first.kind}{told}) since dive {self.since_dive}, "
+                f"{100.0 * self.probability:.0f} % sure, size {first.size:.3g} +- "
+                f"{first.size_deviation:.2g}{unit}{self._judged_until()}"
+            )
+        found, by, before = "nothing wrong", "", ""
+        if self.rang:
+            before = f"; an alarm after dive {self.rang[-1][0]} ended after dive {self.rang[-1][1]}"
+        told_by = len(CHANNELS) - len(self.lacking)
+        if 2 * told_by < len(CHANNELS):
+            by = f", judged by {told_by} of {len(CHANNELS)} channels only"
+        if self.evidence[-1] > self.threshold:  # an alarm takes two dives
+            before += f"; dive {self.dives[-1]} alone would be an alarm: the next one decides"
+            found = "no alarm"
+        if loud := loud_channels(self.levels):
+            off = (f"{channel.name} was {abs(by):.0f} deviations off" for channel, by in loud)
+            before += f"; look at dive {self.dives[-1]}: {' and '.join(off)}"
+            found = "no alarm"
+        return f"{self.name}: {found} in {many} dives, {self.days:.1f} d{by}{before}"
+
+    def _judged_until(self) -> str:
+        """Since when a thruster drove every dive, so that little could speak against an alarm."""
+        last = [dive for dive in self.dives if dive not in self.driven]
+        if self.dives[-1] not in self.driven or not last:
+            return ""
+        return f"; a thruster drove it after dive {last[-1]}: hardly judged since"
+
+
+def loud_channels(levels: Levels) -> list[tuple[Channel, float]]:
+    """Channels that were `LOUD` deviations off their levels in the last dive, and by how many,
+    whatever the verdict says of it."""
+    if not len(levels.innovation):
+        return []
+    last = levels.innovation[-1].tolist()
+    return [(one, off) for one, off in zip(CHANNELS, last, strict=True) if abs(off) > LOUD]
 
 
 def assess(
@@ -111,7 +263,7 @@ def judged(
     powered: Sequence[bool] = (),
     wander: Array | None = None,
 ) -> DeploymentHealth:
-    """A verdict over the channels of a deployment.
+    """Judge the channels of a deployment.
 
     Args:
       numbers: of the dives, as the log counts. values: (dives, channels).
@@ -120,60 +272,58 @@ def judged(
       changes: see `changes_of`. powered: whether a thruster drove each dive.
       wander: see `wander_of`.
     """
-    untold = {
-        c.name for c, column in zip(CHANNELS, values.T, strict=True)
-        if not np.isfinite(column).any()
-    } if len(values) else set()  # fmt: skip
-    lacking = tuple(
-        c.name for c in CHANNELS
-        if c.name in untold and (not c.instead or c.instead in untold)
-    )  # fmt: skip
-    seen = values if len(values) else np.full((1, len(CHANNELS)), math.nan)
+    many = len(values)
+    told = np.isfinite(values).reshape(-1, len(CHANNELS))
+    ever: Mask = np.asarray(told.any(axis=0))
+    untold = set(itertools.compress(NAMES, ~ever)) if many else set()
+    lacking = tuple(c.name for c in CHANNELS if {c.name, c.instead or c.name} <= untold)
+    seen = values if many else np.full((1, len(CHANNELS)), math.nan)
     days = (time - time[0]) / 86400.0 if len(time) else np.zeros(0)
-    judgeable = len(values) >= LEAST_DIVES
-    signatures = flown_signatures(vehicle, dive) if judgeable else None
+    signatures = flown_signatures(vehicle, dive) if many >= LEAST_DIVES else None
     steps = np.zeros(seen.shape) if wander is None else np.broadcast_to(wander, seen.shape)
     if signatures is not None:
-        sheared = steps_in_shear(signatures.sheared, ways, days, dive.depth)
-        steps = np.hypot(steps, sheared)
+        steps = np.hypot(steps, steps_in_shear(signatures.sheared, ways, days, dive.depth))
     levels = follow(seen, changes, steps)
+    remarks = remarks_of(numbers, values, changes, powered, vehicle)
     shared: dict[str, Any] = {
-        "name": name, "days": float(days[-1]) if len(days) else 0.0, "dives": tuple(numbers),
-        "threshold": threshold, "levels": levels, "values": values, "time": time,
-        "lacking": lacking, "remarks": (
-            *remarks_of(numbers, values, changes, powered, vehicle), *_loud(numbers, levels),
-        ),
-        "driven": _driven(numbers, powered),
-    }  # fmt: skip
+        "name": name,
+        "days": float(days[-1]) if len(days) else 0.0,
+        "dives": tuple(numbers),
+        "threshold": threshold,
+        "levels": levels,
+        "values": values,
+        "time": time,
+        "lacking": lacking,
+        "remarks": (*remarks, *_loud(numbers, levels)),
+        "driven": tuple(itertools.compress(numbers, powered)),
+    }
     if signatures is None:
-        return DeploymentHealth(
-            **shared, alarm=False, rang=(), kind=NONE, since_dive=None, noticed_dive=None,
-            probability=0.0, kinds=(), evidence=np.full(len(values), -math.inf),
-        )  # fmt: skip
+        return DeploymentHealth(**shared, evidence=np.full(many, -math.inf))
     every = signatures.in_dives(ways)
-    known = np.atleast_1d(np.isfinite(values).any(axis=0))
-    hypotheses = [one for one in every if one.shows_in(known)] or every
+    hypotheses = [one for one in every if one.shows_in(ever)] or every
     verdict = judge(levels, days, hypotheses, standing(ways, days))
     rang = rings(verdict.evidence, threshold)
-    noise = np.where(np.isfinite(values).sum(axis=0) >= OFTEN, [c.noise for c in CHANNELS], np.inf)
-    groups = confusable(hypotheses, noise)
-    alarm = bool(rang) and rang[-1][1] == len(values) - 1
+    groups = confusable(hypotheses, np.where(told.sum(axis=0) >= OFTEN, NOISE, np.inf))
+    alarm = bool(rang) and rang[-1][1] == many - 1
     loud = [NAMES.index(channel.name) for channel, _ in loud_channels(levels)]
     telling = {one.kind for one in hypotheses if (_over(one)[loud] > 1.0).any()}
     order = np.argsort(-verdict.probability, kind="stable").tolist()
     order[alarm:] = sorted(order[alarm:], key=lambda k: verdict.kinds[k] not in telling)
     kinds = tuple(_kind(verdict, k, hypotheses, levels, numbers, groups) for k in order)
-    first = kinds[0]
+    shared |= {
+        "rang": tuple((int(numbers[begin]), int(numbers[end])) for begin, end in rang),
+        "kinds": kinds,
+        "evidence": verdict.evidence,
+    }
+    if not alarm:
+        return DeploymentHealth(**shared, probability=float(verdict.probability.sum()))
     return DeploymentHealth(
         **shared,
-        alarm=alarm,
-        kind=first.kind if alarm else NONE,
-        since_dive=first.since_dive if alarm else None,
-        noticed_dive=int(numbers[rang[-1][0]]) if alarm else None,
-        rang=tuple((int(numbers[begin]), int(numbers[end])) for begin, end in rang),
-        probability=first.probability if alarm else float(verdict.probability.sum()),
-        kinds=kinds,
-        evidence=verdict.evidence,
+        alarm=True,
+        kind=kinds[0].kind,
+        since_dive=kinds[0].since_dive,
+        noticed_dive=int(numbers[rang[-1][0]]),
+        probability=kinds[0].probability,
     )
 
 
@@ -194,11 +344,6 @@ def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
     return found
 
 
-def _driven(numbers: Sequence[int], powered: Sequence[bool]) -> tuple[int, ...]:
-    """Numbers of the dives that a thruster drove."""
-    return tuple(int(n) for n, is_driven in zip(numbers, powered, strict=False) if is_driven)
-
-
 def remarks_of(
     numbers: Sequence[int],
     values: Array,
@@ -208,7 +353,7 @@ def remarks_of(
 ) -> tuple[str, ...]:
     """What is no fault and explains a log, in whole sentences."""
     found = []
-    if driven := _driven(numbers, powered):
+    if driven := list(itertools.compress(numbers, powered)):
         found.append(
             f"A thruster drove {_dives(driven)}: glide, trim, turns and power are not judged there."
         )
@@ -223,11 +368,11 @@ def remarks_of(
                     f"{up:.0f} in climbs: an asymmetry of the hull or the trim, or the zero of "
                     "that drive."
                 )
-    changed = [] if changes is None else np.flatnonzero(changes > 1.0).tolist()
-    if changed:
+    if changes is not None and (changes > 1.0).any():
         found.append(
-            f"Depth, pitch or pumped volume were changed in {_dives([numbers[d] for d in changed])}"
-            ": what changes there with them counts as the pilot's."
+            "Depth, pitch or pumped volume were changed in "
+            f"{_dives(list(itertools.compress(numbers, changes > 1.0)))}: what changes there with "
+            "them counts as the pilot's."
         )
     return tuple(found)
 
@@ -256,7 +401,7 @@ def _dives(numbers: Sequence[int]) -> str:
 def _over(one: Hypothesis) -> Array:
     """[noise] by which a fault of its usual size shows in each channel, (channels,)."""
     shown = np.nan_to_num(np.abs(np.atleast_2d(one.signature))).max(axis=0) * one.scale
-    return np.asarray(shown / np.array([channel.noise for channel in CHANNELS]))
+    return np.asarray(shown / NOISE)
 
 
 def _kind(
@@ -265,22 +410,14 @@ def _kind(
     hypotheses: Sequence[Hypothesis],
     levels: Levels,
     numbers: Sequence[int],
-    groups: dict[str, set[str]],
+    groups: Mapping[str, set[str]],
 ) -> KindVerdict:
-    name = verdict.kinds[k]
-    best = hypotheses[verdict.best[k]]
-    kind = FAULTS[name]
-    first = int(verdict.since[k])
-    over = _over(best)
-    told = np.atleast_1d(np.isfinite(levels.innovation).any(axis=0))
+    name, first = verdict.kinds[k], int(verdict.since[k])
+    kind, over = FAULTS[name], _over(hypotheses[verdict.best[k]])
+    told: Mask = np.asarray(np.isfinite(levels.innovation).any(axis=0))
     by = [c for c in np.argsort(-over).tolist() if over[c] > 1.0 and told[c]][:4]
     loud = np.nan_to_num(np.abs(levels.innovation[first:, by])).sum(axis=1) if by else np.zeros(0)
-    look = sorted(first + int(d) for d in np.argsort(-loud)[:3]) if len(loud) else []
-    settings = {
-        field.name: getattr(best.fault, field.name)
-        for field in dataclasses.fields(Fault) + dataclasses.fields(best.fault)
-        if field.name not in ("start", kind.size_name)
-    }
+    look = sorted(first + int(d) for d in np.argsort(-loud)[:3])
     return KindVerdict(
         kind=name,
         says=kind.says,
@@ -289,7 +426,6 @@ def _kind(
         size=float(verdict.size[k]),
         size_deviation=float(verdict.size_deviation[k]),
         unit=kind.unit,
-        settings=settings,
         dives=tuple(int(numbers[d]) for d in look),
         channels=tuple(CHANNELS[c].name for c in by),
         also=tuple(sorted(groups[name] - {name})),
@@ -302,7 +438,7 @@ _SIGNATURES: dict[tuple[Any, ...], Signatures] = {}
 
 
 def flown_signatures(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
-    """Those of a vehicle in a dive; what is flown is kept for the next deployment of it."""
+    """Signatures of a vehicle in a dive; what is flown is kept for the next deployment of it."""
     key = (vehicle.xml, str(vehicle.changes()), dive, tuple(FAULTS.names()))
     if key not in _SIGNATURES:
         _SIGNATURES[key] = signatures_of(vehicle, dive)

@@ -14,7 +14,8 @@ and Striebel, AIAA Journal 3, 1965).
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,8 @@ from twin.numbers import Array
 
 FOLLOWED = ("neutral_density", "drag")
 """Parameters that are followed where the caller names none: those that every glide tells"""
-WALKS: Mapping[str, float] = {"neutral_density": 0.01, "drag": 0.01}
+WALK = 0.01
 """Change from dive to dive, over the parameter's spread, before the dives say: water and growth"""
-OTHER_WALK = 0.01
-"""likewise, of every other parameter"""
 LEARNING = 8
 """Dives at the beginning that say how much larger walks and noise are; a later fault does not"""
 FACTORS = np.exp(np.arange(-2.5, 2.6, 0.5))
@@ -72,12 +71,8 @@ class Beliefs:
         k = self._place(name)
         covariance = (self.smoothed_covariance if smoothed else self.covariance)[:, k, k]
         values = self.value(name, smoothed=smoothed)
-        return np.array(
-            [
-                self.parameters[k].deviation(v, s)
-                for v, s in zip(values, np.sqrt(covariance), strict=True)
-            ]
-        )
+        off = self.parameters[k].deviation
+        return np.array([off(v, s) for v, s in zip(values, np.sqrt(covariance), strict=True)])
 
     def _place(self, name: str) -> int:
         names = [parameter.name for parameter in self.parameters]
@@ -91,9 +86,8 @@ def follow_parameters(
     calibration: Calibration,
     parameters: Sequence[str] = FOLLOWED,
     *,
-    walks: Mapping[str, float] | float | None = None,
+    walks: float | None = None,
     fixes: bool = True,
-    progress: Callable[[float], None] = lambda part: None,
 ) -> Beliefs:
     """Follow parameters over the dives of one vehicle, in their order.
 
@@ -101,10 +95,9 @@ def follow_parameters(
       logs: the dives. calibration: where the beliefs begin, with the parameters' spreads; a neutral
         density begins where the logs neither sink nor rise, since their sea may be another.
       parameters: names of `twin.identify.unknowns`.
-      walks: change from dive to dive over the spread, by name or of all; default `WALKS`, times a
-        factor that the first dives tell, as they tell how far dives are off.
+      walks: change of each from dive to dive over the spread; default `WALK`, times a factor that
+        the first dives tell, as they tell how far dives are off.
       fixes: compare the currents between fixes too, which tell of the compass.
-      progress: called with the part done, 0 to 1.
 
     Raises:
       InputError: no dive, an unknown parameter, or a calibration that does not fly.
@@ -114,24 +107,23 @@ def follow_parameters(
     if any(one.name == "neutral_density" for one in chosen):
         calibration = centred(used, calibration)
     problem = DepthRates(used, calibration, chosen, fixes=fixes)
-    about, _ = problem.fit(np.zeros(len(chosen)), PASSES, progress=progress, **ENDS)
+    about, _ = problem.fit(np.zeros(len(chosen)), PASSES, **ENDS)
     said = _said(problem, about)
-    steps = np.array([_walk(one.name, walks) for one in chosen])
+    steps = np.full(len(chosen), WALK if walks is None else walks)
     if walks is None:
         said, steps = _scaled(said, steps)
     offset, covariance, innovation, _ = _filtered(said, steps)
     smoothed, after = _smoothed(offset, covariance, steps)
     return Beliefs(
-        parameters=chosen, nominal=tuple(one.get(calibration) for one in chosen),
-        rows=tuple(log.index for log in used), offset=offset, covariance=covariance,
-        innovation=innovation, smoothed=smoothed, smoothed_covariance=after,
-    )  # fmt: skip
-
-
-def _walk(name: str, walks: Mapping[str, float] | float | None) -> float:
-    if walks is None:
-        return WALKS.get(name, OTHER_WALK)
-    return float(walks) if isinstance(walks, int | float) else float(walks.get(name, 0.0))
+        parameters=chosen,
+        nominal=tuple(one.get(calibration) for one in chosen),
+        rows=tuple(log.index for log in used),
+        offset=offset,
+        covariance=covariance,
+        innovation=innovation,
+        smoothed=smoothed,
+        smoothed_covariance=after,
+    )
 
 
 def _said(problem: DepthRates, about: Array) -> list[tuple[Array, Array]]:
@@ -153,13 +145,12 @@ def _scaled(
 ) -> tuple[list[tuple[Array, Array]], Array]:
     """What dives say, and the walks, as large as make the first dives' innovations likeliest."""
     best, found = -np.inf, (1.0, 1.0)
-    for noise in FACTORS:
-        for walk in FACTORS:
-            first = [(matrix / noise**2, pulled / noise**2) for matrix, pulled in said[:LEARNING]]
-            likely = _filtered(first, walk * steps)[3]
-            likely -= 0.5 * float(np.log(noise) ** 2 + np.log(walk) ** 2)
-            if likely > best:
-                best, found = likely, (float(noise), float(walk))
+    for noise, walk in itertools.product(FACTORS.tolist(), repeat=2):
+        first = [(matrix / noise**2, pulled / noise**2) for matrix, pulled in said[:LEARNING]]
+        likely = _filtered(first, walk * steps)[3]
+        likely -= 0.5 * float(np.log(noise) ** 2 + np.log(walk) ** 2)
+        if likely > best:
+            best, found = likely, (noise, walk)
     noise, walk = found
     return [(matrix / noise**2, pulled / noise**2) for matrix, pulled in said], walk * steps
 

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.logged_leg import legs_of
 from glider_twin_ops.health.channels import CHANNELS, NAMES, PLACE
-from glider_twin_ops.health.dive_channels import channels_of, flight_model
-from glider_twin_ops.health.dive_signals import DiveSignals, Settings
+from glider_twin_ops.health.dive_channels import DiveSignals, Settings, channels_of, flight_model
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin import Vehicle
 from twin.identify import Calibration
@@ -67,20 +66,19 @@ class Echoes:
             self.floor = math.nan  # it dived to below where the floor was heard
         part = math.nan
         if math.isfinite(self.floor):
-            at = self._bins(self.floor - deep)
+            at = self._bins(deep)
             expected = float((self.heard / np.maximum(self.pings, 1.0))[at].sum())
-            known = self.pings[at] > 0.0
-            part = float((back & known).sum()) / expected if expected >= LEAST else math.nan
+            if expected >= LEAST:
+                part = float((back & (self.pings[at] > 0.0)).sum()) / expected
         if math.isfinite(found) and not part < SOUND:
             self.floor = found
-            at = self._bins(self.floor - deep)
+            at = self._bins(deep)
             self.pings += np.bincount(at, minlength=BINS)
             self.heard += np.bincount(at, back, BINS)
         return part
 
-    @staticmethod
-    def _bins(height: Array) -> NDArray[np.int64]:
-        return np.clip(height / BIN, 0, BINS - 1).astype(np.int64)
+    def _bins(self, depth: Array) -> NDArray[np.int64]:
+        return np.clip((self.floor - depth) / BIN, 0, BINS - 1).astype(np.int64)
 
 
 CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
@@ -101,39 +99,32 @@ READ = (
 
 
 def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSignals], Array]:
-    """The dives of a deployment in order of time, and their ways through the water.
+    """Dives of a deployment in order of time, and their ways through the water.
 
     Returns:
       Rows of the store; the signals of each; mean velocity through the water by the compass, north
       and east [m/s], (dives, 2), NaN where it is not known.
     """
     rows = logs.missions_of(deployment)
-    names = [f"measured_{name}" for name in READ if f"measured_{name}" in logs]
-    if "commanded_heading" in logs:
-        names.append("commanded_heading")
+    names = [name for name in (*(f"measured_{one}" for one in READ), "commanded_heading")
+             if name in logs]  # fmt: skip
     blocks = {name: logs.rows(name, rows) for name in names}
-    legs = {leg.mission: leg.leg for leg in legs_of(logs, deployment)}
+    legs = {leg.mission: leg for leg in legs_of(logs, deployment)}
     dives, ways = [], np.full((len(rows), 2), math.nan)
     of_rows, echoes = log_rows(logs), Echoes()
     for k, row in enumerate(rows):
-        current = (math.nan, math.nan)
-        leg = legs.get(row)
-        if leg is not None and leg.duration > 0.0:
+        count, powered = int(logs.samples[row]), of_rows[row].powered
+        signals = {name: block[k, :count].astype(float) for name, block in blocks.items()}
+        heading, current = signals.get("measured_heading"), (math.nan, math.nan)
+        # a current by the heading that was wanted, or beside a thruster's speed, says nothing
+        if row in legs and not powered and heading is not None and np.isfinite(heading).any():
+            leg = legs[row].leg
             ways[k] = np.array(leg.through_water) / leg.duration
             moved = np.array(leg.over_ground) / leg.duration - ways[k]
             current = (float(moved[0]), float(moved[1]))
-        count = int(logs.samples[row])
-        signals = {name: block[k, :count].astype(float) for name, block in blocks.items()}
-        heading, powered = signals.get("measured_heading"), of_rows[row].powered
-        if powered or heading is None or not np.isfinite(heading).any():
-            # a current by the heading that was wanted, or beside a thruster's speed, says nothing
-            current, ways[k] = (math.nan, math.nan), math.nan
-        part = math.nan
+        part, pitch = math.nan, signals.get("measured_pitch")
         if {"measured_depth", "measured_altitude"} <= signals.keys():
-            part = echoes.part(
-                signals["measured_depth"], signals["measured_altitude"],
-                signals.get("measured_pitch"),
-            )  # fmt: skip
+            part = echoes.part(signals["measured_depth"], signals["measured_altitude"], pitch)
         dives.append(
             DiveSignals(
                 period=logs.period, signals=signals, current=current, echoes=part, powered=powered
@@ -143,17 +134,16 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
 
 
 def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]:
-    """What `judged` takes of a deployment's log, by its names there."""
+    """Arguments of `judged` that a deployment's log tells."""
     rows, dives, ways = dives_of(logs, deployment)
     calibration = flight_model(vehicle)
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
-    starts = np.array([logs.starts[row] for row in rows])
     lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
     return {
         "name": deployment,
         "numbers": tuple(int(numbers[row]) for row in rows),
         "values": values_of(dives, calibration),
-        "time": starts + 0.5 * lasted,
+        "time": np.asarray(logs.starts)[rows] + 0.5 * lasted,
         "ways": ways,
         "dive": typical(dives, vehicle),
         "changes": changes_of(dives),
@@ -197,7 +187,7 @@ def changes_of(dives: Sequence[DiveSignals]) -> Array:
 
 
 def typical_dive(store: str | StorePath, deployment: str, vehicle: Vehicle) -> TypicalDive:
-    """The dive that is usual in a deployment's log; see `typical`."""
+    """Dive that is usual in a deployment's log; see `typical`."""
     with LogStore(store) as logs:
         return typical(dives_of(logs, deployment)[1], vehicle)
 
@@ -219,11 +209,13 @@ def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
     # half of what the two pumped volumes differ by pulls each way
     heavy, light = (vehicle.net_mass_for_pump(float(np.median(one[:, 1]))) for one in (down, up))
     pull = float(np.clip(0.5 * abs(heavy - light), 0.3 * heaviest, min(heaviest, -lightest)))
-    steep = [
+    pitch, climb_pitch = (
         round(float(np.clip(np.median(one[:, 0]), 12.0, 40.0)) / 2.0) * 2.0 for one in (down, up)
-    ]
+    )
     return dataclasses.replace(
-        usual, pitch=steep[0], climb_pitch=steep[1],
+        usual,
+        pitch=pitch,
+        climb_pitch=climb_pitch,
         net_mass=round(pull / heaviest, 1) * heaviest,
         climb_net_mass=round(pull / -lightest, 1) * -lightest,
-    )  # fmt: skip
+    )

@@ -17,8 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from glider_twin_ops.health.deployment_health import NONE
-from glider_twin_ops.health.judgement import follow
+from glider_twin_ops.health.judgement import NONE, follow
 from twin.errors import InputError
 from twin.numbers import Array
 

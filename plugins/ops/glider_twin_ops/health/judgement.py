@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
-from glider_twin_ops.health.channels import CHANNELS
+from glider_twin_ops.health.channels import NOISE, WALK
 from glider_twin_ops.health.signatures import Hypothesis
 from twin.errors import InputError
 from twin.numbers import Array
@@ -54,6 +54,8 @@ UNKNOWN = 100.0
 """Standard deviation of a level before its first dive, in its noise"""
 RARE = 200.0
 """Dives in which a fault begins once, before anything is known"""
+NONE = "none"
+"""The kind of a healthy deployment"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,14 +85,12 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
         that of a log that tells all it depends on.
     """
     count, width = values.shape
-    noise = np.array([one.noise for one in CHANNELS]) ** 2
-    walk = np.array([one.walk for one in CHANNELS]) ** 2
+    noise, walk = NOISE**2, WALK**2
     level, variance = np.zeros(width), UNKNOWN**2 * noise
     seen, squares = np.zeros(width), np.zeros((count, width))
     scale = np.ones(width)
-    found = [np.full((count, width), math.nan) for _ in range(5)]
-    for d in range(count):
-        value = values[d]
+    found = np.full((5, count, width), math.nan)
+    for d, value in enumerate(values):
         known = np.isfinite(value)
         step = 0.0 if changes is None else STEP * max(float(changes[d]) - 1.0, 0.0)
         variance = variance + (walk + noise * step**2) * scale
@@ -110,13 +110,8 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
         counted = np.maximum(seen - 1.0 - LATE, 0.0)
         taught = squares[: max(d + 1 - LATE, 0)].sum(axis=0)
         scale = np.clip((LEARNED + taught) / (LEARNED + counted), LEAST, MOST)
-        for place, row in zip(
-            found,
-            (level, np.sqrt(variance), np.where(told, error / np.sqrt(spread), math.nan), spread,
-             gain),
-            strict=True,
-        ):  # fmt: skip
-            place[d] = row
+        innovation = np.where(told, error / np.sqrt(spread), math.nan)
+        found[:, d] = level, np.sqrt(variance), innovation, spread, gain
     names = ("level", "deviation", "innovation", "expected", "gain")
     return Levels(**dict(zip(names, found, strict=True)))
 
@@ -138,8 +133,6 @@ class Verdict:
     size_deviation: Array
     best: tuple[int, ...]
     """Which hypothesis it is of each kind"""
-    running: tuple[str, ...]
-    """The most likely kind after each dive"""
 
 
 def judge(
@@ -153,7 +146,7 @@ def judge(
     Args:
       days: [d] of the middle of each dive since the first, (dives,).
       hypotheses: of faults, whose signatures are those of each dive where they differ.
-      standing: what may have been there all along, as `disturbances.standing` gives it; faults and
+      standing: what may have been there all along, as `channels.standing` gives it; faults and
         drift are weighed with any size of each of them.
     """
     count, width = levels.innovation.shape
@@ -165,80 +158,71 @@ def judge(
     told = np.isfinite(levels.innovation)
     innovation = np.clip(np.where(told, levels.innovation, 0.0), -CLIP, CLIP)
     known = np.stack([np.isfinite(np.atleast_2d(h.signature)).all(axis=0) for h in hypotheses])
-    grows = np.array([h.fault.grows for h in hypotheses])
-    signatures = np.stack(
-        [np.broadcast_to(np.nan_to_num(h.signature), (count, width)) for h in hypotheses]
-    )  # (hypotheses, dives, channels)
-    scale = np.array([h.scale for h in hypotheses])
-    signed = np.array([h.fault.signed for h in hypotheses])
-    by_dives = np.array([bool(np.ptp(h, axis=0).any()) for h in signatures])
+    signatures = np.stack([_by_dive(h, levels) for h in hypotheses])
+    scale, usual, grows, signed = np.array(
+        [(h.scale, _usual(h), h.fault.grows, h.fault.signed) for h in hypotheses]
+    ).T
+    by_dives = np.ptp(signatures, axis=1).any(axis=1)
     # the first is that of what was there before the log
     onsets = np.array([0, *range(FIRST, count)])
     answer = np.zeros((len(onsets), size, width))
     info, score = np.zeros((2, len(onsets), size))
     across = np.zeros((len(onsets), size, len(always)))
-    evidence, running = np.full(count, -math.inf), ["none"] * count
-    usual = np.array([_usual(h) for h in hypotheses])
+    evidence = np.full(count, -math.inf)
     before = np.zeros((len(onsets) - 1, size))
+    prior = -math.log(RARE) - math.log(size)
     for d in range(count):
         begun = onsets <= d
         since = np.where(begun, days[d] - days[np.minimum(onsets, d)] + _half(days, d), 0.0)
-        shape = np.where(grows[None, :], since[:, None], 1.0) * begun[:, None]
+        shape = np.where(grows > 0.0, since[:, None], 1.0) * begun[:, None]
         added = shape[:, :, None] * (signatures[:, d, :] * known)[None]
-        response = added - answer
         limit = FARTHEST * spread[d] / scale[None, :, None]
-        response = np.clip(response, -limit, limit)
-        answer = answer + np.nan_to_num(levels.gain[d]) * response * begun[:, None, None]
+        response = np.clip(added - answer, -limit, limit)
+        gain = np.nan_to_num(levels.gain[d])
+        answer = answer + gain * response * begun[:, None, None]
         weighted = response / spread[d] * told[d]
         info += (weighted**2).sum(axis=2)
         score += (weighted * innovation[d]).sum(axis=2)
         added = always[:, d] - shared
-        shared = shared + np.nan_to_num(levels.gain[d]) * added
+        shared = shared + gain * added
         beside = added / spread[d] * told[d]
         across += weighted @ beside.T
         precision = precision + beside @ beside.T
         told_always = told_always + beside @ innovation[d]
         taken = across @ np.linalg.inv(precision)
-        before = _against_standing(
-            _ratio(info - (taken * across).sum(axis=2), score - taken @ told_always, usual, signed),
-            by_dives,
-        )
-        if not begun[1:].any():
-            continue
-        prior = -math.log(RARE) - math.log(size)
-        alive = np.where(begun[1:, None], _gained(before) + prior, -math.inf)
-        evidence[d] = float(logsumexp(alive))
-        running[d] = hypotheses[int(np.argmax(logsumexp(alive, axis=0)))].kind
+        left = info - (taken * across).sum(axis=2), score - taken @ told_always
+        before = _against_standing(_ratio(*left, usual, signed > 0.0), by_dives)
+        if begun[1:].any():
+            alive = np.where(begun[1:, None], _gained(before) + prior, -math.inf)
+            evidence[d] = float(logsumexp(alive))
     onsets = onsets[1:]
-    names = tuple(dict.fromkeys(h.kind for h in hypotheses))
-    prior = -math.log(RARE) - math.log(size)
-    total = logsumexp(before + prior, axis=0) if len(onsets) else np.full(size, -math.inf)
-    every = float(np.logaddexp(0.0, logsumexp(total))) if len(onsets) else 0.0
-    probability, best, first, found, deviation = [], [], [], [], []
-    for name in names:
-        mine = [k for k, h in enumerate(hypotheses) if h.kind == name]
-        probability.append(float(np.exp(logsumexp(total[mine]) - every)) if len(onsets) else 0.0)
-        k = max(mine, key=lambda place: float(total[place]))
-        best.append(k)
-        if not len(onsets):
-            first.append(0)
-            found.append(math.nan)
-            deviation.append(math.nan)
-            continue
-        first.append(int(onsets[int(np.argmax(before[:, k]))]))
-        told_size = _size(levels, days, hypotheses[k], first[-1])
-        found.append(told_size[0])
-        deviation.append(told_size[1])
+    some = len(onsets) > 0
+    total = logsumexp(before + prior, axis=0) if some else np.full(size, -math.inf)
+    every = float(np.logaddexp(0.0, logsumexp(total))) if some else 0.0
+    places: dict[str, list[int]] = {}
+    for k, one in enumerate(hypotheses):
+        places.setdefault(one.kind, []).append(k)
+    best = [max(mine, key=lambda k: float(total[k])) for mine in places.values()]
+    first = [int(onsets[int(np.argmax(before[:, k]))]) if some else 0 for k in best]
+    sizes = np.array([
+        _size(levels, days, hypotheses[k], onset) if some else (math.nan, math.nan)
+        for k, onset in zip(best, first, strict=True)
+    ])  # fmt: skip
+    likely = [float(np.exp(logsumexp(total[mine]) - every)) for mine in places.values()]
     return Verdict(
         evidence=evidence,
-        kinds=names,
-        probability=np.array(probability),
+        kinds=tuple(places),
+        probability=np.array(likely) if some else np.zeros(len(places)),
         since=np.array(first, np.int64),
-        size=np.array(found),
-        size_deviation=np.array(deviation),
+        size=sizes[:, 0],
+        size_deviation=sizes[:, 1],
         best=tuple(best),
-        running=tuple(running),
     )
+
+
+def _by_dive(hypothesis: Hypothesis, levels: Levels) -> Array:
+    """Signature in each dive, (dives, channels), 0 where the twin does not tell."""
+    return np.broadcast_to(np.nan_to_num(hypothesis.signature), levels.innovation.shape)
 
 
 def sure(evidence: Array) -> Array:
@@ -250,9 +234,9 @@ def sure(evidence: Array) -> Array:
 
 
 def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tuple[float, float]:
-    """The size of a fault that began with a dive, and its deviation; nothing is cut off here."""
+    """Size of a fault that began with a dive, and its deviation; nothing is cut off here."""
     count, width = levels.innovation.shape
-    signature = np.broadcast_to(np.nan_to_num(hypothesis.signature), (count, width))
+    signature = _by_dive(hypothesis, levels)
     answer, info, score = np.zeros(width), 1.0 / _usual(hypothesis) ** 2, 0.0
     for d in range(onset, count):
         grown = days[d] - days[onset] + _half(days, d) if hypothesis.fault.grows else 1.0

@@ -19,6 +19,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,11 +74,8 @@ class Manoeuvre:
 
     def words(self, usual: TypicalDive) -> str:
         """What is different from the usual dive, for a person."""
-        said = [f"pitch {self.dive.pitch:.0f} degree"]
-        said.append(
-            f"{1e3 * self.dive.net_mass:.0f} g heavy and {1e3 * self.dive.climb_net_mass:.0f} g "
-            "light"
-        )
+        heavy, light = (1e3 * mass for mass in (self.dive.net_mass, self.dive.climb_net_mass))
+        said = [f"pitch {self.dive.pitch:.0f} degree, {heavy:.0f} g heavy and {light:.0f} g light"]
         if self.dive.depth != usual.depth:
             said.append(f"to {self.dive.depth:.0f} m")
         if self.turn_deg:
@@ -85,8 +83,7 @@ class Manoeuvre:
         return ", ".join(said)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Slopes:
+class Slopes(NamedTuple):
     """What one dive tells, near a calibration."""
 
     depth_rates: Array
@@ -95,9 +92,9 @@ class Slopes:
     """[m/s] mean velocity through the water per spread, north and east, (2, parameters)"""
 
     def turned(self, degrees: float) -> Slopes:
-        """Of the same dive on a course so much farther to starboard."""
+        """Slopes on a course so much farther to starboard."""
         c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        return dataclasses.replace(self, way=np.array([[c, -s], [s, c]]) @ self.way)
+        return self._replace(way=np.array([[c, -s], [s, c]]) @ self.way)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,49 +113,43 @@ class MostTelling:
 
     def table(self) -> list[dict[str, object]]:
         """Rows: each parameter with its deviation now, after usual dives, and after these."""
+        told = {"deviation now": self.before, "after usual dives": self.ordinary,
+                "after these": self.after}  # fmt: skip
         return [
-            {
-                "parameter": one.name,
-                "unit": one.unit,
-                **{
-                    name: float(f"{one.deviation(value, float(each[k])):.3g}")
-                    for name, each in (
-                        ("deviation now", self.before), ("after usual dives", self.ordinary),
-                        ("after these", self.after),
-                    )
-                },
-            }
+            {"parameter": one.name, "unit": one.unit}
+            | {n: float(f"{one.deviation(value, float(v[k])):.3g}") for n, v in told.items()}
             for k, (one, value) in enumerate(zip(self.parameters, self.values, strict=True))
-        ]  # fmt: skip
+        ]
 
     @property
     def shrinks(self) -> tuple[float, float]:
         """Geometric mean of the deviations after the usual dives, and after these, over now's."""
-        return tuple(
+        usual, proposed = (
             float(np.exp(np.mean(np.log(each / self.before))))
             for each in (self.ordinary, self.after)
-        )  # type: ignore[return-value]
+        )
+        return usual, proposed
 
 
 def information_of(
-    logs: Sequence[Log], calibration: Calibration, names: Sequence[str] = LEARNED
-) -> tuple[Array, dict[str, ResidualNoise], Array]:
-    """What dives have told of parameters.
+    logs: Sequence[Log], calibration: Calibration
+) -> tuple[Array, dict[str, ResidualNoise]]:
+    """Learn what dives have told of the parameters.
 
     Returns:
       Information over spreads, with what was known before, (parameters, parameters); noise of the
-      dives by channel; the fit's offsets in spreads, (parameters,).
+      dives by channel.
 
     Raises:
       InputError: no dive glides, or the calibration does not fly.
     """
     used, _ = gliding(logs)
-    chosen = choose(list(names))
+    chosen = choose(list(LEARNED))
     problem = DepthRates(used, calibration, chosen, fixes=True)
     about, _ = problem.fit(np.zeros(len(chosen)), 2, max_nfev=8, xtol=1e-3, ftol=1e-4)
     noise = {**NOISE, **problem.reweight(about)}
     slopes = problem.slopes(about)
-    return slopes.T @ slopes + np.eye(len(chosen)), noise, about
+    return slopes.T @ slopes + np.eye(len(chosen)), noise
 
 
 def most_telling(
@@ -166,68 +157,58 @@ def most_telling(
     usual: TypicalDive,
     information: Array,
     *,
-    names: Sequence[str] = LEARNED,
     noise: Mapping[str, ResidualNoise] = NOISE,
     course_deg: float = 0.0,
-    count: int = COUNT,
 ) -> MostTelling:
-    """The dives that shrink the deviations most.
+    """Choose the dives that shrink the deviations most.
 
     Args:
       calibration: of the vehicle.
       usual: the dive that it makes otherwise, and made last.
       information: what is known, as `information_of` tells it.
-      names: parameters, in the order of `information`; none of the compass.
       noise: of the vehicle's dives, by channel.
       course_deg: true, of the usual dives.
-      count: dives to propose.
 
     Raises:
-      InputError: the usual dive cannot be flown, or a parameter is the compass'.
+      InputError: the usual dive cannot be flown.
     """
-    chosen = choose(list(names))
-    if compass := [one.name for one in chosen if one.name.startswith("heading")]:
-        raise InputError(
-            f"{compass[0]}: no few dives tell a compass; name other parameters, such as "
-            f"{', '.join(LEARNED)}"
-        )
-    candidates = _candidates(calibration, usual)
-    dives = [usual, *dict.fromkeys(one.dive for one in candidates)]
-    logs = dict(zip(dives, flown_logs(calibration, dives), strict=True))
-    if logs[usual] is None:
+    chosen = choose(list(LEARNED))
+    candidates = [Manoeuvre(dive=usual, turn_deg=0.0), *_candidates(calibration, usual)]
+    dives = list(dict.fromkeys(one.dive for one in candidates))
+    logs = {
+        dive: log
+        for dive, log in zip(dives, flown_logs(calibration, dives), strict=True)
+        if log is not None
+    }
+    if usual not in logs:
         raise InputError(
             f"vehicle {calibration.vehicle.name!r} cannot fly the dive that its logs show"
         )
     told_by = {
         dive: slopes_of(turned(log, course_deg), calibration, chosen, noise)
-        for dive, log in logs.items() if log is not None
-    }  # fmt: skip
-    flyable = [
-        one for one in (Manoeuvre(dive=usual, turn_deg=0.0), *candidates) if one.dive in told_by
-    ]  # fmt: skip
+        for dive, log in logs.items()
+    }
+    flyable = [one for one in candidates if one.dive in logs]
     slopes = [told_by[one.dive].turned(one.turn_deg) for one in flyable]
     sigma = noise["current"].deviation ** 2 * noise["current"].samples
 
-    def covariance(places: Sequence[int]) -> Array:
+    def deviations(places: Sequence[int]) -> Array:
         total = information.copy()
         for before, place in itertools.pairwise((0, *places)):
             step = slopes[place].way - slopes[before].way
             total = total + slopes[place].depth_rates + step.T @ step / sigma
-        return np.asarray(np.linalg.inv(total), np.float64)
-
-    def deviations(places: Sequence[int]) -> Array:
-        return np.sqrt(np.diag(covariance(places)))
+        return np.sqrt(np.diag(np.linalg.inv(total)))
 
     def size(places: Sequence[int]) -> float:
         return float(np.log(deviations(places)).sum())
 
     every = range(len(flyable))
     best: list[int] = []
-    for _ in range(count):
+    for _ in range(COUNT):
         best.append(min(every, key=lambda k: size([*best, k])))
     for _ in range(EXCHANGES):
         before = size(best)
-        for k in range(count):
+        for k in range(COUNT):
             best[k] = min(every, key=lambda place: size([*best[:k], place, *best[k + 1 :]]))
         if size(best) > before - 1e-9:
             break
@@ -235,11 +216,10 @@ def most_telling(
         parameters=chosen,
         values=tuple(one.get(calibration) for one in chosen),
         chosen=tuple(
-            dataclasses.replace(flyable[k], seconds=logs[flyable[k].dive].duration)  # type: ignore[union-attr]
-            for k in best
+            dataclasses.replace(flyable[k], seconds=logs[flyable[k].dive].duration) for k in best
         ),
         before=np.sqrt(np.diag(np.linalg.inv(information))),
-        ordinary=deviations([0] * count),
+        ordinary=deviations([0] * COUNT),
         after=deviations(best),
     )
 

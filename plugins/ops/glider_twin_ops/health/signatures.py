@@ -15,18 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glider_twin_ops.health.channels import FLOWN, NAMES, PLACE
-from glider_twin_ops.health.dive_channels import channels_of, flight_model
-from glider_twin_ops.health.dive_signals import DiveSignals
-from twin import DensityProfile, Scenario, Trajectory, Vehicle
+from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
+from twin import (
+    DensityProfile,
+    FlatFloor,
+    Mission,
+    Profile,
+    SawTooth,
+    Scenario,
+    SensorSuite,
+    Surface,
+    Trajectory,
+    Vehicle,
+)
 from twin.errors import InputError, TwinError
 from twin.faults import DAY, FAULTS, Fault, faults_of, read_by
-from twin.mission import Mission, SawTooth, Surface
 from twin.numbers import Array
 from twin.physics import BODY, Lane, differs, electric_signals, flown_abreast, healthy
-from twin.sensors import SensorSuite
 from twin.vehicle.parts import Fin
-from twin.water.current import Profile
-from twin.water.floor import FlatFloor
 
 GROWN = 1.0
 """[d] after which the signature of what grows is taken"""
@@ -100,7 +106,7 @@ class Hypothesis:
 
 
 def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> TypicalDive:
-    """The dive of a vehicle's file: its usual glide."""
+    """Dive of a vehicle's file: its usual glide."""
     pitch, _ = vehicle.usual_glide
     lightest, heaviest = vehicle.net_mass_range
     return TypicalDive(
@@ -120,7 +126,7 @@ class Signatures:
     depth, (channels,); NaN where the twin does not tell"""
 
     def in_dives(self, way: Array) -> list[Hypothesis]:
-        """The hypotheses in the dives of a deployment: what a kind itself expects of each dive.
+        """Hypotheses in the dives of a deployment: what a kind itself expects of each dive.
 
         Args:
           way: mean velocity through the water of each dive by the compass [m/s], (dives, 2); NaN
@@ -154,13 +160,12 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
     ]
     flown = [fault for fault in faults if fault.expected(np.zeros((0, 2))) is None]
     for more in range(TRIES):
-        one = dataclasses.replace(
-            dive, depth=dive.depth + more * DEEPER,
-            pitch=min(dive.pitch + more * STEEPER, STEEPEST),
-            climb_pitch=min(dive.climb_pitch + more * STEEPER, STEEPEST),
-        )  # fmt: skip
-        flatter = dataclasses.replace(
-            one, pitch=one.pitch - FLATTER, climb_pitch=one.climb_pitch - FLATTER
+        down, up = (min(p + more * STEEPER, STEEPEST) for p in (dive.pitch, dive.climb_pitch))
+        one, flatter = (
+            dataclasses.replace(
+                dive, depth=dive.depth + more * DEEPER, pitch=down - less, climb_pitch=up - less
+            )
+            for less in (0.0, FLATTER)
         )
         cases: list[Case] = [(one, (), 0.0), (flatter, (), 0.0), (one, (), SHEAR)]
         cases += [(one, (fault,), 0.0) for fault in flown]
@@ -186,9 +191,12 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
         if off > ASTRAY:
             signature[[PLACE[name] for name in TURNING]] = math.nan
         found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
-    told = [fault for fault in faults if fault not in flown]
     nothing = np.zeros(len(NAMES))
-    found += [Hypothesis(fault=f, signature=nothing, scale=abs(f.size)) for f in told]
+    found += [
+        Hypothesis(fault=fault, signature=nothing, scale=abs(fault.size))
+        for fault in faults
+        if fault not in flown
+    ]
     leaning = np.where(FLOWN, (sheared - sound) / SHEAR, 0.0)
     return Signatures(hypotheses=tuple(found), sheared=leaning)
 
@@ -250,7 +258,10 @@ def dive_scenario(
         vehicle=vehicle,
         believed=vehicle,
         mission=mission,
-        faults=[_begun(fault) for fault in faults],
+        faults=[  # grown for some days, or begun at once
+            dataclasses.replace(fault, start=-GROWN * DAY if fault.grows else SETTLED)
+            for fault in faults
+        ],
         density=water,
         current=current if shear else None,
         floor=FlatFloor(depth_m=bottom),
@@ -258,12 +269,6 @@ def dive_scenario(
         sample_period=min(dive.period, 4.0),
         duration=PATIENCE * dive.depth * yos,
     )
-
-
-def _begun(fault: Fault) -> Fault:
-    """The fault as it is in the flight: grown for some days, or begun at once."""
-    start = -GROWN * DAY if fault.grows else SETTLED
-    return dataclasses.replace(fault, start=start)
 
 
 def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:

@@ -10,12 +10,12 @@ from __future__ import annotations
 import html
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from glider_twin_ops.forecast.surfacing import HALF, NINETY, Surfacing, degrees
+from glider_twin_ops.forecast.member_flights import HALF, NINETY, Surfacing, degrees
 from glider_twin_ops.forecast.surfacing_forecast import Forecast
 from twin.cli import printable
 from twin.navigation import Ellipse
@@ -35,6 +35,8 @@ MOST_DOTS = 400
 WIDER = 12.0
 """Spans around the middle whose coast is drawn, for who zooms out"""
 METRES_PER_DEGREE = 111_195.0
+STEPS = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800)
+"""[minute] between lines of latitude and longitude"""
 COLOURS = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
 """Of surfacings in turn: Okabe and Ito's, which colour-blind readers tell apart"""
 
@@ -44,15 +46,12 @@ class MapFrame:
 
     def __init__(self, points: Array, far: Array):
         """A view of points, (point, 2), longitude and latitude; of far ones if they are near."""
-        west, south = points.min(axis=0)
-        east, north = points.max(axis=0)
-        self.middle = 0.5 * (west + east), 0.5 * (south + north)
+        low, high = points.min(axis=0), points.max(axis=0)
+        self.middle = 0.5 * (low + high)
         self.shrink = math.cos(math.radians(self.middle[1]))
-        span = max(north - south, (east - west) * self.shrink * HEIGHT / WIDTH, LEAST_SPAN)
-        for longitude, latitude in far:
-            away = max(
-                abs(latitude - self.middle[1]), abs(longitude - self.middle[0]) * self.shrink
-            )
+        width, height = (high - low).tolist()
+        span = max(height, width * self.shrink * HEIGHT / WIDTH, LEAST_SPAN)
+        for away in (np.abs(far - self.middle) * [self.shrink, 1.0]).max(axis=1).tolist():
             if away < NEAR * span:
                 span = max(span, 2.0 * away)
         self.span = MARGIN * span
@@ -60,14 +59,8 @@ class MapFrame:
 
     def at(self, points: Array) -> Array:
         """Pixels, (point, 2)."""
-        x = 0.5 * WIDTH + (points[:, 0] - self.middle[0]) * self.shrink * self.scale
-        y = 0.5 * HEIGHT - (points[:, 1] - self.middle[1]) * self.scale
-        return np.stack([x, y], axis=1)
-
-    @property
-    def metres_per_pixel(self) -> float:
-        """At the middle."""
-        return METRES_PER_DEGREE / self.scale
+        off = (points - self.middle) * [self.shrink, -1.0] * self.scale
+        return np.asarray(off + np.array([0.5 * WIDTH, 0.5 * HEIGHT]))
 
 
 def draw_map(found: Forecast) -> str:
@@ -75,17 +68,21 @@ def draw_map(found: Forecast) -> str:
     place = found.request.place
     start = np.array([[place.longitude_deg, place.latitude_deg]])
     rings = [one.ring(NINETY, place) for one in found.surfacings]
-    frame = MapFrame(np.concatenate([start, found.track, *rings]), found.targets())
+    targets = found.targets()
+    frame = MapFrame(np.concatenate([start, found.track, *rings]), targets)
+    wide = (2 * WIDER + 1) * WIDTH, (2 * WIDER + 1) * HEIGHT
     parts = [
         f'<svg id="map" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
         f'aria-label="map of the next surfacings" xmlns="http://www.w3.org/2000/svg">',
-        f'<rect x="{-WIDER * WIDTH:g}" y="{-WIDER * HEIGHT:g}" width="{(2 * WIDER + 1) * WIDTH:g}" '
-        f'height="{(2 * WIDER + 1) * HEIGHT:g}" class="sea"/>',
+        f'<rect x="{-WIDER * WIDTH:g}" y="{-WIDER * HEIGHT:g}" width="{wide[0]:g}" '
+        f'height="{wide[1]:g}" class="sea"/>',
         *_land(frame),
         *_graticule(frame),
     ]
     if len(found.track) > 1:
         parts.append(f'<polyline class="track" points="{_points(frame.at(found.track))}"/>')
+    x0, y0 = frame.at(start)[0]
+    names, west = [], 0
     for one, ring in reversed(list(zip(found.surfacings, rings, strict=True))):
         colour = COLOURS[(one.number - 1) % len(COLOURS)]
         half = one.ring(HALF, place)
@@ -98,17 +95,14 @@ def draw_map(found: Forecast) -> str:
             *(f'<circle class="member" cx="{x:.1f}" cy="{y:.1f}" r="1.6"/>' for x, y in dots),
             "</g>",
         ]
-    x0, y0 = frame.at(start)[0]
-    west = 0
-    for one in found.surfacings:
-        colour = COLOURS[(one.number - 1) % len(COLOURS)]
         x, y = frame.at(degrees(np.array([[one.north, one.east]]), place))[0]
         west += 1 if x < x0 else -1
-        parts.append(
+        names.append(
             f'<g fill="{colour}"><circle class="here" cx="{x:.1f}" cy="{y:.1f}" r="5"/></g>'
             + _label("name", x, y - 8.0, f"{one.number}: {found.minute(one.time_s)[11:]}", x < x0)
         )
-    for k, (x, y) in enumerate(frame.at(found.targets()), start=1):
+    parts += reversed(names)
+    for k, (x, y) in enumerate(frame.at(targets), start=1):
         parts.append(
             f'<g class="target"><path d="M{x:.1f} {y - 7:.1f}l7 7l-7 7l-7-7z"/></g>'
             + _label("", x, y + 4.0, f"target {k}", False)
@@ -117,8 +111,7 @@ def draw_map(found: Forecast) -> str:
         f'<g class="start"><rect x="{x0 - 5:.1f}" y="{y0 - 5:.1f}" width="10" height="10"/></g>'
         + _label("", x0, y0 + 4.0, f"start {str(place.time)[11:16]}", west < 0)
     )
-    parts += [*_scale_bar(frame), "</svg>"]
-    return "\n".join(parts)
+    return "\n".join([*parts, _scale_bar(METRES_PER_DEGREE / frame.scale), "</svg>"])
 
 
 def _label(kind: str, x: float, y: float, words: str, left: bool) -> str:
@@ -133,99 +126,75 @@ def _points(points: Array) -> str:
 
 def _land(frame: MapFrame) -> list[str]:
     """The coast in and around the view."""
+    from matplotlib.path import Path as Ring
+    from matplotlib.transforms import Bbox
+
     from twin.show.figures import NEIGHBOURS, rings
 
     reach = WIDER * frame.span * max(1.0, WIDTH / HEIGHT / frame.shrink)
-    low = np.array(frame.middle) - reach
-    high = np.array(frame.middle) + reach
+    box = Bbox([frame.middle - reach, frame.middle + reach])
     found = []
     for ring in rings():
         for turn in NEIGHBOURS:
             moved = ring + np.array([turn, 0.0])
-            if (moved.max(axis=0) > low).all() and (moved.min(axis=0) < high).all():
-                clipped = _clipped(moved, low, high)
-                if len(clipped) > 2:
-                    found.append(f"M{_points(frame.at(clipped))}z")
+            if (moved.max(axis=0) > box.min).all() and (moved.min(axis=0) < box.max).all():
+                inside = Ring(moved).clip_to_bbox(box)
+                inside.should_simplify = False
+                parts = (frame.at(np.asarray(part, float)) for part in inside.to_polygons())
+                found += [f"M{_points(part)}z" for part in parts]
     return [f'<path class="land" fill-rule="evenodd" d="{"".join(found)}"/>'] if found else []
-
-
-def _clipped(ring: Array, low: Array, high: Array) -> Array:
-    """A ring inside a box (Sutherland and Hodgman 1974)."""
-    points = ring
-    for axis in (0, 1):
-        for bound, sign in ((low[axis], 1.0), (high[axis], -1.0)):
-            inside = sign * (points[:, axis] - bound) >= 0.0
-            kept: list[Array] = []
-            for k in range(len(points)):
-                before, here = points[k - 1], points[k]
-                if inside[k] != inside[k - 1]:
-                    share = (bound - before[axis]) / (here[axis] - before[axis])
-                    kept.append(before + share * (here - before))
-                if inside[k]:
-                    kept.append(here)
-            if not kept:
-                return np.zeros((0, 2))
-            points = np.array(kept)
-    return points
 
 
 def _graticule(frame: MapFrame) -> list[str]:
     """Lines of latitude and longitude with their degrees and minutes."""
-    step = _step(frame.span / 4.0)
+    step = next((m for m in STEPS if m >= 15.0 * frame.span), STEPS[-1]) / 60.0
     parts = ['<g class="grid">']
-    for axis in (0, 1):
+    for axis, letters in enumerate(("EW", "NS")):
         middle = frame.middle[axis]
         reach = 0.5 * frame.span * (WIDTH / HEIGHT / frame.shrink if axis == 0 else 1.0)
         first = math.ceil((middle - reach) / step)
         for k in range(first, math.floor((middle + reach) / step) + 1):
-            value = k * step
-            point = np.array([[value, frame.middle[1]] if axis == 0 else [frame.middle[0], value]])
-            x, y = frame.at(point)[0]
+            point = frame.middle.copy()
+            point[axis] = k * step
+            x, y = frame.at(point[None])[0]
+            name = _name(k * step, letters)
             if axis == 0:
-                parts.append(f'<path d="M{x:.1f} 0V{HEIGHT:g}"/>')
                 spare = ' class="spare"' if k % 2 else ""  # narrow screens leave these out
-                parts.append(
-                    f'<text{spare} x="{x + 3:.1f}" y="{HEIGHT - 6:g}">{_name(value, "EW")}</text>'
-                )
+                parts += [
+                    f'<path d="M{x:.1f} 0V{HEIGHT:g}"/>',
+                    f'<text{spare} x="{x + 3:.1f}" y="{HEIGHT - 6:g}">{name}</text>',
+                ]
             else:
-                parts.append(f'<path d="M0 {y:.1f}H{WIDTH:g}"/>')
-                parts.append(f'<text x="4" y="{y - 4:.1f}">{_name(value, "NS")}</text>')
+                parts += [
+                    f'<path d="M0 {y:.1f}H{WIDTH:g}"/>',
+                    f'<text x="4" y="{y - 4:.1f}">{name}</text>',
+                ]
     return [*parts, "</g>"]
-
-
-def _step(rough: float) -> float:
-    """The round step [degree] next above a rough one."""
-    minutes: Sequence[float] = (
-        0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800,
-    )  # fmt: skip
-    return next((m for m in minutes if m >= 60.0 * rough), 1800.0) / 60.0
 
 
 def _name(value: float, letters: str) -> str:
     """Such as 36\N{DEGREE SIGN} 48.5' N."""
     turned = (value + 180.0) % 360.0 - 180.0 if letters == "EW" else value
-    minutes = round(abs(turned) * 60.0, 2)
-    whole, rest = divmod(minutes, 60.0)
+    whole, rest = divmod(round(abs(turned) * 60.0, 2), 60.0)
     return f"{whole:.0f}\N{DEGREE SIGN} {rest:g}' {letters[0] if turned >= 0.0 else letters[1]}"
 
 
-def _scale_bar(frame: MapFrame) -> list[str]:
+def _scale_bar(metres_per_pixel: float) -> str:
     """A round length of a fifth of the width."""
-    rough = 0.2 * WIDTH * frame.metres_per_pixel
+    rough = 0.2 * WIDTH * metres_per_pixel
     power = 10.0 ** math.floor(math.log10(rough))
     metres = max(m * power for m in (1.0, 2.0, 5.0) if m * power <= rough)
     name = f"{metres / 1e3:g} km" if metres >= 1e3 else f"{metres:g} m"
     right, y = WIDTH - 24.0, 30.0
-    left = right - metres / frame.metres_per_pixel
-    return [
+    left = right - metres / metres_per_pixel
+    return (
         f'<g class="scale"><path d="M{left:.1f} {y - 5:g}V{y:g}H{right:g}V{y - 5:g}"/>'
         f'<text x="{0.5 * (left + right):.1f}" y="{y - 9:g}">{name}</text></g>'
-    ]
+    )
 
 
 INDEX, DOCUMENT, GEOJSON = "index.html", "forecast.json", "forecast.geojson"
 FILES = (INDEX, DOCUMENT, GEOJSON)
-HOUR = 3600.0
 
 STYLE = """:root { color-scheme: light; --ink: #1a1a1a; --dim: #5c6570; --line: #dde1e6;
   --ground: #fff; --shade: #0004; }
@@ -352,12 +321,10 @@ def _table(found: Forecast) -> str:
     note = "".join(f"<p>{_text(one)}</p>" for one in said if one)
     if not rows:
         return note or f"<p>No surfacing within {found.request.hours:g} h.</p>"
-    head = "".join(f"<th>{_text(name)}</th>" for name in rows[0])
-    lines = [
-        "<tr>" + "".join(f"<td>{_text(value)}</td>" for value in one.values()) + "</tr>"
-        for one in rows
-    ]
-    return f'<div class="scroll"><table><tr>{head}</tr>{"".join(lines)}</table></div>{note}'
+    lines = [f"<th>{'</th><th>'.join(map(_text, rows[0]))}</th>"]
+    lines += [f"<td>{'</td><td>'.join(map(_text, one.values()))}</td>" for one in rows]
+    table = "".join(f"<tr>{line}</tr>" for line in lines)
+    return f'<div class="scroll"><table>{table}</table></div>{note}'
 
 
 def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:

@@ -10,13 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from glider_twin_ops.health.answers import Answers
-from glider_twin_ops.health.channels import CHANNELS, Channel
-from glider_twin_ops.health.deployment_health import DeploymentHealth, KindVerdict
+from glider_twin_ops.health.assessment import DeploymentHealth, KindVerdict
+from glider_twin_ops.health.channels import CHANNELS
 from twin.cli import format_number
 from twin.numbers import Array
-from twin.show import style
-from twin.show.dates import LABEL, draw_dates
-from twin.show.figures import Page
+from twin.show import Page, style
+from twin.show.style import LABEL, draw_dates
 
 FEW = 4
 """Deployments of which each is shown with all its channels; of more, those with an alarm"""
@@ -81,7 +80,8 @@ def _deployment(page: Page, one: DeploymentHealth, said: Answers | None, whole: 
             "is far off its level in the last dive come first, then the likeliest:"
         )
         for place, kind in enumerate(one.kinds):
-            page.details(_summary(kind), _facts(kind), shown=one.alarm and place == 0)
+            summary = f"{kind.probability:.1%} {kind.says} ({kind.kind})"
+            page.details(summary, kind_facts(kind), shown=one.alarm and place == 0)
         page.figure(f"{one.name}-evidence", evidence_figure(one),
                     "Log of the odds of a fault after each dive, and the level of an "
                     "alarm, which two dives in a row make. After the others nothing "
@@ -92,25 +92,13 @@ def _deployment(page: Page, one: DeploymentHealth, said: Answers | None, whole: 
         told = [k for k, column in enumerate(one.values.T) if np.isfinite(column).any()]
         page.section(f"{one.name}: what each dive says")
         page.say("Each number in each dive, and its level with two standard deviations.")
-        page.pair(
-            [
-                (
-                    f"{one.name}-{CHANNELS[k].name}",
-                    channel_figure(one, k),
-                    channel_caption(CHANNELS[k]),
-                )
-                for k in told
-            ]
-        )
+        page.pair(channel_figures(one, told, one.name))
     if one.lacking:
         page.say(f"The log does not tell: {', '.join(one.lacking)}.")
 
 
-def _summary(kind: KindVerdict) -> str:
-    return f"{kind.probability:.1%} {kind.says} ({kind.kind})"
-
-
-def _facts(kind: KindVerdict) -> dict[str, object]:
+def kind_facts(kind: KindVerdict) -> dict[str, object]:
+    """Names and values of what the dives say of a kind of fault."""
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     return {
         "probability": format_number(kind.probability, 3),
@@ -122,12 +110,6 @@ def _facts(kind: KindVerdict) -> dict[str, object]:
         "to find out": kind.find_out,
         "not told apart from": ", ".join(kind.also) or "-",
     }
-
-
-def channel_caption(channel: Channel) -> str:
-    """What a channel is, under its figure."""
-    unit = "" if channel.unit == "1" else f" [{channel.unit.replace(' s-1', '/s')}]"
-    return f"{channel.name}{unit}: {channel.says}."
 
 
 def _answers(page: Page, name: str, said: Answers) -> None:
@@ -194,22 +176,29 @@ def evidence_figure(one: DeploymentHealth) -> Figure:
     return figure
 
 
-def channel_figure(one: DeploymentHealth, k: int) -> Figure:
-    """A channel that the log tells, with its level."""
+def channel_figures(
+    one: DeploymentHealth, which: Sequence[int], name: str
+) -> list[tuple[str, Figure, str]]:
+    """Channels that the log tells, with their levels: name, figure and caption of each."""
     hours = (one.time - one.time[0]) / HOUR
-    seen = np.isfinite(one.values[:, k])
-    after = slice(int(np.argmax(seen)), None)
-    level, off = one.levels.level[after, k], one.levels.deviation[after, k]
     begun = one.dives.index(one.since_dive) if one.alarm and one.since_dive is not None else None
-    with style.styled():
-        figure = style.new_figure(*SMALL)
-        axes = figure.add_subplot()
-        _band(axes, hours[after], level, off)
-        axes.plot(hours[seen], one.values[seen, k], ".", color=style.COMMAND, ms=4.0)
-        if begun is not None:
-            axes.axvline(hours[begun], color=style.PALETTE["vermillion"], lw=0.9)
-        draw_dates(axes, float(one.time[0]), HOUR)
-    return figure
+    found = []
+    for k in which:
+        seen = np.isfinite(one.values[:, k])
+        after = slice(int(np.argmax(seen)), None)
+        with style.styled():
+            figure = style.new_figure(*SMALL)
+            axes = figure.add_subplot()
+            _band(axes, hours[after], one.levels.level[after, k], one.levels.deviation[after, k])
+            axes.plot(hours[seen], one.values[seen, k], ".", color=style.COMMAND, ms=4.0)
+            if begun is not None:
+                axes.axvline(hours[begun], color=style.PALETTE["vermillion"], lw=0.9)
+            draw_dates(axes, float(one.time[0]), HOUR)
+        channel = CHANNELS[k]
+        unit = "" if channel.unit == "1" else f" [{channel.unit.replace(' s-1', '/s')}]"
+        caption = f"{channel.name}{unit}: {channel.says}."
+        found.append((f"{name}-{channel.name}", figure, caption))
+    return found
 
 
 def belief_figure(said: Answers, name: str) -> Figure:

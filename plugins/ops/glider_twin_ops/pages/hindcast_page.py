@@ -5,43 +5,35 @@ The figures are maps with ellipses, the current over time, and errors by method.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glider_twin_ops.forecast.deployment_hindcast import (
-    METHODS,
-    DeploymentHindcast,
-    Hindcast,
-    Scores,
-)
-from glider_twin_ops.forecast.walk import HindcastSurfacing
+from glider_twin_ops.forecast.hindcast import DeploymentHindcast, Hindcast
+from glider_twin_ops.forecast.walk import METHODS, HindcastSurfacing, Scores
 from twin.geodesy import position
 from twin.navigation import Ellipse, outline
 from twin.numbers import Array
-from twin.show import style
-from twin.show.dates import LABEL, draw_dates, moment_of
-from twin.show.figures import Page, box_around, draw_base, joined_longitude
+from twin.show import Page, style
+from twin.show.figures import box_around, draw_base, joined_longitude
+from twin.show.style import LABEL, draw_dates, moment_of
 
-COLOURS = {
-    "forecast": style.PALETTE["vermillion"],
-    "persistence": style.PALETTE["blue"],
-    "tide": style.PALETTE["yellow"],
-    "no_current": style.PALETTE["green"],
-    "onboard": style.PALETTE["purple"],
+STYLED = {
+    "forecast": ("forecast", "vermillion"),
+    "persistence": ("persistence", "blue"),
+    "tide": ("mean and tide", "yellow"),
+    "no_current": ("no current", "green"),
+    "onboard": ("on board", "purple"),
 }
-TITLES = {
-    "forecast": "forecast",
-    "persistence": "persistence",
-    "tide": "mean and tide",
-    "no_current": "no current",
-    "onboard": "on board",
-}
+TITLES = {name: title for name, (title, _) in STYLED.items()}
+COLOURS = {name: style.PALETTE[colour] for name, (_, colour) in STYLED.items()}
 CLOSE = 6
 """Surfacings of the detailed map"""
+MOST_ROWS = 60
+"""Surfacings in the table, the last ones"""
 HOUR = 3600.0
 """[s]"""
 ELLIPSE_POINTS = 73
@@ -49,38 +41,29 @@ ELLIPSE_POINTS = 73
 
 def map_figure(one: DeploymentHindcast) -> Figure:
     """All surfacings, and the last few with the ellipses of their forecasts."""
+    scored = [s for s in one.surfacings if s.scored]
+    few = (scored or list(one.surfacings))[-CLOSE:]
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 3.9)
         whole, close = figure.subplots(1, 2)
-        _draw_map(whole, one.surfacings, "deployment", methods=(), ellipses=False)
-        scored = [s for s in one.surfacings if s.scored]
-        few = (scored or list(one.surfacings))[-CLOSE:]
-        _draw_map(
-            close,
-            few,
-            f"last {len(few)} surfacings",
-            methods=("forecast", "persistence"),
-            ellipses=True,
-        )
+        _draw_map(whole, one.surfacings, "deployment", {})
+        marks = {"forecast": "+", "persistence": "x"}
+        _draw_map(close, few, f"last {len(few)} surfacings", marks)
         figure.legend(*close.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure
 
 
 def _draw_map(
-    axes: Axes,
-    surfacings: Sequence[HindcastSurfacing],
-    title: str,
-    *,
-    methods: Sequence[str],
-    ellipses: bool,
+    axes: Axes, surfacings: Sequence[HindcastSurfacing], title: str, marks: Mapping[str, str]
 ) -> None:
-    fixes = np.array([s.places["fix"] for s in surfacings])
-    begins = np.array([s.places["begin"] for s in surfacings])
-    outlines = [_ellipse(s) for s in surfacings] if ellipses else []
-    named = {name: [s.places[name] for s in surfacings if name in s.places] for name in methods}
-    every = np.concatenate(
-        [begins, fixes, *(np.array(p) for p in named.values() if p), *(ring.T for ring in outlines)]
-    )
+    """Fixes; with marks of methods their surfacings, and the ellipses of the forecast."""
+    fixes, begins = (np.array([s.places[name] for s in surfacings]) for name in ("fix", "begin"))
+    outlines = [_ellipse(s) for s in surfacings] if marks else []
+    named = {
+        name: np.array([s.places[name] for s in surfacings if name in s.places]).reshape(-1, 2)
+        for name in marks
+    }
+    every = np.concatenate([begins, fixes, *named.values(), *(ring.T for ring in outlines)])
     unrolled = joined_longitude(every[:, 1])
     unroll = dict(zip(every[:, 1].tolist(), (unrolled - every[:, 1]).tolist(), strict=True))
 
@@ -97,11 +80,9 @@ def _draw_map(
         axes.plot(ends, [begin[0], fix[0]], color=style.GUIDE, lw=0.8, zorder=2)
     axes.plot(along(fixes[:, 1]), fixes[:, 0], ".", color=style.COMMAND, ms=5.0, ls="none",
               label="fix", zorder=4)  # fmt: skip
-    for name, places in named.items():
-        at = np.array(places).reshape(-1, 2)
-        axes.plot(along(at[:, 1]), at[:, 0], "x" if name == "persistence" else "+",
-                  color=COLOURS[name], ms=6.0, mew=1.4, ls="none", label=TITLES[name],
-                  zorder=4)  # fmt: skip
+    for name, at in named.items():
+        axes.plot(along(at[:, 1]), at[:, 0], marks[name], color=COLOURS[name], ms=6.0, mew=1.4,
+                  ls="none", label=TITLES[name], zorder=4)  # fmt: skip
 
 
 def _ellipse(one: HindcastSurfacing) -> Array:
@@ -120,14 +101,12 @@ def current_figure(one: DeploymentHindcast) -> Figure:
         for k, (axes, name) in enumerate(
             zip(figure.subplots(2, 1, sharex=True), ("north", "east"), strict=True)
         ):
-            observed = np.array([s.found[k] for s in one.surfacings])
-            expected = np.array([s.expected[k] for s in one.surfacings])
-            reach = np.array(
-                [
-                    np.sqrt(s.current.reach[1] * s.current.covariance[k, k]) / (s.hours * HOUR)
-                    for s in one.surfacings
-                ]
-            )
+            observed, expected, variance = np.array([
+                (s.found[k], s.expected[k],
+                 s.current.reach[1] * s.current.covariance[k, k] / (s.hours * HOUR) ** 2)
+                for s in one.surfacings
+            ]).T  # fmt: skip
+            reach = np.sqrt(variance)
             axes.fill_between(days, expected - reach, expected + reach, color=COLOURS["forecast"],
                               alpha=0.18, lw=0.0, label="extent of the 90 % ellipse")  # fmt: skip
             axes.plot(days, expected, color=COLOURS["forecast"], lw=1.0, label="forecast")
@@ -164,10 +143,6 @@ def error_figure(one: DeploymentHindcast) -> Figure:
     return figure
 
 
-MOST_ROWS = 60
-"""Surfacings in the table, the last ones"""
-
-
 def write_hindcast(folder: Path, found: Hindcast, command: str = "") -> Path:
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
 
@@ -191,22 +166,19 @@ def write_hindcast(folder: Path, found: Hindcast, command: str = "") -> Path:
          "they know the currents, the waypoints and the duration expected, and depth and pitch of "
          "the dive before."),
     ):  # fmt: skip
-        rows = [(one.name, getattr(one, which)) for one in found.deployments]
-        rows = [(name, scores) for name, scores in rows if scores is not None]
-        if not rows:
-            continue
-        if len(rows) > 1:
-            rows.append(("all", getattr(found, which)))
+        rows = found.rows(which)
         partial = [name for name in METHODS if any(name in each.partial for _, each in rows)]
-        page.table(
-            [
-                {"deployment": name, "scored": scores.segments, **_row(scores, partial)}
-                for name, scores in rows
-            ],
-            f"{words} Forecast / best rival is the forecast's error over that of the best other "
-            "one, below 1 where it is better; inside are the parts that came up in the ellipses.",
-            first=False,
-        )
+        if rows:
+            page.table(
+                [
+                    {"deployment": name, "scored": scores.segments, **_row(scores, partial)}
+                    for name, scores in rows
+                ],
+                f"{words} Forecast / best rival is the forecast's error over that of the best "
+                "other one, below 1 where it is better; inside are the parts that came up in the "
+                "ellipses.",
+                first=False,
+            )
     for one in found.deployments:
         _deployment(page, one)
     if command:
@@ -240,11 +212,8 @@ def _row(scores: Scores, partial: Sequence[str]) -> dict[str, object]:
 
 def _deployment(page: Page, one: DeploymentHindcast) -> None:
     page.section(one.name)
-    said = "Weights of the current's models after the last dive: "
-    said += (
-        ", ".join(f"{name} {weight:.2f}" for name, weight in one.walked.pool.pool.weights.items())
-        + "."
-    )
+    weights = (f"{name} {weight:.2f}" for name, weight in one.walked.pool.pool.weights.items())
+    said = f"Weights of the current's models after the last dive: {', '.join(weights)}."
     scores = one.surfacing
     if scores.ratio_interval is not None and scores.rival is not None:
         low, high = scores.ratio_interval
@@ -272,28 +241,22 @@ def _deployment(page: Page, one: DeploymentHindcast) -> None:
             "Part of the scored surfacings that were missed by less than an error.",
         )
     page.table(
-        [
-            {
-                "surfaced, UTC": f"{moment_of(s.time):%m-%d %H:%M}",
-                "hours": s.hours,
-                "latitude": f"{s.places['fix'][0]:.4f}",
-                "longitude": f"{s.places['fix'][1]:.4f}",
-                **{
-                    f"{TITLES[n]}, m/h": s.surfacing.error(n) if n in s.surfacing.missed else None
-                    for n in METHODS
-                },
-                "90 % ellipse, km": _kilometres(
-                    Ellipse.of(s.surfacing.reach[1] * s.surfacing.covariance)
-                ),
-                "inside 90 %": "yes" if s.surfacing.held[1] else "no",
-            }
-            for s in one.surfacings[-MOST_ROWS:]
-            if s.scored
-        ],
+        [_surfacing(s) for s in one.surfacings[-MOST_ROWS:] if s.scored],
         f"The last scored surfacings, {MOST_ROWS} at most; semi-axes of the ellipses.",
         first=False,
     )
 
 
-def _kilometres(ellipse: Ellipse) -> str:
-    return f"{ellipse.semi_major_m / 1e3:.2f} x {ellipse.semi_minor_m / 1e3:.2f}"
+def _surfacing(one: HindcastSurfacing) -> dict[str, object]:
+    """Row of a table."""
+    judged, (latitude, longitude) = one.surfacing, one.places["fix"]
+    axes = Ellipse.of(judged.reach[1] * judged.covariance)
+    return {
+        "surfaced, UTC": f"{moment_of(one.time):%m-%d %H:%M}",
+        "hours": one.hours,
+        "latitude": f"{latitude:.4f}",
+        "longitude": f"{longitude:.4f}",
+        **{f"{TITLES[n]}, m/h": judged.error(n) if n in judged.missed else None for n in METHODS},
+        "90 % ellipse, km": f"{axes.semi_major_m / 1e3:.2f} x {axes.semi_minor_m / 1e3:.2f}",
+        "inside 90 %": "yes" if judged.held[1] else "no",
+    }

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from glider_twin_ops.forecast import NINETY, Forecast, LoggedLeg
+from glider_twin_ops.forecast import Forecast, LoggedLeg
+from glider_twin_ops.forecast.member_flights import HALF, NINETY
 from twin.numbers import Array
 from twin.show import style
-from twin.show.dates import LABEL, draw_dates
 from twin.show.figures import box_around, draw_base, joined_longitude
+from twin.show.style import LABEL, draw_dates
 
-HALF = 0.5
 DAY = 86400.0
 CLOSE = 4
 """Last dives of the detailed map"""
@@ -25,17 +25,8 @@ LETTERS = 105
 """In a line of the picture for e-mail"""
 
 
-def close_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
-    """The last dives, with the numbered ellipses of the next surfacings and where it goes."""
-    return _map_figure(legs[-CLOSE:], found)
-
-
-def deployment_figure(legs: Sequence[LoggedLeg]) -> Figure:
-    """All dives."""
-    return _map_figure(legs, None)
-
-
-def _map_figure(legs: Sequence[LoggedLeg], found: Forecast | None) -> Figure:
+def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None = None) -> Figure:
+    """Dives, with the numbered ellipses of the next surfacings and where it goes."""
     with style.styled():
         figure = style.new_figure(*MAP)
         axes = figure.subplots()
@@ -69,35 +60,30 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
     begins = np.array([one.begin for one in legs])
     ends = np.array([one.end for one in legs])
     rings: list[Array] = []
+    track = np.zeros((0, 2))
     if found is not None:
-        place = found.request.place
+        place, track = found.request.place, found.track.reshape(-1, 2)[:, ::-1]
         rings = [
             one.ring(part, place)[:, ::-1] for one in found.surfacings for part in (NINETY, HALF)
         ]
-        if len(found.track):
-            rings.append(found.track[:, ::-1])
-    every = np.concatenate([begins, ends, *rings])
+    every = np.concatenate([begins, ends, *rings, track])
     longitude = joined_longitude(every[:, 1])
     draw_base(axes, box_around(every[:, 0], longitude, 0.95))
-    count = len(legs)
-    west, east = longitude[:count], longitude[count : 2 * count]
-    for k in range(count):
-        axes.plot([west[k], east[k]], [begins[k, 0], ends[k, 0]], color=style.GUIDE, lw=0.9,
-                  zorder=2)  # fmt: skip
+    west, east, *around = np.split(longitude, np.cumsum([len(p) for p in (begins, ends, *rings)]))
+    axes.plot(np.stack([west, east]), np.stack([begins[:, 0], ends[:, 0]]), color=style.GUIDE,
+              lw=0.9, zorder=2)  # fmt: skip
     axes.plot(east, ends[:, 0], ".", color=style.COMMAND, ms=4.0, ls="none", zorder=4, label="fix")
     current = np.array([one.leg.current for one in legs])
     axes.quiver(
         0.5 * (west + east), 0.5 * (begins[:, 0] + ends[:, 0]), current[:, 1], current[:, 0],
         color=style.PALETTE["blue"], width=0.004, zorder=3, label="current",
     )  # fmt: skip
-    at = 2 * count
-    for k, ring in enumerate(rings):
-        x = longitude[at : at + len(ring)]
-        at += len(ring)
-        track = found is not None and k == len(rings) - 1 and len(found.track) > 0
-        label = "forecast" if track else "50 and 90 %" if k == 0 else ""
-        dashes = (0, (4, 2)) if track else "-"
-        axes.plot(x, ring[:, 0], color=style.ESTIMATE, lw=0.9, ls=dashes, zorder=3, label=label)
+    for k, (x, ring) in enumerate(zip(around, [*rings, track], strict=True)):
+        last = k == len(rings)
+        if len(ring):
+            axes.plot(x, ring[:, 0], color=style.ESTIMATE, lw=0.9, zorder=3,
+                      ls=(0, (4, 2)) if last else "-",
+                      label="forecast" if last else "50 and 90 %" if k == 0 else "")  # fmt: skip
     if found is not None:
         _draw_places(axes, found, longitude[0] - begins[0, 1])
 

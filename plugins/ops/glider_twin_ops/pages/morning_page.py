@@ -10,23 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.forecast import NINETY, boxes_text, notice_boxes
+from glider_twin_ops.forecast import Forecast, notice_boxes
+from glider_twin_ops.forecast.member_flights import NINETY
+from glider_twin_ops.forecast.surfacing_forecast import boxes_text, collection
 from glider_twin_ops.health import CHANNELS, DeploymentHealth
 from glider_twin_ops.pages.forecast_page import forecast_row
-from glider_twin_ops.pages.health_page import channel_caption, channel_figure, evidence_figure
-from glider_twin_ops.pages.morning_figures import (
-    close_figure,
-    deployment_figure,
-    mail_figure,
-    water_figure,
-)
+from glider_twin_ops.pages.health_page import channel_figures, evidence_figure, kind_facts
+from glider_twin_ops.pages.morning_figures import CLOSE, mail_figure, track_figure, water_figure
+from glider_twin_ops.watching.expected_plan import NAMES, ProposedFiles
 from glider_twin_ops.watching.morning import Morning
-from glider_twin_ops.watching.proposed_files import NAMES, ProposedFiles
 from twin.cli import counted, one_line, printable
 from twin.errors import StoreError
 from twin.records.coordinates import utc_minute
 from twin.records.storage import damaged_files
-from twin.show.figures import Page
+from twin.show import Page
 
 PAGE = "page"
 LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
@@ -34,10 +31,6 @@ ROUTES = "routes.geojson"
 BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
 BESIDE = (LATEST, SUMMARY, GEOJSON, ROUTES, BOXES, BOXES_TEXT, *NAMES)
 DAY = 86400.0
-MOST_KINDS = 5
-"""Kinds of fault in the table"""
-LIKELY = 0.01
-"""Probability from which a kind is told"""
 SHOWN = 4
 """Channels of health that are drawn, those farthest from their level"""
 
@@ -62,14 +55,10 @@ def write_morning(
     Raises:
       WriteError: something that is no page is in the way, or the disk refuses.
     """
-    lead = " ".join(
-        part for part in (
-            told.deployment,
-            f"with {told.vehicle.name}" if told.vehicle else "",
-            f"as of {as_of} UTC" if as_of else "",
-        ) if part
-    )  # fmt: skip
-    leads = [lead or told.title]
+    lead = [told.deployment] * bool(told.deployment)
+    lead += [f"with {told.vehicle.name}"] if told.vehicle else []
+    lead += [f"as of {as_of} UTC"] if as_of else []
+    leads = [" ".join(lead) or told.title]
     if (fix := told.last_fix) is not None:
         leads.append(
             f"last fix {utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
@@ -87,8 +76,8 @@ def write_morning(
     if new:
         page.section("New since the page before")
         page.points(new)
-    if told.surfacings is not None:
-        _forecast(page, told)
+    if (flown := told.surfacings) is not None:
+        _forecast(page, told, flown)
     if told.missing:
         page.section("What is missing")
         page.points(told.missing)
@@ -101,13 +90,13 @@ def write_morning(
             [
                 (
                     "track",
-                    close_figure(told.legs, told.surfacings),
+                    track_figure(told.legs[-CLOSE:], told.surfacings),
                     "Last dives: fixes with straight lines between those that begin and end one, "
                     "its mean current, the next surfacings by their numbers with ellipses that "
                     "hold 50 and 90 % of them, and where it goes: at the edge where that is "
                     "outside.",
                 ),
-                ("deployment", deployment_figure(told.legs), "All dives."),
+                ("deployment", track_figure(told.legs), "All dives."),
                 (
                     "current",
                     water_figure(told.legs),
@@ -147,15 +136,13 @@ def write_morning(
     page.attach(SUMMARY, lines)
     verdict, *rest = lines.splitlines()
     page.picture(MAIL, mail_figure(verdict, rest, told.legs, told.surfacings))
-    flown = told.surfacings
     boxes = [] if flown is None else notice_boxes(flown)
     page.attach(BOXES_TEXT, boxes_text(boxes, told.deployment or told.title))
     for name, features in (
         (GEOJSON, [] if flown is None else flown.geojson()["features"]),
         (BOXES, [one.feature() for one in boxes]),
     ):
-        collection = {"type": "FeatureCollection", "features": features}
-        page.attach(name, json.dumps(collection, indent=1) + "\n")
+        page.attach(name, json.dumps(collection(features), indent=1) + "\n")
     return page.write()
 
 
@@ -270,9 +257,7 @@ def _numbers(told: Morning) -> Mapping[str, str]:
     return found
 
 
-def _forecast(page: Page, told: Morning) -> None:
-    found = told.surfacings
-    assert found is not None
+def _forecast(page: Page, told: Morning, found: Forecast) -> None:
     page.section("Next surfacings")
     page.say(f"Taken to go {told.plan}.")
     if found.surfacings:
@@ -295,33 +280,9 @@ def _health(page: Page, health: DeploymentHealth) -> None:
     page.section("Health")
     if health.alarm:
         first = health.kinds[0]
-        page.facts(
-            {
-                "what": first.says,
-                "since": f"dive {health.since_dive}, noticed after dive {health.noticed_dive}",
-                "seen on dives": ", ".join(str(number) for number in first.dives) or "-",
-                "by": ", ".join(first.channels) or "-",
-                "also possible": ", ".join(first.also) or "-",
-                "or else": first.otherwise,
-                "to find out": first.find_out,
-            }
-        )
-    likely = [one for one in health.kinds[:MOST_KINDS] if one.probability >= LIKELY]
-    if health.alarm and likely:
-        page.table(
-            [
-                {
-                    "kind": one.kind,
-                    "probability": one.probability,
-                    "since dive": one.since_dive,
-                    "size": one.size,
-                    "deviation": one.size_deviation,
-                    "unit": one.unit,
-                }
-                for one in likely
-            ],
-            "If there is a fault, which one:",
-        )
+        noticed: dict[str, object] = {"what": first.says, "noticed after dive": health.noticed_dive}
+        page.facts(noticed | kind_facts(first))
+        page.table(health.likeliest(), "If there is a fault, which one:")
     told = [k for k, channel in enumerate(CHANNELS) if channel.name not in health.lacking]
     if told and len(health.dives):
         if np.isfinite(health.evidence).any():
@@ -333,16 +294,7 @@ def _health(page: Page, health: DeploymentHealth) -> None:
         last = [_last(health.levels.innovation[:, k]) for k in told]
         off = sorted(zip(told, last, strict=True), key=lambda one: -abs(one[1] or 0.0))
         page.say("What is farthest from its level, each dive and the level:")
-        page.pair(
-            [
-                (
-                    f"health-{CHANNELS[k].name}",
-                    channel_figure(health, k),
-                    channel_caption(CHANNELS[k]),
-                )
-                for k, _ in off[:SHOWN]
-            ]
-        )
+        page.pair(channel_figures(health, [k for k, _ in off[:SHOWN]], "health"))
         page.table(
             [
                 {

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
-    from glider_twin_ops.presets.deployments import PERIODS as PERIODS
+    from glider_twin_ops.presets.deployment import PERIODS as PERIODS
     from glider_twin_ops.presets.deployments import make_deployments as make_deployments
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -8,6 +8,7 @@ the sensors of the preset, and told by what a glider logs: no truth, no gyroscop
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -24,21 +25,26 @@ from factory.sampling import (
     build_current,
     build_density,
     check_possible,
+    declared,
     draw_values,
     encoder_zeros,
     number,
     origin,
+    override,
+    parameter_table,
+    propelled,
     spread_vehicle,
 )
-from twin import Scenario, Trajectory, Vehicle
+from twin import FlatFloor, Mission, SawTooth, Scenario, SensorSuite, Surface, Trajectory, Vehicle
 from twin.errors import InputError, TwinError
 from twin.faults import FAULTS, Fault, faults_of, read_by
-from twin.mission import Mission, SawTooth, Surface, track_to_follow
+from twin.mission import track_to_follow
 from twin.numbers import Array
 from twin.physics import Lane, electric_signals, flown_abreast
-from twin.sensors import Dvl, SensorSuite
-from twin.water.floor import FlatFloor
+from twin.sensors import Dvl
 
+PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0}
+"""[s] between samples of the presets: of files that are read after recovery, and of what is sent"""
 DIVES = (20, 60)
 """Stays at the surface of a deployment; each is followed by a dive, from fix to fix"""
 HOURS = (2.0, 3.5)
@@ -124,74 +130,91 @@ def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]
     return tuple(wanted) or possible
 
 
-def draw_deployment(
-    vehicle: Vehicle,
-    table: Table,
-    distributions: dict[str, Distribution],
-    *,
-    seed: int,
-    index: int,
-    attempt: int,
-    period: float,
-    kinds: Sequence[str],
-    faulty: bool,
-    size: float | None = None,
-) -> DeploymentDraw:
-    """Draw one deployment.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeploymentPlan:
+    """What deployments are made of; everything that their bytes depend on."""
 
-    Args:
-      table, distributions: parameters of missions of the vehicle, by name.
-      seed, index, attempt: whose streams are used.
-      period: [s] between samples.
-      kinds: of faults that are drawn; `faulty`: whether one is.
-      size: of the fault, in its unit; drawn by default.
+    vehicle: Vehicle
+    preset: str = "faulty"
+    seed: int = 0
+    kinds: tuple[str, ...] = ()
+    """Faults that are drawn; () is all that the vehicle can have"""
+    size: float | None = None
+    """of every fault; None draws it"""
 
-    Raises:
-      MissionError, NoSteadyState: the vehicle cannot fly it.
-    """
-    rng = _rng(seed, index, attempt)
-    values = draw_values(table, distributions, seed=seed, mission=index, attempt=attempt)
-    segment = {
-        name: distributions[name].draw(rng) for name, row in table.items() if row.per_segment
-    }
-    segment["mission.min_depth_m"] = 8.0
-    parameters = Parameters(duration_s=3600.0, values=values, segments=(segment,))
-    flown = spread_vehicle(vehicle, parameters)
-    believed = believed_vehicle(vehicle, parameters)
-    dives = int(rng.integers(DIVES[0], DIVES[1] + 1))
-    mission, lengths = _mission(segment, dives, believed, values, rng)
-    fault, onset = None, math.nan
-    if faulty:
-        fault, onset = _fault(vehicle, kinds, dives, lengths, rng, size)
-    deepest = max(s.max_depth_m for s in mission.segments if isinstance(s, SawTooth))
-    scenario = Scenario(
-        vehicle=flown,
-        believed=believed,
-        ballast=ballast_of(vehicle, parameters),
-        encoder_zeros=encoder_zeros(vehicle, parameters),
-        mission=mission,
-        duration=period * math.ceil(sum(lengths) / period),
-        faults=() if fault is None else (fault,),
-        current=build_current(parameters),
-        density=build_density(parameters),
-        floor=FlatFloor(depth_m=deepest * (1 + 3 * JITTER) + float(rng.uniform(*ABOVE_FLOOR))),
-        origin=origin(parameters),
-        engine="lanes",
-        sample_period=period,
-    )
-    # refused here and not in flight, where the others of its block would wait for another draw
-    scenario.mission_in_metres().compile(believed)
-    return DeploymentDraw(
-        number=index,
-        attempt=attempt,
-        scenario=scenario,
-        dives=dives,
-        fault=fault,
-        onset=onset,
-        sensor_seed=np.random.SeedSequence(seed, spawn_key=(_KEY, index, attempt, 1)),
-        parameters=parameters,
-        wave_speed=float(rng.uniform(*WAVE_SPEED)),
-    )
+    def __post_init__(self) -> None:
+        if self.preset not in PERIODS:
+            raise InputError(f"preset {self.preset!r} is none of {', '.join(PERIODS)}")
+        if propelled(self.vehicle):
+            raise InputError(
+                f"preset {self.preset!r} flies dives of a glider, and vehicle "
+                f"{self.vehicle.name!r} has a propeller; choose a glider, such as slocum-200, or "
+                "fly it with `twin simulate --fault`"
+            )
+        object.__setattr__(self, "kinds", fault_kinds(self.vehicle, self.kinds))
+
+    @property
+    def period(self) -> float:
+        """[s] between samples."""
+        return PERIODS[self.preset]
+
+    @functools.cached_property
+    def tables(self) -> tuple[Table, dict[str, Distribution]]:
+        """Parameters and what they are drawn from."""
+        table = parameter_table(self.vehicle)
+        fixed: dict[str, str | float] = {"mission.kind": "saw-tooth"}
+        return table, override(declared("field", table), fixed)
+
+    def draw(self, index: int, attempt: int, faulty: bool) -> DeploymentDraw:
+        """Draw one deployment, with a fault or without.
+
+        Raises:
+          MissionError, NoSteadyState: the vehicle cannot fly it.
+        """
+        table, distributions = self.tables
+        rng = _rng(self.seed, index, attempt)
+        values = draw_values(table, distributions, seed=self.seed, mission=index, attempt=attempt)
+        segment = {
+            name: distributions[name].draw(rng) for name, row in table.items() if row.per_segment
+        }
+        segment["mission.min_depth_m"] = 8.0
+        parameters = Parameters(duration_s=3600.0, values=values, segments=(segment,))
+        flown = spread_vehicle(self.vehicle, parameters)
+        believed = believed_vehicle(self.vehicle, parameters)
+        dives = int(rng.integers(DIVES[0], DIVES[1] + 1))
+        mission, lengths = _mission(segment, dives, believed, values, rng)
+        fault, onset = None, math.nan
+        if faulty:
+            fault, onset = _fault(self, dives, lengths, rng)
+        deepest = max(s.max_depth_m for s in mission.segments if isinstance(s, SawTooth))
+        scenario = Scenario(
+            vehicle=flown,
+            believed=believed,
+            ballast=ballast_of(self.vehicle, parameters),
+            encoder_zeros=encoder_zeros(self.vehicle, parameters),
+            mission=mission,
+            duration=self.period * math.ceil(sum(lengths) / self.period),
+            faults=() if fault is None else (fault,),
+            current=build_current(parameters),
+            density=build_density(parameters),
+            floor=FlatFloor(depth_m=deepest * (1 + 3 * JITTER) + float(rng.uniform(*ABOVE_FLOOR))),
+            origin=origin(parameters),
+            engine="lanes",
+            sample_period=self.period,
+        )
+        # refused here and not in flight, where the others of its block would wait for another draw
+        scenario.mission_in_metres().compile(believed)
+        return DeploymentDraw(
+            number=index,
+            attempt=attempt,
+            scenario=scenario,
+            dives=dives,
+            fault=fault,
+            onset=onset,
+            sensor_seed=np.random.SeedSequence(self.seed, spawn_key=(_KEY, index, attempt, 1)),
+            parameters=parameters,
+            wave_speed=float(rng.uniform(*WAVE_SPEED)),
+        )
 
 
 def faulty_of(seed: int, index: int) -> bool:
@@ -224,15 +247,9 @@ def _mission(
             for name in ("max_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg",
                          "climb_net_mass_kg")
         }  # fmt: skip
-        segments += [
-            Surface(duration_s=STAY),
-            SawTooth(
-                heading_deg=heading,
-                yos=yos,
-                min_depth_m=number(drawn, "mission.min_depth_m"),
-                **one,
-            ),
-        ]
+        shallow = number(drawn, "mission.min_depth_m")
+        dive = SawTooth(heading_deg=heading, yos=yos, min_depth_m=shallow, **one)
+        segments += [Surface(duration_s=STAY), dive]
         lengths.append(STAY + yos * one_yo)
     segments.append(Surface(duration_s=STAY))
     lengths.append(STAY + 300.0)
@@ -261,28 +278,21 @@ def _yo_time(drawn: dict[str, Any], vehicle: Vehicle) -> float:
 
 
 def _fault(
-    vehicle: Vehicle,
-    kinds: Sequence[str],
-    dives: int,
-    lengths: Sequence[float],
-    rng: np.random.Generator,
-    given: float | None,
+    plan: DeploymentPlan, dives: int, lengths: Sequence[float], rng: np.random.Generator
 ) -> tuple[Fault, float]:
     """A fault that the vehicle can have, and the number of the dive with which it begins."""
-    kind = FAULTS[kinds[int(rng.integers(len(kinds)))]]
+    kind = FAULTS[plan.kinds[int(rng.integers(len(plan.kinds)))]]
     least, most = kind.sizes
     size = float(np.exp(rng.uniform(math.log(least), math.log(most)))) if most > least else most
-    size = size if given is None else given
+    size = size if plan.size is None else plan.size
     size *= float(rng.choice([-1.0, 1.0])) if kind.signed else 1.0
-    sample = kind.of_size(size)
-    choice = sample.choices(vehicle)[int(rng.integers(len(sample.choices(vehicle))))]
+    choices = kind.of_size(size).choices(plan.vehicle)
+    others = dict(choices[int(rng.integers(len(choices)))])
     first = max(math.ceil(HEALTHY_DIVES * dives), 6)
     onset = int(rng.integers(first, max(dives - 6, first + 1)))
-    start = sum(lengths[:onset])
-    others = dict(choice)
     if kind.kind == "compass_iron":
         others["toward"] = float(rng.uniform(0.0, 360.0))
-    return kind.of_size(size, start, **others), float(onset)
+    return kind.of_size(size, sum(lengths[:onset]), **others), float(onset)
 
 
 # --- flown --------------------------------------------------------------------------------------
@@ -302,18 +312,18 @@ def fly_deployments(
             places.append(index)
         except TwinError as error:
             yield index, error
-    for place, found in flown_abreast(lanes):
-        if not isinstance(found, Trajectory):
-            yield places[place], found
-            continue
-        draw = draws[places[place]]
-        try:
-            check_possible(found.signals, found.time)
-            check_steered(draw, found)
-        except TwinError as error:
-            yield places[place], error
-            continue
-        yield places[place], measured(draw, found, lanes[place], suite)
+    for lane, found in flown_abreast(lanes):
+        place = places[lane]
+        if isinstance(found, Trajectory):
+            try:
+                check_possible(found.signals, found.time)
+                check_steered(draws[place], found)
+            except TwinError as error:
+                yield place, error
+            else:
+                yield place, measured(draws[place], found, lanes[lane], suite)
+        else:
+            yield place, found
 
 
 def check_steered(draw: DeploymentDraw, flown: Trajectory) -> None:

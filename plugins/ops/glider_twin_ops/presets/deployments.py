@@ -8,11 +8,11 @@ dimension `deployment` it says what was wrong, from which dive on, and how much.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-import datetime
-import functools
 import json
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,36 +28,33 @@ from factory.importing import (
     Tally,
     dives_dataset,
 )
-from factory.sampling import Distribution, Table, declared, override, parameter_table, propelled
 from glider_twin_ops.presets.deployment import (
     DeploymentDraw,
-    draw_deployment,
-    fault_kinds,
+    DeploymentPlan,
     faulty_of,
     fly_deployments,
 )
-from twin import Vehicle, load_vehicle
+from twin import SensorSuite, Vehicle, load_vehicle
 from twin.errors import InputError, MissionError, TwinError
 from twin.geodesy import position, wrap_longitude
 from twin.numbers import Array, processors
-from twin.records import check_target, is_store, read_zarr, write_zarr
+from twin.records import check_target, is_store, read_zarr, unix_seconds, write_zarr
 from twin.records.attributes import DEPLOYMENT, DIVE, DIVE_DURATION, START_TIME, VEHICLE_MJCF
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.storage import whole_folder
-from twin.sensors import SensorSuite
 from twin.vehicle.parts import Fin
 
 if TYPE_CHECKING:
     import xarray as xr
 
-PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0}
-"""[s] between samples of the presets: of files that are read after recovery, and of what is sent"""
 SATELLITE_SIGNALS = (
     "measured_depth", "measured_pressure", "measured_pitch", "measured_roll", "measured_heading",
     "measured_pump", "measured_shift", "measured_rotation", "measured_fin", "measured_vacuum",
     "measured_voltage", "measured_charge", "commanded_heading", "commanded_pitch",
 )  # fmt: skip
 """What a satellite carries"""
+UNLOGGED = ("measured_gps", "measured_dvl", "measured_specific", "measured_onboard")
+"""Beginnings of the names of signals that no glider logs, or whose log is of fixes"""
 CHUNK = 8
 """Deployments that fly together, the width of a narrow block of lanes"""
 ATTEMPTS = 20
@@ -67,54 +64,8 @@ LABELS, NAME = "fault_labels", "deployment_name"
 """JSON of each deployment's fault with all of its settings"""
 HEALTHY = "none"
 """The kind of fault of a deployment without one"""
-WORDS = (FAULT_KIND, LABELS, NAME)
-"""Labels that are texts"""
 KIND = "simulated"
 """What such a store calls its kind of log"""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class DeploymentPlan:
-    """What deployments are made of; everything that their bytes depend on."""
-
-    vehicle: Vehicle
-    preset: str = "faulty"
-    seed: int = 0
-    kinds: tuple[str, ...] = ()
-    """Faults that are drawn; () is all that the vehicle can have"""
-    size: float | None = None
-    """of every fault; None draws it"""
-
-    def __post_init__(self) -> None:
-        if self.preset not in PERIODS:
-            raise InputError(f"preset {self.preset!r} is none of {', '.join(PERIODS)}")
-        if propelled(self.vehicle):
-            raise InputError(
-                f"preset {self.preset!r} flies dives of a glider, and vehicle "
-                f"{self.vehicle.name!r} has a propeller; choose a glider, such as slocum-200, or "
-                "fly it with `twin simulate --fault`"
-            )
-        object.__setattr__(self, "kinds", fault_kinds(self.vehicle, self.kinds))
-
-    @property
-    def period(self) -> float:
-        """[s] between samples."""
-        return PERIODS[self.preset]
-
-    @functools.cached_property
-    def tables(self) -> tuple[Table, dict[str, Distribution]]:
-        """Parameters and what they are drawn from."""
-        table = parameter_table(self.vehicle)
-        fixed: dict[str, str | float] = {"mission.kind": "saw-tooth"}
-        return table, override(declared("field", table), fixed)
-
-    def draw(self, index: int, attempt: int, faulty: bool) -> DeploymentDraw:
-        """One deployment; raises a TwinError where the vehicle cannot fly it."""
-        table, distributions = self.tables
-        return draw_deployment(
-            self.vehicle, table, distributions, seed=self.seed, index=index, attempt=attempt,
-            period=self.period, kinds=self.kinds, faulty=faulty, size=self.size,
-        )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -174,24 +125,15 @@ def make_deployments(
         beside = folder.parent / "pieces"
         beside.mkdir()
         files = [beside / f"{k}.zarr" for k in range(len(pieces))]
-        for made in _done(
-            workers, _piece, [(plan, p, f) for p, f in zip(pieces, files, strict=True)]
-        ):
-            watch(share * made)
+        jobs = [(plan, piece, file) for piece, file in zip(pieces, files, strict=True)]
+        processes = min(workers or processors(), len(jobs))
+        with local_pool(processes) if processes > 1 else contextlib.nullcontext() as pool:
+            for made in map(_piece, jobs) if pool is None else pool.map(_piece, jobs):
+                watch(share * made)
         dives, days, faulty = _joined(files, folder)
     return MadeDeployments(
         store=Path(out), deployments=len(draws), faulty=faulty, dives=dives, days=days
     )
-
-
-def _done(workers: int | None, function: Any, jobs: Sequence[Any]) -> Iterator[Any]:
-    """Jobs done in their order by so many processes; one does them here."""
-    count = min(workers or processors(), len(jobs))
-    if count <= 1:
-        yield from map(function, jobs)
-        return
-    with local_pool(count) as pool:
-        yield from pool.map(function, jobs)
 
 
 def _lasting(plan: DeploymentPlan, hours: float) -> list[DeploymentDraw]:
@@ -241,22 +183,17 @@ def flown_logs(
 
 
 def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan) -> DeploymentLog:
-    """The signals of a flight as a vehicle's log."""
+    """Signals of a flight as a vehicle's log."""
     place, vehicle = draw.scenario.place, draw.scenario.vehicle
-    moment = datetime.datetime.fromisoformat(str(place.time)).replace(tzinfo=datetime.UTC)
-    time = moment.timestamp() + signals["time"]
+    time = unix_seconds(str(place.time)) + signals["time"]
     rudders = {f"measured_{part.name}" for part in vehicle.parts if isinstance(part, Fin)}
     channels: dict[str, Channel] = {}
     for name, values in signals.items():
         known = "measured_fin" if name in rudders else name
-        if known not in VARIABLES or known.startswith(("measured_gps", "measured_dvl")):
-            continue
-        if known.startswith(("measured_specific", "measured_onboard")) or known.endswith("_rate"):
-            continue
-        if plan.preset != "faulty" and known not in SATELLITE_SIGNALS:
+        if known not in VARIABLES or known.startswith(UNLOGGED) or known.endswith("_rate"):
             continue
         finite = np.isfinite(values)
-        if finite.any():
+        if finite.any() and (plan.preset == "faulty" or known in SATELLITE_SIGNALS):
             channels[known] = Channel(time[finite], values[finite])
     north, east = signals["measured_gps_north"], signals["measured_gps_east"]
     fixed = np.flatnonzero(np.isfinite(north))
@@ -278,8 +215,7 @@ def _piece(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path]) -> float:
     """Fly some deployments into a store of their own; their hours [h]."""
     plan, draws, path = job
     flown = flown_logs(plan, draws)
-    dataset = dataset_of_logs(flown, plan)
-    write_zarr(dataset, path)
+    write_zarr(dataset_of_logs(flown, plan), path)
     return sum(draw.scenario.run_time() for draw, _ in flown) / 3600.0
 
 
@@ -306,54 +242,47 @@ def dataset_of_logs(
         join="outer",
     )
     dataset = dataset.assign_coords({MISSION: np.arange(dataset.sizes[MISSION])})
-    labels: dict[str, tuple[list[Any], str]] = {
-        FAULT_KIND: ([draw.kind for draw, _ in flown], "fault; none: it is healthy"),
+    faults = [draw.fault for draw, _ in flown]
+    onsets = [_onset(draw, one) for (draw, _), one in zip(flown, parts, strict=True)]
+    labels: dict[str, tuple[list[Any], type, str]] = {
+        FAULT_KIND: ([d.kind for d, _ in flown], object, "fault; none: it is healthy"),
         FAULT_ONSET: (
-            [_onset(draw, one) for (draw, _), one in zip(flown, parts, strict=True)],
+            onsets,
+            float,
             "number of the first dive with the fault, as in `dive`; NaN where it is healthy",
         ),
         FAULT_SIZE: (
-            [float("nan") if d.fault is None else d.fault.size for d, _ in flown],
+            [math.nan if one is None else one.size for one in faults],
+            float,
             "size of the fault in its kind's unit; NaN where it is healthy",
         ),
         LABELS: (
-            [json.dumps({} if d.fault is None else d.fault.describe()) for d, _ in flown],
+            [json.dumps({} if one is None else one.describe()) for one in faults],
+            object,
             "JSON of the fault with all of its settings",
         ),
-        NAME: ([draw.name for draw, _ in flown], "name, as in `deployment`"),
+        NAME: ([d.name for d, _ in flown], object, "name, as in `deployment`"),
     }
-    added = {
-        name: (
-            DEPLOYMENT,
-            np.array(values, object if name in WORDS else np.float64),
-            {"long_name": long_name},
-        )
-        for name, (values, long_name) in labels.items()
-    }
-    dataset = _with(dataset, added)
-    dataset.attrs[VEHICLE_MJCF] = plan.vehicle.xml
-    return dataset
-
-
-def _with(dataset: xr.Dataset, added: dict[str, Any]) -> xr.Dataset:
-    """A dataset with labels on the dimension that has the name of an array over missions."""
-    import xarray as xr
-
+    # the dimension has the name of an array over missions: a coordinate, were it assigned
     variables = {str(name): dataset[name].variable for name in dataset.variables}
-    coordinates = [str(name) for name in dataset.coords]
-    found = xr.Dataset({**variables, **added}, attrs=dataset.attrs)
-    return found.set_coords([name for name in coordinates if name in found.variables])
+    added: dict[str, Any] = {
+        name: (DEPLOYMENT, np.array(values, kind), {"long_name": long_name})
+        for name, (values, kind, long_name) in labels.items()
+    }
+    found = xr.Dataset(
+        {**variables, **added}, attrs={**dataset.attrs, VEHICLE_MJCF: plan.vehicle.xml}
+    )
+    return found.set_coords([str(name) for name in dataset.coords])
 
 
 def _onset(draw: DeploymentDraw, dives: xr.Dataset) -> float:
     """Number of the first dive of the log that the fault is in."""
     if draw.fault is None:
-        return float("nan")
-    moment = datetime.datetime.fromisoformat(str(draw.scenario.place.time))
-    begin = moment.replace(tzinfo=datetime.UTC).timestamp() + draw.fault.start
+        return math.nan
+    begin = unix_seconds(str(draw.scenario.place.time)) + draw.fault.start
     ends = np.asarray(dives[START_TIME], float) + np.asarray(dives[DIVE_DURATION], float)
     later = np.flatnonzero(ends > begin)
-    return float(dives[DIVE][later[0]]) if later.size else float("nan")
+    return float(dives[DIVE][later[0]]) if later.size else math.nan
 
 
 def _joined(files: Sequence[Path], folder: Path) -> tuple[int, float, int]:

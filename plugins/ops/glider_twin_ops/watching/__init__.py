@@ -9,16 +9,12 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
-    from glider_twin_ops.pages.morning_page import summary as summary
-    from glider_twin_ops.watching.deployment_folder import AUTO as AUTO
     from glider_twin_ops.watching.deployment_folder import WatchedDeployment as WatchedDeployment
     from glider_twin_ops.watching.learning_dives import propose_learning as propose_learning
-    from glider_twin_ops.watching.sources.arrived_files import kind_of as kind_of
-    from glider_twin_ops.watching.sources.base import SOURCES as SOURCES
-    from glider_twin_ops.watching.sources.base import Source as Source
-    from glider_twin_ops.watching.sources.base import SurfaceDialogue as SurfaceDialogue
+    from glider_twin_ops.watching.sources import SOURCES as SOURCES
+    from glider_twin_ops.watching.sources import Source as Source
+    from glider_twin_ops.watching.sources import SurfaceDialogue as SurfaceDialogue
     from glider_twin_ops.watching.watch_pass import Passed as Passed
-    from glider_twin_ops.watching.watch_pass import alone as alone
     from glider_twin_ops.watching.watch_pass import one_pass as one_pass
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

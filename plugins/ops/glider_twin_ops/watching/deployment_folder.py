@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from factory.importing import IMPORTERS
-from glider_twin_ops.forecast import check_hours, check_members, mission_to
-from glider_twin_ops.health import threshold_of
-from glider_twin_ops.watching.sources.base import source_of
+from glider_twin_ops.forecast import mission_to
+from glider_twin_ops.forecast.request import check_hours, check_members
+from glider_twin_ops.health.judgement import threshold_of
+from glider_twin_ops.watching.sources import source_of
 from twin import Vehicle, load_vehicle
 from twin.bounded import read_toml
 from twin.errors import InputError, TwinError, WriteError, quoted, shown, unknown_name
@@ -73,13 +74,11 @@ class WatchedDeployment:
     def __post_init__(self) -> None:
         where = f"{self.folder / SETTINGS}"
         for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            wanted = type(field.default)
+            value, wanted = getattr(self, field.name), type(field.default)
             if field.name in ("folder", "source", "variation_deg"):
                 continue
-            if isinstance(value, bool) != (wanted is bool) or not isinstance(
-                value, int | float if wanted is float else wanted
-            ):
+            taken = int | float if wanted is float else wanted
+            if isinstance(value, bool) != (wanted is bool) or not isinstance(value, taken):
                 raise InputError(
                     f"{where}: {field.name} = {shown(value)} must be {_WORDS[wanted]}, such as "
                     f"{json.dumps(field.default)}"
@@ -90,21 +89,20 @@ class WatchedDeployment:
                 raise InputError(f"{where}: {name} = {value:g} must be 0 or above")
         if not self.samples > 0.0:
             raise InputError(f"{where}: samples = {self.samples:g} must be above 0")
-        if self.variation_deg != "" and not _is_number(self.variation_deg):
-            raise InputError(
-                f'{where}: variation_deg = {shown(self.variation_deg)} must be degrees, or ""'
-            )
+        variation = self.variation_deg
+        number = isinstance(variation, int | float) and not isinstance(variation, bool)
+        if variation != "" and not (number and math.isfinite(variation)):  # type: ignore[arg-type]
+            raise InputError(f'{where}: variation_deg = {shown(variation)} must be degrees, or ""')
         if not isinstance(self.source, str) or not self.source:
             raise InputError(f"{where}: source = {shown(self.source)} must name a folder")
-        if self.kind != AUTO and self.kind not in IMPORTERS.names():
-            raise InputError(
-                f"{where}: {unknown_name('kind', self.kind, [AUTO, *IMPORTERS.names()])}"
-            )
+        kinds = [AUTO, *IMPORTERS.names()]
+        if self.kind not in kinds:
+            raise InputError(f"{where}: {unknown_name('kind', self.kind, kinds)}")
         source_of(self.source, "" if self.kind == AUTO else self.kind)
-        if self.cache and not self.place(self.cache).is_dir():
+        if self.cache and not (cache := self.place(self.cache)).is_dir():
             raise InputError(
-                f"{where}: cache = {shown(self.cache)} is no folder "
-                f"({self.place(self.cache)}): give one from the deployment's folder on, or absolute"
+                f"{where}: cache = {shown(self.cache)} is no folder ({cache}): give one from the "
+                "deployment's folder on, or absolute"
             )
         if self.goto and self.mission:
             raise InputError(f"{where}: give goto or mission, not both")
@@ -125,7 +123,6 @@ class WatchedDeployment:
             threshold_of(self.false_alarm_days)
         except TwinError as error:
             raise InputError(f"{where}: {error}") from None
-
         self.harbour  # noqa: B018 - refuses what is no place
 
     def own_vehicle(self) -> Vehicle | None:
@@ -176,13 +173,22 @@ class WatchedDeployment:
                 "--from FOLDER`"
             )
         found = read_toml(path, "settings")
-        names = [field.name for field in dataclasses.fields(cls) if field.name != "folder"]
+        names = list(cls.meanings())
         for name in found:
             if name not in names:
                 raise InputError(f"{path}: {unknown_name('key', name, names)}")
         if "source" not in found:
             raise InputError(f"{path}: the key source is missing: the folder in which files arrive")
         return cls(folder=folder, **found)
+
+    @classmethod
+    def meanings(cls) -> dict[str, str]:
+        """What each key of the file says."""
+        return {
+            field.name: field.metadata["says"]
+            for field in dataclasses.fields(cls)
+            if field.name != "folder"
+        }
 
     def write(self) -> Path:
         """Make the folder with the settings.
@@ -194,37 +200,21 @@ class WatchedDeployment:
         if path.exists():
             raise WriteError(f"{path} is there already: edit it, or name another folder")
         check_folder_target(self.folder, overwrite=True, ours=lambda place: False)
+        lines = [
+            f"{name} = {json.dumps(getattr(self, name))}  # {says}\n"
+            for name, says in self.meanings().items()
+        ]
         with whole_file(path) as place:
-            place.write_text(self.text(), encoding="utf-8")
+            place.write_text("".join([FIRST_LINE, *lines]), encoding="utf-8")
         return path
-
-    def text(self) -> str:
-        """The settings as TOML: every key, with what it is."""
-        lines = [FIRST_LINE]
-        for field in dataclasses.fields(self):
-            if field.name == "folder":
-                continue
-            value: Any = getattr(self, field.name)
-            lines.append(f"{field.name} = {json.dumps(value)}  # {field.metadata['says']}\n")
-        return "".join(lines)
 
     def place(self, name: str) -> Path:
         """A path in the settings: absolute, or from the deployment's folder on."""
         return self.folder / Path(name).expanduser()
 
     def settings(self) -> dict[str, Any]:
-        """Every key but the folder."""
-        return {k: v for k, v in dataclasses.asdict(self).items() if k != "folder"}
+        """Every key of the file with its value."""
+        return {name: getattr(self, name) for name in self.meanings()}
 
 
-def _is_number(value: object) -> bool:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and math.isfinite(value)  # type: ignore[arg-type]
-
-
-_WORDS: dict[type, str] = {
-    str: "a text",
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-}
+_WORDS = {str: "a text", bool: "true or false", int: "a whole number", float: "a number"}

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from glider_twin_ops.forecast import Forecast, LoggedLeg, fly_nominal
+from twin import Mission
 from twin.errors import MissionError, SimulationUnstable
 from twin.geodesy import to_tangent_plane
 from twin.logs import Endurance, EnergyUse
-from twin.mission import Mission
 
 DEEPER, STEEPER_DEG = 1.5, 6.0
 LESS = {"half the samples": ("payload", 0.5), "thruster off": ("thruster", 1.0)}
@@ -105,21 +105,20 @@ def energy_outlook(
       legs: of the deployment. home: latitude, longitude [degree], where it is known.
       guessed: whether nobody said where it goes, so that it goes on without end.
     """
-    names, missions, lacking = ["as it is"], [found.request.mission], []
+    missions, lacking = {"as it is": found.request.mission}, []
     for name, changed in _changes(found.request.mission).items():
         try:
             changed.check(found.request.vehicle)
-            names.append(name)
-            missions.append(changed)
+            missions[name] = changed
         except MissionError as error:
             lacking.append(f"what if {name}: {error}")
-    flown = fly_nominal(found.request, missions)
+    flown = fly_nominal(found.request, list(missions.values()))
     plan = flown[0]
     if isinstance(plan, SimulationUnstable):
         return EnergyOutlook(rows=(), home=None, lacking=(f"what ifs: {plan}",))
     own, speed = plan.rates()
     rows = []
-    for name, flight in zip(names, flown, strict=True):
+    for name, flight in zip(missions, flown, strict=True):
         if isinstance(flight, SimulationUnstable):
             lacking.append(f"what if {name}: {flight}")
             continue
@@ -150,8 +149,7 @@ def _changes(mission: Mission) -> dict[str, Mission]:
             segments.append(dataclasses.replace(one, **new) if new else one)
         return dataclasses.replace(mission, segments=tuple(segments))
 
-    more = (DEEPER, 0.0)
-    steep = (1.0, STEEPER_DEG)
+    more, steep = (DEEPER, 0.0), (1.0, STEEPER_DEG)
     return {
         f"{DEEPER:g} times as deep": changed(max_depth_m=more, surface_after_s=more),
         f"{STEEPER_DEG:.0f} degree steeper": changed(pitch_deg=steep, climb_pitch_deg=steep),

@@ -1,29 +1,38 @@
-"""Expected plan: where a vehicle was last, and what it is taken to do next.
+"""Expected plan: where a vehicle was last, what it is taken to do next, and files that say so.
 
 It goes by `deployment.toml`: a mission file, or places. Else to the waypoint that its log has, and
 without one on along its last dive's way through the water. Depth, pitch and time between surfacings
 are those of its last dives.
+
+A plan is proposed as files that a pilot may send to the vehicle. Nothing is sent. The project's own
+reader reads them back, and what it finds is what the twin flies. Files of the same names in the
+source, which a dockserver or a base station keeps, are what is flown now.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from glider_twin_ops.forecast import LoggedLeg, mission_to, place_at
+from glider_twin_ops import files
+from glider_twin_ops.forecast import LoggedLeg, mission_to
+from glider_twin_ops.forecast.logged_leg import place_at
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
-from twin import Vehicle
+from twin import Mission, Vehicle, Waypoint
+from twin.errors import MissionError
 from twin.geodesy import wrap_longitude
-from twin.mission import Mission, load_mission_for
+from twin.mission import load_mission_for, read_slocum, slocum_arguments
 from twin.numbers import Array
 from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
-from twin.show.dates import moment_of
+from twin.show.style import moment_of
 
 LAST = 5
 """Dives whose median depth, pitch and time it goes on with"""
@@ -63,8 +72,7 @@ def expected_plan(
     """
     if deployment.mission:
         path = deployment.place(deployment.mission)
-        name = str(path) if path.is_file() else deployment.mission
-        mission = load_mission_for(vehicle, name)
+        mission = load_mission_for(vehicle, str(path) if path.is_file() else deployment.mission)
         return ExpectedPlan(mission=mission, words=f"mission {mission.name}")
     deep, pitch = _habits(store, legs, vehicle)
     depth = deployment.depth_m or float(round(deep))
@@ -79,15 +87,15 @@ def expected_plan(
         f", dives to {depth:.0f} m at {pitch:.0f} degree, {seconds / HOUR:.1f} h between surfacings"
     )
     aims = legs[-1].targets
-    places = (_place(np.array(aims[-1]), legs[-1].begin) if aims else "not in the log"), goto
-    table = {
-        "next place": (places[0], places[1].partition(";")[0]),
-        "depth [m]": (f"{deep:.0f}", f"{depth:.0f}"),
-        "pitch [degree]": (f"{pitch:.0f}", f"{pitch:.0f}"),
-        "between surfacings [h]": (f"{lasted / HOUR:.1f}", f"{seconds / HOUR:.1f}"),
-    }
-    changes = tuple({"what": k, "now": now, "proposed": new} for k, (now, new) in table.items())
-    return ExpectedPlan(mission=mission, words=words, guessed=guessed, changes=changes)
+    aim = _place(np.array(aims[-1]), legs[-1].begin) if aims else "not in the log"
+    table = (
+        ("next place", aim, goto.partition(";")[0]),
+        ("depth [m]", f"{deep:.0f}", f"{depth:.0f}"),
+        ("pitch [degree]", f"{pitch:.0f}", f"{pitch:.0f}"),
+        ("between surfacings [h]", f"{lasted / HOUR:.1f}", f"{seconds / HOUR:.1f}"),
+    )
+    rows = tuple(dict(zip(("what", "now", "proposed"), row, strict=True)) for row in table)
+    return ExpectedPlan(mission=mission, words=words, guessed=guessed, changes=rows)
 
 
 def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[float, float]:
@@ -126,8 +134,7 @@ def _place(metres: Array, begin: tuple[float, float]) -> str:
     return f"{latitude:.5f},{float(wrap_longitude(np.asarray(longitude))):.5f}"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LastFix:
+class LastFix(NamedTuple):
     """Where it was known to be last."""
 
     latitude: float
@@ -154,3 +161,125 @@ def newest_fix(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
         if math.isfinite(latitude) and math.isfinite(longitude) and math.isfinite(end):
             return LastFix(latitude=float(latitude), longitude=float(longitude), time=end)
     return None
+
+
+NAMES = ("goto_l10.ma", "yo10.ma", "surfac10.ma", files.TARGETS, files.CMDFILE, files.SCIENCE)
+"""Every name that a proposed file can have"""
+SLOCUM, SEAGLIDER = "slocum", "seaglider"
+WRITTEN = (SLOCUM, SEAGLIDER)
+"""Kinds of logs whose vehicle's files are written"""
+UNWRITTEN = {
+    "seaexplorer": "files of a SeaExplorer are not written: no public text says what its sea.msn "
+    "holds, and its plans are made with its maker's program; set there what is said above",
+    "": "files of {} vehicles are not written: set it as it is said above",
+}
+READS_BACK = """behavior: surface
+    b_arg: args_from_file(enum) 10
+behavior: goto_list
+    b_arg: args_from_file(enum) 10
+behavior: yo
+    b_arg: args_from_file(enum) 10
+"""
+"""A mission file that takes argument files of number 10"""
+MOST_BYTES = 100_000
+"""Of a file that is flown now"""
+
+
+class ProposedFiles(NamedTuple):
+    """Files, and what a reader finds in them."""
+
+    files: Mapping[str, str]
+    """Texts by the names"""
+    mission: Mission
+    """What they say, as the twin flies it"""
+    changes: Mapping[str, str]
+    """Of each that lies in the source, too: lines that go and that come, as `diff -u` has them;
+    empty where they are the same"""
+
+
+def flown_files(folder: Path) -> dict[str, str]:
+    """Texts of the files in a source that the vehicle flies by now, by their names."""
+    found = {}
+    for name in NAMES:
+        path = folder / name
+        if path.is_file() and path.stat().st_size <= MOST_BYTES:
+            found[name] = path.read_text(encoding="utf-8", errors="replace")
+    return found
+
+
+def proposed_files(
+    kind: str,
+    mission: Mission,
+    vehicle: Vehicle,
+    flown: Mapping[str, str],
+    samples: float = 1.0,
+) -> ProposedFiles:
+    """A plan as files.
+
+    Args:
+      kind: of the logs, such as slocum.
+      flown: texts of files that are flown now, by their names.
+      samples: part of the samples that a new science file keeps; 1: none is proposed.
+
+    Raises:
+      MissionError: files of the kind are not written, or cannot say what the mission asks.
+    """
+    if kind not in WRITTEN:
+        raise MissionError(UNWRITTEN.get(kind, UNWRITTEN[""].format(kind)))
+    if kind == SLOCUM:
+        texts = slocum_arguments(mission)
+    else:
+        targets, commands = files.targets_of(mission), files.commands_of(mission, vehicle)
+        texts = {
+            files.TARGETS: files.targets_text(targets),
+            files.CMDFILE: files.commands_text(commands),
+        }
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        if samples != 1.0:
+            texts[files.SCIENCE] = _science(kind, flown, samples, place)
+        for file, text in texts.items():
+            (place / file).write_text(text, encoding="utf-8")
+        read = _read_back(kind, vehicle, place)
+    changes = {}
+    for name in (one for one in texts if one in flown):
+        now, proposed = flown[name].splitlines(), texts[name].splitlines()
+        told = f"{name}, flown now", f"{name}, proposed"
+        lines = difflib.unified_diff(now, proposed, *told, lineterm="")
+        changes[name] = "".join(f"{line}\n" for line in lines)
+    return ProposedFiles(files=texts, mission=read, changes=changes)
+
+
+def _science(kind: str, flown: Mapping[str, str], samples: float, place: Path) -> str:
+    """The science file that is flown now, with a part of its samples."""
+    if kind != SEAGLIDER:
+        raise MissionError(
+            f"samples = {samples:g} in deployment.toml: a Seaglider alone has a science file that "
+            f"is written, not a {kind}; set samples = 1"
+        )
+    if files.SCIENCE not in flown:
+        raise MissionError(
+            f"samples = {samples:g} in deployment.toml: the source has no file {files.SCIENCE} "
+            "that says how it samples now; copy it there from the base station"
+        )
+    (place / files.SCIENCE).write_text(flown[files.SCIENCE], encoding="utf-8")
+    return files.science_text(files.sparser(files.read_science(place / files.SCIENCE), samples))
+
+
+def _read_back(kind: str, vehicle: Vehicle, place: Path) -> Mission:
+    """The mission that the project's own reader finds in the files of a folder."""
+    if kind == SEAGLIDER:
+        if (place / files.SCIENCE).exists():
+            files.read_science(place / files.SCIENCE)
+        return files.commanded(
+            files.read_commands(place / files.CMDFILE),
+            files.read_targets(place / files.TARGETS),
+            vehicle,
+        )
+    (place / "plan.mi").write_text(READS_BACK, encoding="utf-8")
+    mission = read_slocum(place / "plan.mi", above_floor=True).mission
+    segments = tuple(  # flown where the water is deeper than the dive
+        dataclasses.replace(one, min_altitude_m=None) if isinstance(one, Waypoint) else one
+        for one in mission.segments
+    )
+    return dataclasses.replace(mission, segments=segments)

@@ -9,26 +9,26 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.forecast import Request, fly_nominal, legs_of, place_at
+from glider_twin_ops.forecast import Request, fly_nominal, legs_of
+from glider_twin_ops.forecast.logged_leg import place_at
 from glider_twin_ops.health import MostTelling, information_of, most_telling, typical_dive
-from glider_twin_ops.health.manoeuvres import LEARNED, Manoeuvre
+from glider_twin_ops.health.manoeuvres import Manoeuvre
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.expected_plan import SEAGLIDER, UNWRITTEN, WRITTEN, proposed_files
 from glider_twin_ops.watching.log_of_files import LOG
 from glider_twin_ops.watching.morning import vehicle_of_log
-from glider_twin_ops.watching.proposed_files import SEAGLIDER, UNWRITTEN, WRITTEN, proposed_files
-from twin import Vehicle
+from twin import Mission, Origin, Vehicle, Waypoint
 from twin.cli import format_table
 from twin.errors import InputError, SimulationUnstable
 from twin.identify import load_calibration, load_logs
-from twin.mission import Mission, Waypoint
 from twin.records import LogStore, is_store
 from twin.records.storage import whole_folder
-from twin.water.current import Origin
 
 LEARN, DIVE, SAID = "learn", "dive.txt", "proposed.json"
 LAST = 20
@@ -48,7 +48,7 @@ class LearningDive:
     """One proposed dive."""
 
     words: str
-    files: dict[str, str]
+    files: Mapping[str, str]
     """Texts by the names of the files; empty for vehicles whose files are not known"""
     by_hand: str
     """What the files cannot say; empty where they say all"""
@@ -56,14 +56,10 @@ class LearningDive:
     """Of exactly these files by the twin in still water: minutes, km and Wh to the surfacing"""
 
     def text(self) -> str:
-        """As `dive.txt` has it."""
+        """Words as `dive.txt` has them."""
         flown = ", ".join(f"{value:g} {unit}" for unit, value in self.flight.items())
-        parts = [
-            self.words,
-            f"the twin flies it in still water that is deeper: {flown}",
-            self.by_hand,
-        ]
-        return "\n".join(part for part in parts if part) + "\n"
+        said = f"{self.words}\nthe twin flies it in still water that is deeper: {flown}\n"
+        return said + f"{self.by_hand}\n" * bool(self.by_hand)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -87,11 +83,12 @@ class LearningDives:
 
     def describe(self) -> dict[str, Any]:
         """JSON-able."""
+        usual, proposed = self.telling.shrinks
         return {
             "dives": [dataclasses.asdict(one) for one in self.dives],
             "deviations": self.telling.table(),
-            "after_usual": self.telling.shrinks[0],
-            "after_proposed": self.telling.shrinks[1],
+            "after_usual": usual,
+            "after_proposed": proposed,
         }
 
 
@@ -115,16 +112,13 @@ def propose_learning(deployment: WatchedDeployment) -> LearningDives:
     if not legs:
         raise InputError(f"{LOG} has no dive between two fixes: nothing tells its course")
     calibration = load_calibration(vehicle)
-    information, noise, _ = information_of(load_logs(store, rows[-LAST:]), calibration, LEARNED)
-    way = legs[-1].leg.through_water
-    assert way is not None  # legs without one are left out
-    north, east = way
+    information, noise = information_of(load_logs(store, rows[-LAST:]), calibration)
+    north, east = legs[-1].velocity.tolist()
     course = math.degrees(math.atan2(east, north)) % 360.0
     usual = typical_dive(store, name, vehicle)
     telling = most_telling(calibration, usual, information, noise=noise, course_deg=course)
-    start = legs[-1].end
     dives = tuple(
-        _dive(one, one.words(usual), kind, vehicle, start, course) for one in telling.chosen
+        _dive(one, one.words(usual), kind, vehicle, legs[-1].end, course) for one in telling.chosen
     )
     found = LearningDives(folder=deployment.folder / LEARN, dives=dives, telling=telling)
     with whole_folder(
@@ -148,46 +142,42 @@ def _dive(
 ) -> LearningDive:
     turn = math.radians(course + one.turn_deg)
     latitude, longitude = place_at((AHEAD * math.cos(turn), AHEAD * math.sin(turn)), start)
+    by_hand = "" if kind in WRITTEN else UNWRITTEN.get(kind, UNWRITTEN[""].format(kind))
+    climbs: dict[str, Any] = {
+        "climb_pitch_deg": one.dive.climb_pitch,
+        "climb_net_mass_kg": one.dive.climb_net_mass,
+    }
+    if kind == SEAGLIDER:
+        by_hand, climbs = BY_HAND, {}
     segment = Waypoint(
         targets=({"latitude": latitude, "longitude": longitude},),
         max_depth_m=one.dive.depth,
         min_depth_m=SHALLOW,
         pitch_deg=one.dive.pitch,
-        climb_pitch_deg=one.dive.climb_pitch,
         net_mass_kg=one.dive.net_mass,
-        climb_net_mass_kg=one.dive.climb_net_mass,
         surface_after_s=MINUTE * round(one.seconds / MINUTE),
         arrival_radius_m=RADIUS,
+        **climbs,
     )
-    mission = Mission(name="learn", segments=(segment,))
-    files, read, by_hand = {}, mission, ""
+    read, files = Mission(name="learn", segments=(segment,)), {}
     if kind in WRITTEN:
-        if kind == SEAGLIDER:
-            by_hand = BY_HAND
-            segment = dataclasses.replace(segment, climb_pitch_deg=None, climb_net_mass_kg=None)
-            mission = dataclasses.replace(mission, segments=(segment,))
-        proposed = proposed_files(kind, mission, vehicle, {})
+        proposed = proposed_files(kind, read, vehicle, {})
         files, read = dict(proposed.files), proposed.mission
-    else:
-        by_hand = UNWRITTEN.get(kind, UNWRITTEN[""].format(kind))
     request = Request(
-        vehicle=vehicle, mission=read,
+        vehicle=vehicle,
+        mission=read,
         place=Origin(latitude_deg=start[0], longitude_deg=start[1], time="2000-01-01T00:00:00"),
         hours=LONGER * one.seconds / HOUR,
-    )  # fmt: skip
+    )
     flown = fly_nominal(request, [read])[0]
     if isinstance(flown, SimulationUnstable):
         raise InputError(f"proposed dive ({words}): {flown}")
-    surfaced = len(flown.time) > 0
-    seconds = float(flown.time[0]) if surfaced else flown.duration
-    there = flown.place[0] if surfaced else flown.end[:2]
-    return LearningDive(
-        words=words,
-        files=files,
-        by_hand=by_hand,
-        flight={
-            "min": round(seconds / MINUTE, 1),
-            "km": round(float(np.hypot(*there)) / 1e3, 2),
-            "Wh": round(float(flown.energy[0] if surfaced else flown.taken) / HOUR, 2),
-        },
-    )
+    seconds, there, energy = flown.duration, flown.end[:2], flown.taken
+    if len(flown.time):
+        seconds, there, energy = float(flown.time[0]), flown.place[0], float(flown.energy[0])
+    flight = {
+        "min": round(seconds / MINUTE, 1),
+        "km": round(float(np.hypot(*there)) / 1e3, 2),
+        "Wh": round(energy / HOUR, 2),
+    }
+    return LearningDive(words=words, files=files, by_hand=by_hand, flight=flight)

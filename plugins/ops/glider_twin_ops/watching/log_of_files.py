@@ -19,19 +19,13 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from factory.importing import IMPORTERS, TRUNCATED, UNREADABLE, import_logs
+from glider_twin_ops.watching.arrived_files import CACHE, FILES, MAPPING, ArrivedFiles, arrived
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
-from glider_twin_ops.watching.sources.arrived_files import (
-    CACHE,
-    FILES,
-    MAPPING,
-    ArrivedFiles,
-    arrived,
-)
 from twin.errors import InputError, StoreError
 from twin.records import is_store, read_attributes, write_store
 from twin.records.attributes import DIVE_DURATION, HISTORY, IMPORT_REPORT, START_TIME
@@ -97,11 +91,12 @@ def log_of_files(
     store = folder / LOG
     found = arrived(deployment)
     stamp = "" if until is None else f" until {until.isoformat()}"
-    damage = _damage(store)
+    one = damage_of(store)
+    damage = f"{store.name} was damaged, and is made again: {one}" if one else ""
     if not (found.missing or again or damage) and _digest(store) == found.digest + stamp:
-        return _outcome(store, found, changed=False)
+        return _outcome(store, found)
     if found.missing:
-        return _without(store, found, found.missing, damage)
+        return _outcome(store, found, damage, missing=found.missing)
     with _staging(store) as place:
         copies = found.copied(place)
         try:
@@ -110,18 +105,12 @@ def log_of_files(
                 dataset = _until(dataset, until)
         except InputError as error:
             said = " ".join(_said_here(str(error), place).split())
-            return _without(store, copies, said, damage)
+            return _outcome(store, copies, damage, missing=said)
     dataset.attrs[DIGEST] = copies.digest + stamp
     if damage and is_zarr(store):
         remove(store)
     write_store(dataset, store, overwrite=True)
-    return dataclasses.replace(_outcome(store, copies, changed=True), damage=damage)
-
-
-def _damage(store: Path) -> str:
-    """What is wrong with the log that is there, in words; empty where nothing is."""
-    one = damage_of(store)
-    return f"{store.name} was damaged, and is made again: {one}" if one else ""
+    return _outcome(store, copies, damage, changed=True)
 
 
 @contextlib.contextmanager
@@ -149,13 +138,13 @@ def _imported(deployment: WatchedDeployment, found: ArrivedFiles, place: Path) -
     for name, takes in (("cache", importer.takes_cache), ("mapping", importer.takes_mapping)):
         if getattr(deployment, name) and not takes:
             raise InputError(f"{found.kind} logs take no {name}: leave it empty in deployment.toml")
-    cache = place / CACHE
+    cache, copy = place / CACHE, place / MAPPING / Path(deployment.mapping).name
     cache.mkdir(exist_ok=True)
     dataset, _ = import_logs(
         found.kind,
         [place / FILES],
         cache=cache if deployment.cache else None,
-        mapping=_mapping(deployment, place),
+        mapping=(copy if copy.is_file() else deployment.mapping) if deployment.mapping else None,
         variation_deg=None if deployment.variation_deg == "" else float(deployment.variation_deg),
         recursive=deployment.recursive,
         one_deployment=found.source.joins,
@@ -190,14 +179,6 @@ IN_SETTINGS = (
 """What an import's message says of its options, and what it is here"""
 
 
-def _mapping(deployment: WatchedDeployment, place: Path) -> Path | str | None:
-    """The copy of a file, or the name of a shipped one."""
-    copy = place / MAPPING / Path(deployment.mapping).name
-    if not deployment.mapping:
-        return None
-    return copy if copy.is_file() else deployment.mapping
-
-
 def _until(dataset: xr.Dataset, until: datetime.datetime) -> xr.Dataset:
     """The dives that had ended.
 
@@ -222,36 +203,31 @@ def _digest(store: Path) -> str:
         return ""
 
 
-def _outcome(store: Path, found: ArrivedFiles, *, changed: bool) -> LogOfFiles:
-    attributes = read_attributes(store)
-    entries = json.loads(attributes[IMPORT_REPORT])["entries"]
+def _outcome(
+    store: Path,
+    found: ArrivedFiles,
+    damage: str = "",
+    *,
+    changed: bool = False,
+    missing: str = "",
+) -> LogOfFiles:
+    report: dict[str, Any] = {"files": [], "entries": []}
+    if not missing:
+        report = json.loads(read_attributes(store)[IMPORT_REPORT])
+    entries = [(entry["subject"], entry["detail"]) for entry in report["entries"]]
     said = [f"{name}: {why}" for name, why in found.refused.items()]
-    said += [entry["detail"] for entry in entries if entry["subject"] == UNREADABLE]
+    said += [detail for subject, detail in entries if subject == UNREADABLE]
+    short = [f"{subject} is {why}" for subject, why in entries if why.startswith(TRUNCATED)]
     return LogOfFiles(
-        store=store,
+        store=None if missing and (damage or not is_store(store)) else store,
         digest=found.digest,
         changed=changed,
+        files=len(report["files"]),
         kind=found.kind,
-        files=len(json.loads(attributes[IMPORT_REPORT])["files"]),
         unreadable=tuple(map(_as_text, said)),
-        short=tuple(
-            _as_text(f"{entry['subject']} is {entry['detail']}")
-            for entry in entries
-            if entry["detail"].startswith(TRUNCATED)
-        ),
-    )
-
-
-def _without(store: Path, found: ArrivedFiles, missing: str, damage: str) -> LogOfFiles:
-    return LogOfFiles(
-        store=store if is_store(store) and not damage else None,
-        digest=found.digest,
-        changed=False,
-        kind=found.kind,
-        files=0,
-        unreadable=tuple(_as_text(f"{name}: {why}") for name, why in found.refused.items()),
-        missing=_as_text(missing),
+        short=tuple(map(_as_text, short)),
         damage=damage,
+        missing=_as_text(missing),
     )
 
 

@@ -26,14 +26,21 @@ from glider_twin_ops.forecast import (
 )
 from glider_twin_ops.forecast.logged_leg import dive_times
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
+from glider_twin_ops.watching.arrived_files import folder_of
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
 from glider_twin_ops.watching.energy_outlook import EnergyOutlook, energy_outlook
-from glider_twin_ops.watching.expected_plan import ExpectedPlan, LastFix, expected_plan, newest_fix
+from glider_twin_ops.watching.expected_plan import (
+    ExpectedPlan,
+    LastFix,
+    ProposedFiles,
+    expected_plan,
+    flown_files,
+    newest_fix,
+    proposed_files,
+)
 from glider_twin_ops.watching.log_of_files import LogOfFiles
-from glider_twin_ops.watching.proposed_files import ProposedFiles, flown_files, proposed_files
-from glider_twin_ops.watching.sources.arrived_files import folder_of
-from glider_twin_ops.watching.sources.base import SurfaceDialogue
-from twin import Vehicle
+from glider_twin_ops.watching.sources import SurfaceDialogue
+from twin import Origin, Vehicle, Waypoint
 from twin.cli import counted
 from twin.errors import TwinError
 from twin.identify import (
@@ -45,13 +52,12 @@ from twin.identify import (
     with_consumption,
 )
 from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
-from twin.mission import Waypoint
 from twin.physics import utc_text
 from twin.records import LogStore
 from twin.records.attributes import DIVE
 from twin.records.coordinates import utc_minute
-from twin.show.dates import moment_of
-from twin.water.current import Origin, parse_field
+from twin.show.style import moment_of
+from twin.water.current import parse_field
 
 Told = TypeVar("Told")
 KILO, HOUR = 1e3, 3600.0
@@ -262,7 +268,12 @@ def morning(
         ),
     )
     say("parameters")
-    followed = told("parameters", lambda: _followed(store, rows[-MOST_FOLLOWED:], vehicle))
+    followed = told(
+        "parameters",
+        lambda: follow_parameters(
+            load_logs(store, rows[-MOST_FOLLOWED:]), load_calibration(vehicle)
+        ),
+    )
     by_row = dict(zip(rows, dives, strict=True))
     used = told("energy", lambda: counted_energy(store, vehicle, newest=True))
     left = None
@@ -319,11 +330,6 @@ def morning(
     return Morning(**tells, lacking=tuple(lacking))
 
 
-def _followed(store: Path, rows: list[int], vehicle: Vehicle) -> Beliefs:
-    """Parameters over these rows of the store."""
-    return follow_parameters(load_logs(store, rows), load_calibration(vehicle))
-
-
 def vehicle_of_log(deployment: WatchedDeployment, store: Path) -> Vehicle:
     """The vehicle of a deployment: its settings', or that of the kind of its log."""
     return deployment.own_vehicle() or start_vehicle(store)
@@ -356,11 +362,9 @@ def _forecast(
     return forecast(request, water), said, water
 
 
-def _routes(
-    request: Request, water: Known, say: Callable[[str], object] = lambda _: None
-) -> RoutePlan:
+def _routes(request: Request, water: Known, say: Callable[[str], object]) -> RoutePlan:
     """Ways to the next place, by the polar that the twin flew; `twin route` flies the ways, too."""
-    (first, *_) = request.mission.segments
+    first = request.mission.segments[0]
     assert isinstance(first, Waypoint)
     next_one = dataclasses.replace(first, targets=first.targets[:1])
     mission = dataclasses.replace(request.mission, segments=(next_one,))

@@ -3,10 +3,6 @@
 Killed at any moment, the next pass does what is missing: each part says by what it was made, and
 the page, which is written last, ends a pass. A part that is not as it was written is made again.
 
-Events, `events.jsonl`, are what a pilot must know of, one JSON object a line, by the files and the
-settings alone: an alarm has the times of its dives, not that of the pass which found it. What is no
-longer so, such as a file that has been sent again, is no longer there.
-
 Beliefs, `beliefs.zarr`, are channels of health over all dives, and parameters of the vehicle over
 the last ones, by `log.zarr`, the vehicle and the rate of false alarms alone.
 """
@@ -19,7 +15,7 @@ import datetime
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +25,10 @@ from numpy.typing import NDArray
 from glider_twin_ops.forecast import legs_of
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth
 from glider_twin_ops.pages.morning_page import PAGE, read_latest, write_morning
+from glider_twin_ops.watching.arrived_files import folder_of
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.events import EVENTS, news, noticed, surfaced, write_events
+from glider_twin_ops.watching.expected_plan import flown_files
 from glider_twin_ops.watching.log_of_files import (
     LOG,
     LogOfFiles,
@@ -39,14 +38,10 @@ from glider_twin_ops.watching.log_of_files import (
     log_of_files,
 )
 from glider_twin_ops.watching.morning import Morning, morning
-from glider_twin_ops.watching.news import news, surfaced
-from glider_twin_ops.watching.proposed_files import flown_files
-from glider_twin_ops.watching.sources.arrived_files import folder_of
-from glider_twin_ops.watching.sources.base import SurfaceDialogue, newest_dialogue
+from glider_twin_ops.watching.sources import SurfaceDialogue, newest_dialogue
 from twin import __version__
-from twin.records import LogStore, is_derived, is_store, whole_file, write_zarr
+from twin.records import LogStore, is_derived, is_store, write_zarr
 from twin.records.storage import lock, remove, sweep, whole_folder
-from twin.show.dates import moment_of
 from twin.show.figures import INDEX
 
 if TYPE_CHECKING:
@@ -86,28 +81,38 @@ def kept_beliefs(
     import xarray as xr
 
     numbers = np.array(health.dives, np.int64)
-    count = len(numbers)
     fields = {"value": (health.values, "value of the channel in the dive")}
     fields |= {name: (getattr(health.levels, name), says) for name, says in LEVELS.items()}
-    arrays = {
-        name: ((DIVE, CHANNEL), np.asarray(values[:count], float), {"long_name": says})
+    arrays: dict[str, Any] = {
+        name: ((DIVE, CHANNEL), np.asarray(values[: len(numbers)], float), {"long_name": says})
         for name, (values, says) in fields.items()
     }
     evidence = np.where(np.isfinite(health.evidence), health.evidence, np.nan)
     middle = (np.round(health.time * 1e3)).astype("datetime64[ms]").astype("datetime64[ns]")
     said = {"long_name": "log of the odds of a fault after the dive", "threshold": health.threshold}
-    found = xr.Dataset(
-        {
-            **arrays,
-            "evidence": ((DIVE,), evidence, said),
-            "unit": ((CHANNEL,), _words([one.unit for one in CHANNELS])),
-            "says": ((CHANNEL,), _words([one.says for one in CHANNELS])),
-        },
-        coords={
-            DIVE: numbers,
-            CHANNEL: _words([one.name for one in CHANNELS]),
-            "time": ((DIVE,), middle),
-        },
+    arrays |= {
+        "evidence": (DIVE, evidence, said),
+        "unit": (CHANNEL, _words(one.unit for one in CHANNELS)),
+        "says": (CHANNEL, _words(one.says for one in CHANNELS)),
+    }
+    coordinates: dict[str, Any] = {
+        DIVE: numbers,
+        CHANNEL: _words(one.name for one in CHANNELS),
+        "time": (DIVE, middle),
+    }
+    if followed is not None:
+        names = [one.name for one in followed.parameters]
+        for name, tell, says in (
+            ("value", followed.value, "parameter of the vehicle after the dive"),
+            ("deviation", followed.deviation, "standard deviation of it"),
+        ):
+            values = np.stack([tell(one) for one in names], axis=1)
+            arrays[f"parameter_{name}"] = ((FOLLOWED, PARAMETER), values, {"long_name": says})
+        arrays["parameter_unit"] = (PARAMETER, _words(one.unit for one in followed.parameters))
+        coordinates |= {FOLLOWED: np.array(followed_dives, np.int64), PARAMETER: _words(names)}
+    return xr.Dataset(
+        arrays,
+        coords=coordinates,
         attrs={
             "title": "What the dives of a deployment say of its vehicle",
             "deployment": health.name,
@@ -115,95 +120,20 @@ def kept_beliefs(
             "verdict": json.dumps(health.describe(), sort_keys=True),
         },
     )
-    return found if followed is None else found.merge(_parameters(followed, followed_dives))
 
 
-def _parameters(followed: Beliefs, dives: Sequence[int]) -> xr.Dataset:
-    import xarray as xr
-
-    names = [one.name for one in followed.parameters]
-    value, deviation = (
-        np.stack([tell(name) for name in names], axis=1)
-        for tell in (followed.value, followed.deviation)
-    )
-    said = "of the vehicle after the dive"
-    return xr.Dataset(
-        {
-            "parameter_value": ((FOLLOWED, PARAMETER), value, {"long_name": f"parameter {said}"}),
-            "parameter_deviation": (
-                (FOLLOWED, PARAMETER), deviation, {"long_name": "standard deviation of it"},
-            ),
-            "parameter_unit": (
-                (PARAMETER,), _words([one.unit for one in followed.parameters]),
-            ),
-        },
-        coords={FOLLOWED: np.array(dives, np.int64), PARAMETER: _words(names)},
-    )  # fmt: skip
+def _words(texts: Iterable[str]) -> NDArray[np.object_]:
+    return np.array(list(texts), dtype=object)  # zarr has no name for texts of a fixed width yet
 
 
-def _words(texts: list[str]) -> NDArray[np.object_]:
-    return np.array(texts, dtype=object)  # zarr has no name for texts of a fixed width yet
-
-
-def write_beliefs(dataset: xr.Dataset, folder: Path) -> Path:
+def write_beliefs(dataset: xr.Dataset, folder: Path) -> None:
     """Write `folder/beliefs.zarr`, in the place of an older one.
 
     Raises:
       WriteError: something else is in the way, or the disk refuses.
     """
-    path = folder / BELIEFS
-    with whole_folder(path, overwrite=True, ours=is_derived) as place:
+    with whole_folder(folder / BELIEFS, overwrite=True, ours=is_derived) as place:
         write_zarr(dataset, place)
-    return path
-
-
-EVENTS = "events.jsonl"
-
-
-def noticed(log: LogOfFiles, health: DeploymentHealth | None) -> list[dict[str, Any]]:
-    """Files that cannot be read or end too early, and an alarm with what it may be instead."""
-    found: list[dict[str, Any]] = [
-        {"event": "unreadable file", "says": said} for said in log.unreadable
-    ]
-    found += [{"event": "short file", "says": said} for said in log.short]
-    if log.missing:
-        found.append({"event": "nothing to import", "says": log.missing})
-    if health is not None and health.alarm:
-        first = health.kinds[0]
-        noticed_at = health.dives.index(health.noticed_dive)
-        found.append(
-            {
-                "event": "alarm",
-                "kind": first.kind,
-                "says": first.says,
-                "since_dive": health.since_dive,
-                "noticed_dive": health.noticed_dive,
-                "noticed": f"{moment_of(float(health.time[noticed_at])):%Y-%m-%dT%H:%MZ}",
-                "probability": round(health.probability, 6),
-                "size": round(first.size, 6),
-                "size_deviation": round(first.size_deviation, 6),
-                "unit": first.unit,
-                "dives": list(first.dives),
-                "channels": list(first.channels),
-                "also": list(first.also),
-                "otherwise": first.otherwise,
-                "find_out": first.find_out,
-            }
-        )
-    return found
-
-
-def write_events(events: Sequence[dict[str, Any]], folder: Path) -> Path:
-    """Write `folder/events.jsonl`, empty where nothing was noticed.
-
-    Raises:
-      WriteError: the disk refuses.
-    """
-    path = folder / EVENTS
-    text = "".join(json.dumps(event, sort_keys=True) + "\n" for event in events)
-    with whole_file(path) as place:
-        place.write_text(text, encoding="utf-8")
-    return path
 
 
 PAST = "as-of"
@@ -332,19 +262,10 @@ def _made_of(
 ) -> str:
     """What a page is a function of: files, dialogue, settings, the vehicle's file, the version."""
     vehicle = deployment.place(deployment.vehicle)
-    text = json.dumps(
-        [
-            __version__,
-            log.digest,
-            log.missing,
-            log.unreadable,
-            deployment.settings(),
-            vehicle.read_text(encoding="utf-8", errors="replace")
-            if deployment.vehicle and vehicle.is_file()
-            else "",
-            None if until is None else until.isoformat(),
-            flown_files(folder_of(deployment)),
-            None if dialogue is None else dataclasses.asdict(dialogue),
-        ]
-    )
-    return hashlib.sha256(text.encode()).hexdigest()
+    own = deployment.vehicle and vehicle.is_file()
+    text = vehicle.read_text(encoding="utf-8", errors="replace") if own else ""
+    moment = None if until is None else until.isoformat()
+    said = None if dialogue is None else dataclasses.asdict(dialogue)
+    flown = flown_files(folder_of(deployment))
+    parts = [__version__, log.digest, log.missing, log.unreadable, deployment.settings(), text]
+    return hashlib.sha256(json.dumps([*parts, moment, flown, said]).encode()).hexdigest()

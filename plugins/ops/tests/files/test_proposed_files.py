@@ -1,11 +1,8 @@
 """Files for vehicles: Slocum arguments and Seaglider targets are read back as what was written."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -23,12 +20,9 @@ from glider_twin_ops.files import (
     targets_of,
     targets_text,
 )
+from twin import Mission, SawTooth, Waypoint, load_vehicle
 from twin.errors import MissionError
-from twin.mission import Mission, SawTooth, Waypoint, slocum_arguments
-from twin.mission.slocum_arguments import degrees_minutes
-from twin.mission.slocum_behavior import degrees
-from twin.mission.slocum_mission import read_slocum
-from twin.vehicle.vehicle import load_vehicle
+from twin.mission import degrees, degrees_minutes, read_slocum, slocum_arguments
 
 PLACES = (
     {"latitude": 48.123456, "longitude": -51.987654},
@@ -47,7 +41,13 @@ SEGMENT = Waypoint(
     arrival_radius_m=250.0,
     min_altitude_m=15.0,
 )
-MISSION = Mission(name="goto", segments=(SEGMENT,))
+
+
+def mission(**changes):
+    return Mission(name="goto", segments=(dataclasses.replace(SEGMENT, **changes),))
+
+
+MISSION = mission()
 FLIES = """
 behavior: surface
     b_arg: args_from_file(enum) 7
@@ -58,7 +58,7 @@ behavior: yo
 """
 
 
-def test_slocum_arguments_are_read_back_as_the_mission(tmp_path: Path) -> None:
+def test_slocum_arguments_are_read_back_as_the_mission(tmp_path):
     files = slocum_arguments(MISSION, number=7)
     assert list(files) == ["goto_l07.ma", "yo07.ma", "surfac07.ma"]
     for name, text in files.items():
@@ -66,7 +66,6 @@ def test_slocum_arguments_are_read_back_as_the_mission(tmp_path: Path) -> None:
     (tmp_path / "mine.mi").write_text(FLIES)
     reading = read_slocum(tmp_path / "mine.mi", above_floor=True)
     (segment,) = reading.mission.segments
-    assert isinstance(segment, Waypoint)
     for name in (
         "max_depth_m", "min_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg", "stay_s",
         "surface_after_s", "arrival_radius_m", "min_altitude_m",
@@ -79,7 +78,7 @@ def test_slocum_arguments_are_read_back_as_the_mission(tmp_path: Path) -> None:
     assert not any("not understood" in note or "left out" in note for note in reading.notes)
 
 
-def test_a_slocum_is_told_to_dive_nose_down_and_heavy_and_to_climb_nose_up_and_light() -> None:
+def test_a_slocum_is_told_to_dive_nose_down_and_heavy_and_to_climb_nose_up_and_light():
     files = slocum_arguments(MISSION)
     told = dict(re.findall(r"b_arg: (\w+)\(\w+\) +(\S+)", files["yo10.ma"]))
     assert float(told["d_pitch_value"]) == pytest.approx(-math.radians(26.0), abs=1e-4)
@@ -89,20 +88,20 @@ def test_a_slocum_is_told_to_dive_nose_down_and_heavy_and_to_climb_nose_up_and_l
     assert float(surfaces["c_pitch_value"]) == pytest.approx(math.radians(24.0), abs=1e-4)
 
 
-def test_a_dive_turns_above_the_floor_where_nobody_says_how_far() -> None:
-    open_ended = dataclasses.replace(SEGMENT, min_altitude_m=None, net_mass_kg=None)
-    text = slocum_arguments(Mission(name="goto", segments=(open_ended,)))["yo10.ma"]
+def test_a_dive_turns_above_the_floor_where_nobody_says_how_far():
+    open_ended = mission(min_altitude_m=None, net_mass_kg=None)
+    text = slocum_arguments(open_ended)["yo10.ma"]
     assert "d_target_altitude(m) 20\n" in text
     assert "bpump" not in text
 
 
 @given(st.floats(-180.0, 180.0))
-def test_coordinates_keep_their_place_and_have_no_sixty_minutes(value: float) -> None:
+def test_coordinates_keep_their_place_and_have_no_sixty_minutes(value):
     text = degrees_minutes(value)
     assert degrees("test", text) == pytest.approx(value, abs=1e-6)
 
 
-def test_seaglider_targets_are_read_back(tmp_path: Path) -> None:
+def test_seaglider_targets_are_read_back(tmp_path):
     targets = targets_of(MISSION)
     assert [one.goto for one in targets] == ["T2", "T3", "T3"]
     (tmp_path / "targets").write_text("/ mine\n" + targets_text(targets))
@@ -113,7 +112,7 @@ def test_seaglider_targets_are_read_back(tmp_path: Path) -> None:
         assert back.longitude == pytest.approx(one.longitude, abs=1e-6)
 
 
-def test_targets_as_people_write_them(tmp_path: Path) -> None:
+def test_targets_as_people_write_them(tmp_path):
     path = tmp_path / "targets"
     path.write_text(
         "A lat= 4807.0 lon=-12223.0 radius=200 goto=B escape=A\nB radius=1 goto=B lat=1 lon=2\n"
@@ -124,58 +123,34 @@ def test_targets_as_people_write_them(tmp_path: Path) -> None:
     assert second.latitude == pytest.approx(1 / 60)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "has no target"),
-        ("A lat=4807.0 lon=-12223.0 radius=200 goto=B", "A goes to B, which is not in it"),
-        ("A lat=4807.0 lon=-12223.0 radius=200", "line 1: A has no goto="),
-        ("A lat=4861.0 lon=-12223.0 radius=200 goto=A", "61 minutes"),
-        ("A lat=4807.0 lon=-12223.0 radius=far goto=A", "radius=far must be metres"),
-        ("A lat=4807.0 lon=-12223.0 radius=2 goto=A colour=red", "'colour' is not one of"),
-        ("A lat=9107.0 lon=-12223.0 radius=2 goto=A", "is no place"),
-    ],
-)
-def test_targets_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "targets").write_text(text)
-    with pytest.raises(MissionError, match=message):
-        read_targets(tmp_path / "targets")
-
-
-def test_missions_that_such_files_cannot_say() -> None:
+def test_missions_that_such_files_cannot_say():
     down = Mission(name="down", segments=(SawTooth(max_depth_m=50.0, yos=1),))
     with pytest.raises(MissionError, match="one segment of waypoints"):
         slocum_arguments(down)
-    near = dataclasses.replace(SEGMENT, targets=({"north_m": 10.0, "east_m": 0.0},))
     with pytest.raises(MissionError, match="latitude and longitude"):
-        targets_of(Mission(name="near", segments=(near,)))
-    yos = dataclasses.replace(SEGMENT, surface_after_yos=2.0)
+        targets_of(mission(targets=({"north_m": 10.0, "east_m": 0.0},)))
     with pytest.raises(MissionError, match="leave surface_after_yos out"):
-        slocum_arguments(Mission(name="yos", segments=(yos,)))
+        slocum_arguments(mission(surface_after_yos=2.0))
     with pytest.raises(MissionError, match="0 to 99"):
         slocum_arguments(MISSION, number=100)
 
 
 # --- a Seaglider's commands and science -------------------------------------------------------
 
-GLIDE = dataclasses.replace(SEGMENT, climb_pitch_deg=None, max_depth_m=990.0, pitch_deg=20.0)
+GLIDE = {"climb_pitch_deg": None, "max_depth_m": 990.0, "pitch_deg": 20.0}
 OLD = "/ shallow first\n200 5 111 60\n1000 30 101 120\n"
 NEW = "200 seconds=5 sensors=111 gc=60 profile=b\nloiter seconds=30 sensors=101 gc=120\n"
 
 
 @pytest.mark.parametrize(("pitch", "mass"), [(14.0, 0.1), (20.0, 0.2), (40.0, 0.05)])
-def test_a_seaglider_s_commands_are_read_back_as_the_dive(
-    tmp_path: Path, pitch: float, mass: float
-) -> None:
+def test_a_seaglider_s_commands_are_read_back_as_the_dive(tmp_path, pitch, mass):
     vehicle = load_vehicle("seaglider")
-    segment = dataclasses.replace(GLIDE, pitch_deg=pitch, net_mass_kg=mass)
-    mission = Mission(name="goto", segments=(segment,))
-    (tmp_path / "cmdfile").write_text("/ mine\n" + commands_text(commands_of(mission, vehicle)))
-    (tmp_path / "targets").write_text(targets_text(targets_of(mission)))
+    goto = mission(**GLIDE | {"pitch_deg": pitch, "net_mass_kg": mass})
+    (tmp_path / "cmdfile").write_text("/ mine\n" + commands_text(commands_of(goto, vehicle)))
+    (tmp_path / "targets").write_text(targets_text(targets_of(goto)))
     commands = read_commands(tmp_path / "cmdfile")
     targets = read_targets(tmp_path / "targets")
     (read,) = commanded(commands, targets, vehicle).segments
-    assert isinstance(read, Waypoint)
     assert read.max_depth_m == 990.0
     assert read.pitch_deg == pytest.approx(pitch, abs=0.3)  # $T_DIVE is in whole minutes
     assert read.net_mass_kg == pytest.approx(mass, rel=1e-3)
@@ -187,28 +162,11 @@ def test_a_seaglider_s_commands_are_read_back_as_the_dive(
     assert flatter.pitch_deg < pitch
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("$D_TGT,990\n", "no directive"),
-        ("$D_TGT,deep\n$GO\n", "line 1: \\$D_TGT,deep must be a number"),
-        ("$D_TGT,2000\n$GO\n", "within 0 to 1100"),
-        ("$T_DIVE,60.5\n$GO\n", "a whole number within 5 to 2880"),
-        ("D_TGT 990\n$GO\n", "is no \\$NAME,VALUE"),
-    ],
-)
-def test_commands_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "cmdfile").write_text(text)
-    with pytest.raises(MissionError, match=message):
-        read_commands(tmp_path / "cmdfile")
-
-
-def test_dives_that_commands_cannot_say() -> None:
+def test_dives_that_commands_cannot_say():
     vehicle = load_vehicle("seaglider")
-    climbs = dataclasses.replace(GLIDE, climb_pitch_deg=30.0)
     with pytest.raises(MissionError, match="leave climb_pitch_deg out"):
-        commands_of(Mission(name="goto", segments=(climbs,)), vehicle)
-    commands = commands_of(Mission(name="goto", segments=(GLIDE,)), vehicle)
+        commands_of(mission(**GLIDE | {"climb_pitch_deg": 30.0}), vehicle)
+    commands = commands_of(mission(**GLIDE), vehicle)
     targets = targets_of(MISSION)
     with pytest.raises(MissionError, match="steeper than \\$GLIDE_SLOPE"):
         commanded(commands | {"T_DIVE": 0.5 * commands["T_DIVE"]}, targets, vehicle)
@@ -221,7 +179,7 @@ def test_dives_that_commands_cannot_say() -> None:
 
 
 @pytest.mark.parametrize("text", [OLD, NEW])
-def test_science_is_read_and_made_sparser(tmp_path: Path, text: str) -> None:
+def test_science_is_read_and_made_sparser(tmp_path, text):
     path = tmp_path / "science"
     path.write_text(text)
     layers = read_science(path)
@@ -234,21 +192,39 @@ def test_science_is_read_and_made_sparser(tmp_path: Path, text: str) -> None:
     assert [one.more for one in read_science(path)] == [one.more for one in layers]
 
 
+PLACE = "A lat=4807.0 lon=-12223.0 radius=200"
+
+
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("read", "text", "message"),
     [
-        ("/ nothing\n", "has no layer"),
-        ("200 5 111\n", "is no DEPTH SECONDS SENSORS GC"),
-        ("deep 5 111 60\n", "depth 'deep' must be a number"),
-        ("200 5 1x1 60\n", "a digit for each"),
-        ("200 seconds=5 gc=60\n", "sensors= is missing"),
-        ("200 5 111 60\n100 5 111 60\n", "depths must grow"),
+        (read_targets, "", "has no target"),
+        (read_targets, f"{PLACE} goto=B", "A goes to B, which is not in it"),
+        (read_targets, PLACE, "line 1: A has no goto="),
+        (read_targets, f"{PLACE} goto=A".replace("07.0", "61.0"), "61 minutes"),
+        (read_targets, f"{PLACE} goto=A".replace("200", "far"), "radius=far must be metres"),
+        (read_targets, f"{PLACE} goto=A colour=red", "'colour' is not one of"),
+        (read_targets, f"{PLACE} goto=A".replace("48", "91"), "is no place"),
+        (read_commands, "$D_TGT,990\n", "no directive"),
+        (read_commands, "$D_TGT,deep\n$GO\n", "line 1: \\$D_TGT,deep must be a number"),
+        (read_commands, "$D_TGT,2000\n$GO\n", "within 0 to 1100"),
+        (read_commands, "$T_DIVE,60.5\n$GO\n", "a whole number within 5 to 2880"),
+        (read_commands, "D_TGT 990\n$GO\n", "is no \\$NAME,VALUE"),
+        (read_science, "/ nothing\n", "has no layer"),
+        (read_science, "200 5 111\n", "is no DEPTH SECONDS SENSORS GC"),
+        (read_science, "deep 5 111 60\n", "depth 'deep' must be a number"),
+        (read_science, "200 5 1x1 60\n", "a digit for each"),
+        (read_science, "200 seconds=5 gc=60\n", "sensors= is missing"),
+        (read_science, "200 5 111 60\n100 5 111 60\n", "depths must grow"),
     ],
 )
-def test_science_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "science").write_text(text)
+def test_files_that_cannot_be_used(tmp_path, read, text, message):
+    (tmp_path / "file").write_text(text)
     with pytest.raises(MissionError, match=message):
-        read_science(tmp_path / "science")
+        read(tmp_path / "file")
+
+
+def test_hardly_any_samples_are_refused(tmp_path):
     (tmp_path / "science").write_text(OLD)
     with pytest.raises(MissionError, match=r"0.01 of the samples: take a part from 0.05 to 4"):
         sparser(read_science(tmp_path / "science"), 0.01)

@@ -1,24 +1,24 @@
 """A pool of models: the weight goes to what was likely, and comes back."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from glider_twin_ops.forecast.current_models import (
+from glider_twin_ops.forecast.pool import (
+    FEWEST,
     FIELD,
     FILTER,
     MEAN,
     PERSISTENCE,
     TIDE,
     CurrentPool,
-    RecentMean,
-    TidalFit,
+    Mixture,
+    Pool,
+    Prior,
+    tidal_fit,
 )
-from glider_twin_ops.forecast.pool import Mixture, Pool, Prior
 from twin.errors import InputError
 from twin.navigation.current import Leg
 
@@ -32,7 +32,7 @@ def learned(pool, values, right, wrong):
     return pool
 
 
-def test_a_mixture_spreads_within_its_models_and_between_them() -> None:
+def test_a_mixture_spreads_within_its_models_and_between_them():
     rng = np.random.default_rng(0)
     weights = np.array([0.3, 0.7])
     means = np.array([[0.0, 1.0], [2.0, 0.0]])
@@ -46,7 +46,7 @@ def test_a_mixture_spreads_within_its_models_and_between_them() -> None:
     np.testing.assert_allclose(found.covariance, np.cov(drawn, rowvar=False), atol=0.03)
 
 
-def test_the_likely_model_gets_the_weight_and_loses_it_when_the_sea_changes() -> None:
+def test_the_likely_model_gets_the_weight_and_loses_it_when_the_sea_changes():
     rng = np.random.default_rng(1)
     pool = learned(Pool(TWO), 0.05 * rng.standard_normal((30, 2)), (0.0, 0.0), (0.4, 0.0))
     assert pool.weights["right"] > 0.95
@@ -56,7 +56,7 @@ def test_the_likely_model_gets_the_weight_and_loses_it_when_the_sea_changes() ->
     assert pool.weights["wrong"] > 0.9
 
 
-def test_the_scale_of_errors_is_learned_and_one_surprise_does_not_set_it() -> None:
+def test_the_scale_of_errors_is_learned_and_one_surprise_does_not_set_it():
     rng = np.random.default_rng(2)
     values = 0.03 * rng.standard_normal((150, 2))
     pool = Pool({"only": Prior(1.0, 0.5), "other": Prior(1.0, 0.5)})
@@ -67,14 +67,14 @@ def test_the_scale_of_errors_is_learned_and_one_surprise_does_not_set_it() -> No
     assert pool.scales["only"] < 2.0 * before
 
 
-def test_the_first_prior_counts_before_anything_is_found() -> None:
+def test_the_first_prior_counts_before_anything_is_found():
     pool = Pool({"a": Prior(3.0, 0.1), "b": Prior(1.0, 0.2)})
     found = pool.expect([[0.0, 0.0], [1.0, 0.0]])
     np.testing.assert_allclose(found.weights, [0.75, 0.25])
     np.testing.assert_allclose(found.covariances[1], 0.04 * 5.0 / 3.0 * np.eye(2))
 
 
-def test_a_model_that_says_nothing_has_no_part_and_keeps_its_weight() -> None:
+def test_a_model_that_says_nothing_has_no_part_and_keeps_its_weight():
     pool = Pool({"a": Prior(1.0, 0.1), "b": Prior(1.0, 0.1), "silent": Prior(2.0, 0.1)})
     for _ in range(3):
         found = pool.expect([[0.0, 0.0], [0.3, 0.0], [np.nan, np.nan]])
@@ -95,7 +95,7 @@ def test_a_model_that_says_nothing_has_no_part_and_keeps_its_weight() -> None:
         (lambda: Pool(TWO).expect([[np.nan], [np.nan]]), "none of the pool's models"),
     ],
 )
-def test_what_a_pool_cannot_do_is_said(call, message) -> None:
+def test_what_a_pool_cannot_do_is_said(call, message):
     with pytest.raises(InputError, match=message):
         call()
 
@@ -106,21 +106,15 @@ HOUR = 3600.0
 M2 = 12.4206012 * HOUR
 
 
-def legs_in(current, count, every=4.0, lasting=3.5, noise=0.0):
+def legs_in(current, count, noise=0.0):
     """Legs whose mean current is that of a function of time [s], (2, time), and noise [m/s]."""
-    rng, found = np.random.default_rng(7), []
+    rng, found, lasting = np.random.default_rng(7), [], 3.5 * HOUR
     for k in range(count):
-        start = every * HOUR * k
-        time = np.linspace(start, start + lasting * HOUR, 401)
-        mean = np.trapezoid(current(time), time, axis=1) / (lasting * HOUR)
-        mean = mean + noise * rng.standard_normal(2)
+        time = np.linspace(4.0 * HOUR * k, 4.0 * HOUR * k + lasting, 401)
+        mean = np.trapezoid(current(time), time, axis=1) / lasting + noise * rng.standard_normal(2)
+        ground, way = lasting * (mean + np.array([0.2, 0.1])), (lasting * 0.2, lasting * 0.1)
         found.append(
-            Leg(
-                start=start,
-                duration=lasting * HOUR,
-                over_ground=tuple(lasting * HOUR * (mean + np.array([0.2, 0.1]))),
-                through_water=(lasting * HOUR * 0.2, lasting * HOUR * 0.1),
-            )
+            Leg(start=time[0], duration=lasting, over_ground=tuple(ground), through_water=way)
         )
     return found
 
@@ -130,36 +124,28 @@ def tidal(time):
     return np.stack([0.1 + 0.3 * np.cos(turn), -0.05 + 0.2 * np.sin(turn)])
 
 
-def test_persistence_is_the_last_current_and_nothing_else() -> None:
-    legs = legs_in(tidal, 6)
-    one, three = RecentMean(1), RecentMean(3)
-    assert np.isnan(one.expect(legs[0])[0]).all()
-    for leg in legs[:5]:
-        one.learn(leg)
-        three.learn(leg)
-    np.testing.assert_allclose(one.expect(legs[5])[0], legs[4].current)
-    np.testing.assert_allclose(
-        three.expect(legs[5])[0], np.mean([leg.current for leg in legs[2:5]], axis=0)
-    )
+def test_persistence_is_the_last_current_and_nothing_else():
+    *known, last = legs_in(tidal, 6)
+    pool = CurrentPool(latitude=31.0, time=0.0)
+    assert np.isnan(pool.alone(PERSISTENCE, last)[0]).all()
+    for leg in known:
+        pool.learn(leg)
+    np.testing.assert_allclose(pool.alone(PERSISTENCE, last)[0], known[4].current)
+    three = np.mean([leg.current for leg in known[2:]], axis=0)
+    np.testing.assert_allclose(pool.alone(MEAN, last)[0], three)
 
 
-def test_a_tidal_fit_foretells_a_tide_once_it_has_seen_a_period() -> None:
+def test_a_tidal_fit_foretells_a_tide_once_it_has_seen_a_period():
     legs = legs_in(tidal, 12)
-    fit = TidalFit(5.0)
-    for k, leg in enumerate(legs[:-1]):
-        if 0 < k < TidalFit.FEWEST:  # their mean
-            expected = np.mean([each.current for each in legs[:k]], axis=0)
-            np.testing.assert_allclose(fit.expect(leg)[0], expected, atol=1e-12)
-        fit.learn(leg)
-    np.testing.assert_allclose(fit.expect(legs[-1])[0], legs[-1].current, atol=1e-4)
+    for k in range(1, FEWEST):  # their mean
+        mean = np.mean([each.current for each in legs[:k]], axis=0)
+        np.testing.assert_allclose(tidal_fit(legs[:k], legs[k], 5.0), mean, atol=1e-12)
+    np.testing.assert_allclose(tidal_fit(legs[:-1], legs[-1], 5.0), legs[-1].current, atol=1e-4)
 
 
-def test_a_tidal_fit_forgets_what_is_older_than_its_days() -> None:
+def test_a_tidal_fit_forgets_what_is_older_than_its_days():
     legs = legs_in(lambda time: np.stack([np.where(time < 3e5, 0.5, 0.1), 0.0 * time]), 60)
-    short = TidalFit(2.0)
-    for leg in legs[:-1]:
-        short.learn(leg)
-    np.testing.assert_allclose(short.expect(legs[-1])[0], [0.1, 0.0], atol=1e-6)
+    np.testing.assert_allclose(tidal_fit(legs[:-1], legs[-1], 2.0), [0.1, 0.0], atol=1e-6)
 
 
 def run(legs, field=None, taught=1):
@@ -170,7 +156,7 @@ def run(legs, field=None, taught=1):
     for k, leg in enumerate(told):
         if k >= taught:
             ahead = dataclasses.replace(leg, over_ground=(math.nan, math.nan))
-            each = {name: model.expect(ahead)[0] for name, model in pool.models.items()}
+            each = {name: pool.alone(name, ahead)[0] for name in pool.pool.names}
             each["pool"] = pool.expect(ahead).mean
             missed.append({name: math.dist(v, leg.current) for name, v in each.items()})
         pool.learn(leg)
@@ -178,7 +164,7 @@ def run(legs, field=None, taught=1):
 
 
 @pytest.mark.parametrize("sea", ["tide", "walk", "jumps"])
-def test_the_pool_is_near_its_best_model_in_every_sea(sea) -> None:
+def test_the_pool_is_near_its_best_model_in_every_sea(sea):
     rng = np.random.default_rng(5)
     walk = np.cumsum(0.04 * rng.standard_normal((2, 61)), axis=1)
     held = 0.3 * rng.standard_normal((2, 12)).repeat(6, axis=1)[:, :61]
@@ -191,10 +177,10 @@ def test_the_pool_is_near_its_best_model_in_every_sea(sea) -> None:
     best = min(value for name, value in missed.items() if name != "pool")
     assert missed["pool"] < 1.05 * best + 0.003
     assert missed["pool"] < 0.9 * max(missed.values())
-    assert {*pool.models} == {PERSISTENCE, MEAN, TIDE, FILTER}
+    assert {*pool.pool.names} == {PERSISTENCE, MEAN, TIDE, FILTER}
 
 
-def test_a_field_is_a_model_of_its_own() -> None:
+def test_a_field_is_a_model_of_its_own():
     legs = legs_in(tidal, 8)
     pool, missed = run(legs, field=(0.4, 0.4))
     assert pool.pool.weights[FIELD] < 0.02  # of a field that is wrong

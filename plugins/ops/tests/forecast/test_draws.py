@@ -1,13 +1,11 @@
 """Draws of water and vehicles have the mean and spread of what is known."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 
-from glider_twin_ops.forecast.draws import (
+from glider_twin_ops.forecast.members import (
     INTERVAL,
     draw_field_error,
     draw_water,
@@ -15,13 +13,13 @@ from glider_twin_ops.forecast.draws import (
     scaled_speed,
 )
 from glider_twin_ops.forecast.pool import Mixture
+from twin import load_vehicle
 from twin.errors import VehicleError
-from twin.identify.calibration import load_calibration
-from twin.identify.unknowns import draw_vehicles, identified
+from twin.identify import draw_vehicles, identified, load_calibration
 from twin.identify.vehicle_file import vehicle_xml
 from twin.mission import steady_glide
 from twin.navigation.current import CurrentFilter
-from twin.vehicle.vehicle import load_vehicle, parse_vehicle
+from twin.vehicle.vehicle import parse_vehicle
 
 MEMBERS = 4000
 HOURS = 8
@@ -38,7 +36,7 @@ def filter_():
     return found
 
 
-def test_draws_of_the_water_spread_as_the_filter_forecasts(filter_) -> None:
+def test_draws_of_the_water_spread_as_the_filter_forecasts(filter_):
     end = HOURS * 3600.0
     drawn = draw_water(filter_, end, MEMBERS, np.random.default_rng(1), dive=1e9)
     steps = round(end / INTERVAL)
@@ -55,7 +53,7 @@ def test_draws_of_the_water_spread_as_the_filter_forecasts(filter_) -> None:
     assert drawn.speed_scale[0] == pytest.approx(scale)
 
 
-def test_each_dive_adds_something_of_its_own(filter_) -> None:
+def test_each_dive_adds_something_of_its_own(filter_):
     spread = [
         np.std(draw_water(filter_, 36e3, MEMBERS, np.random.default_rng(2), dive).current.mean(1))
         for dive in (1e9, 3600.0)
@@ -64,7 +62,7 @@ def test_each_dive_adds_something_of_its_own(filter_) -> None:
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_the_error_of_a_field_is_what_fixes_have_told_of_it(filter_, told) -> None:
+def test_the_error_of_a_field_is_what_fixes_have_told_of_it(filter_, told):
     rng = np.random.default_rng(3)
     water = draw_water(filter_, 36e3, MEMBERS, rng, 1e9)
     field = (0.02, 0.05)
@@ -99,7 +97,7 @@ def known_vehicle(**changes):
     return parse_vehicle(xml, vehicle.path)
 
 
-def test_identified_vehicles_are_drawn_with_their_correlation() -> None:
+def test_identified_vehicles_are_drawn_with_their_correlation():
     vehicle = known_vehicle()
     drawn, names = draw_vehicles(vehicle, 600, np.random.default_rng(4), speed=True)
     assert names == ("drag", "neutral_density")  # of the hull; the sensors' offsets move nothing
@@ -111,13 +109,13 @@ def test_identified_vehicles_are_drawn_with_their_correlation() -> None:
     assert np.corrcoef(drag, trim)[0, 1] == pytest.approx(0.8, abs=0.05)
 
 
-def test_a_speed_that_the_fixes_told_is_not_drawn_again() -> None:
+def test_a_speed_that_the_fixes_told_is_not_drawn_again():
     drawn, names = draw_vehicles(known_vehicle(), 5, np.random.default_rng(5), speed=False)
     assert names == ("neutral_density",)
     assert {v.flow_frame.drag[0] for v in drawn} == {drawn[0].flow_frame.drag[0]}
 
 
-def test_vehicles_without_an_identification_are_all_alike() -> None:
+def test_vehicles_without_an_identification_are_all_alike():
     vehicle = load_vehicle("glider")
     assert identified(vehicle) == {}
     drawn, names = draw_vehicles(vehicle, 3, np.random.default_rng(6), speed=True)
@@ -125,14 +123,14 @@ def test_vehicles_without_an_identification_are_all_alike() -> None:
     assert all(one is vehicle for one in drawn)
 
 
-def test_a_correlation_of_other_parameters_is_refused() -> None:
+def test_a_correlation_of_other_parameters_is_refused():
     vehicle = known_vehicle(correlation={"parameters": ["drag"], "matrix": [[1.0]]})
     with pytest.raises(VehicleError, match="correlation cannot be read"):
         draw_vehicles(vehicle, 3, np.random.default_rng(7), speed=True)
 
 
 @pytest.mark.parametrize("scale", [0.06, -0.06])
-def test_a_scaled_speed_is_the_speed_of_the_same_glide(scale) -> None:
+def test_a_scaled_speed_is_the_speed_of_the_same_glide(scale):
     vehicle = load_vehicle("glider")
     plain, scaled = (
         steady_glide(one, math.radians(-26.0), 0.3)
@@ -142,7 +140,7 @@ def test_a_scaled_speed_is_the_speed_of_the_same_glide(scale) -> None:
     assert scaled.angle_of_attack == pytest.approx(plain.angle_of_attack, abs=1e-3)
 
 
-def test_members_go_as_dives_so_far_went_beside_how_they_were_sent() -> None:
+def test_members_go_as_dives_so_far_went_beside_how_they_were_sent():
     """Of two kinds of way, by weight; about the mean of all, which the first member has."""
     apart, scale, freedom, count = np.array([0.1, -0.2]), 0.03, 5.0, 200_000
     ahead = Mixture(

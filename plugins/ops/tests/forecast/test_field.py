@@ -1,11 +1,8 @@
 """A forecast field in a hindcast: it improves the forecast as far as it is right, and not more."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +11,12 @@ from logs import LATITUDE, LONGITUDE, START, Flight, write_slocum
 
 from factory.importing import import_logs
 from glider_twin_ops.forecast import hindcast, walk
-from glider_twin_ops.forecast.deployment_hindcast import field_mean
+from glider_twin_ops.forecast.hindcast import field_mean
+from twin import Series
 from twin.__main__ import PROGRAM
 from twin.errors import CurrentError
-from twin.records.logged import LogStore
-from twin.records.store import write_store
-from twin.water.current import Series
-from twin.water.current.base import parse_field
+from twin.records import LogStore, write_store
+from twin.water.current import parse_field
 
 PARTS = ((0.16, 5.3, 0.2, 1.0), (0.14, 9.1, 1.9, -0.7), (0.12, 19.0, 4.0, 0.4))
 """m/s, hours, phase of the northward part, and how much of it is eastward, of the true current"""
@@ -80,7 +76,7 @@ def series(alone, parts, bias=(0.0, 0.0)):
     return Series(interval=STEP, north=tuple(north), east=tuple(east))
 
 
-def test_the_truth_with_an_error_improves_the_forecast(store, alone) -> None:
+def test_the_truth_with_an_error_improves_the_forecast(store, alone):
     found = hindcast([store], current=series(alone, PARTS + ERRORS, BIAS))
     assert found.current.mean["forecast"] < 0.6 * alone.current.mean["forecast"]
     assert found.surfacing.mean["forecast"] < alone.surfacing.mean["forecast"]
@@ -90,7 +86,7 @@ def test_the_truth_with_an_error_improves_the_forecast(store, alone) -> None:
     assert found.current.coverage_90 > 0.7
 
 
-def test_a_field_that_is_noise_is_not_believed(store, alone) -> None:
+def test_a_field_that_is_noise_is_not_believed(store, alone):
     noise = np.random.default_rng(4).normal(0.0, 0.25, (2, HOURS))
     strange = Series(interval=3600.0, north=tuple(noise[0]), east=tuple(noise[1]))
     found = hindcast([store], current=strange)
@@ -99,12 +95,12 @@ def test_a_field_that_is_noise_is_not_believed(store, alone) -> None:
     assert found.current.mean["forecast"] < 1.15 * alone.current.mean["forecast"]
 
 
-def test_the_truth_is_taken_as_it_is(store, alone) -> None:
+def test_the_truth_is_taken_as_it_is(store, alone):
     found = hindcast([store], current=series(alone, PARTS))
     assert found.current.mean["forecast"] < 0.3 * found.current.mean["persistence"]
 
 
-def test_a_surfacing_s_field_is_read_along_the_expected_way(store, alone) -> None:
+def test_a_surfacing_s_field_is_read_along_the_expected_way(store, alone):
     """What a dive's end will be is not known when it begins: its field is that of the way ahead."""
     with LogStore(store) as logs:
         rng, legs, asked = np.random.default_rng(6), [], []
@@ -119,13 +115,13 @@ def test_a_surfacing_s_field_is_read_along_the_expected_way(store, alone) -> Non
             return mean(one, alike, way, duration)
 
         mean = field_mean(logs, legs, series(alone, PARTS))
-        walk(legs, latitude=LATITUDE, field=spy)
+        walk(legs, field=spy)
     ahead = [(leg, way) for leg, alike, way in asked if leg.start != alike.start]
     assert len(ahead) == len(legs) - 1
     assert all(math.dist(way, leg.through_water) > 0.01 for leg, way in ahead)
 
 
-def gridded(folder: Path, hours: float) -> Path:
+def gridded(folder, hours):
     """The field as a file that begins with the deployment and lasts so long."""
     time = START + np.arange(0.0, 3600.0 * hours, STEP)
     velocity = flow(PARTS + ERRORS, time) + np.array(BIAS)[:, None]
@@ -151,13 +147,13 @@ def gridded(folder: Path, hours: float) -> Path:
     return folder / "field.nc"
 
 
-def test_the_command_takes_a_file(store, alone, tmp_path: Path, capsys) -> None:
+def test_the_command_takes_a_file(store, alone, tmp_path, capsys):
     words = ["hindcast", str(store), "--json", "--current", str(gridded(tmp_path, 80.0))]
     assert PROGRAM.main(words) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["current"]["mean_m_per_h"]["forecast"] < 0.6 * alone.current.mean["forecast"]
 
 
-def test_a_file_that_ends_too_early_is_refused(store, tmp_path: Path) -> None:
+def test_a_file_that_ends_too_early_is_refused(store, tmp_path):
     with pytest.raises(CurrentError, match="time"):
         hindcast([store], current=parse_field(str(gridded(tmp_path, 20.0))))

@@ -1,7 +1,5 @@
 """Forecasts: surfacings of members, their ellipses, what is written of them, and the command."""
 
-from __future__ import annotations
-
 import dataclasses
 import html
 import json
@@ -13,32 +11,36 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from browser import Browser, needs_browser
 from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
 
 import twin
 from factory.importing import import_logs
-from glider_twin_ops.commands.forecast import ForecastSurfacings
+from glider_twin_ops.commands.forecast import vehicle_of
 from glider_twin_ops.forecast import (
+    MemberFlight,
     Request,
+    begun,
     forecast,
     known_from_logs,
     known_without_logs,
     mission_to,
 )
-from glider_twin_ops.forecast.draws import draw_models, draw_water
-from glider_twin_ops.forecast.known import begun
-from glider_twin_ops.forecast.members import fly, members_of, surfacings
-from glider_twin_ops.forecast.surfacing import (
+from glider_twin_ops.forecast.member_flights import (
     HALF,
     NINETY,
+    fly,
     left_out,
     prediction_quantile,
+    surfacings,
     surfacings_of,
 )
-from glider_twin_ops.pages.forecast_page import forecast_row, page, write_forecast
+from glider_twin_ops.forecast.members import draw_models, draw_water, members_of
+from glider_twin_ops.pages import forecast_row, write_forecast
+from glider_twin_ops.pages.forecast_page import page
+from twin import Origin, Scenario, Uniform, load_vehicle, parse_current
 from twin.__main__ import PROGRAM
-from twin.checks.agreement import EndsApart
-from twin.cli.console import Console
+from twin.checks import EndsApart
 from twin.errors import (
     CurrentError,
     InaccurateStep,
@@ -50,19 +52,12 @@ from twin.errors import (
     WriteError,
 )
 from twin.geodesy import offset
-from twin.identify.start_values import other_kind
+from twin.identify import other_kind
 from twin.navigation.current import Leg
-from twin.physics.lanes import fly_in_lanes
-from twin.physics.scenario import Scenario
-from twin.physics.start import utc_text
-from twin.records.coordinates import unix_seconds
-from twin.records.logged import LogStore
-from twin.records.store import write_store
-from twin.show.dates import moment_of
-from twin.vehicle.vehicle import load_vehicle, parse_vehicle
-from twin.water.current import Uniform
-from twin.water.current.axes import Origin
-from twin.water.current.base import parse_current
+from twin.physics import fly_in_lanes, utc_text
+from twin.records import LogStore, unix_seconds, write_store
+from twin.show.style import moment_of
+from twin.vehicle.vehicle import parse_vehicle
 
 PLACE = Origin(latitude_deg=36.8, longitude_deg=-122.4, time="2026-11-22T12:00:00")
 UNIX = 1.795e9
@@ -70,9 +65,13 @@ CHI_HALF, CHI_NINETY = 2.0 * np.log(2.0), 2.0 * np.log(10.0)
 """Quantiles of chi-squared with two degrees of freedom"""
 
 
+def goes_to(place, **settings):
+    usual = {"depth": 50.0, "pitch_deg": 26.0, "surface_after_s": 1500.0, "radius": 500.0}
+    return mission_to(place, **usual | settings)
+
+
 def to_north(**settings):
-    usual = {"depth": 50.0, "pitch_deg": 26.0, "surface_after_s": 1500.0, "radius": 100.0}
-    return mission_to("37,-122.4", **{**usual, **settings})
+    return goes_to("37,-122.4", **{"radius": 100.0} | settings)
 
 
 def asked(**changes):
@@ -81,15 +80,19 @@ def asked(**changes):
     return Request(**{**usual, **changes})
 
 
+def prior():
+    return known_without_logs(36.8, UNIX)
+
+
 @pytest.fixture(scope="module")
 def steps():
     """Every stage of one forecast."""
     found = []
-    forecast(asked(energy_left_kwh=1.5), known_without_logs(36.8, UNIX), refined=found.append)
+    forecast(asked(energy_left_kwh=1.5), prior(), refined=found.append)
     return found
 
 
-def test_the_mean_comes_first_and_all_members_last(steps) -> None:
+def test_the_mean_comes_first_and_all_members_last(steps):
     assert steps[0].flown == 1
     assert not steps[0].complete
     assert steps[-1].flown == 24
@@ -97,7 +100,7 @@ def test_the_mean_comes_first_and_all_members_last(steps) -> None:
     assert [one.number for one in steps[-1].surfacings] == [1, 2]
 
 
-def test_the_first_member_is_the_nominal_flight(steps) -> None:
+def test_the_first_member_is_the_nominal_flight(steps):
     run = twin.simulate(
         Scenario(
             mission=dataclasses.replace(to_north(), duration_s=3600.0),
@@ -112,11 +115,11 @@ def test_the_first_member_is_the_nominal_flight(steps) -> None:
         assert one.time_s == pytest.approx(run.time[index], abs=20.0)
 
 
-def test_ellipses_grow_with_time_and_hold_the_members(steps) -> None:
+def test_ellipses_grow_with_time_and_hold_the_members(steps):
     first, second = steps[-1].surfacings
     assert second.ellipse(NINETY).semi_major_m > first.ellipse(NINETY).semi_major_m
     assert first.ellipse(HALF).semi_major_m < first.ellipse(NINETY).semi_major_m
-    known = known_without_logs(36.8, UNIX)
+    known = prior()
     drawn = draw_water(known.filter_, 3600.0, 24, np.random.default_rng(0), 7200.0)
     _, deviation = draw_models(drawn, known.pool, np.random.default_rng(0))
     ellipse = first.ellipse(NINETY)
@@ -125,7 +128,7 @@ def test_ellipses_grow_with_time_and_hold_the_members(steps) -> None:
     assert radius == pytest.approx(expected, rel=0.35)
 
 
-def test_an_ellipse_holds_its_part_of_normal_members() -> None:
+def test_an_ellipse_holds_its_part_of_normal_members():
     rng = np.random.default_rng(0)
     covariance = np.array([[300.0**2, 2e4], [2e4, 120.0**2]])
     places = rng.multivariate_normal([1e3, 500.0], covariance, 5000)
@@ -143,14 +146,13 @@ def test_an_ellipse_holds_its_part_of_normal_members() -> None:
 
 
 def _flight(place, time=60.0):
-    from glider_twin_ops.forecast.members import MemberFlight as Flown
+    return MemberFlight(
+        time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
+        track=np.zeros((2, 2)), times=np.zeros(2), duration=100.0, taken=20.0, end=np.zeros(6),
+    )  # fmt: skip
 
-    return Flown(time=np.array([time]), place=np.array([place]), energy=np.array([10.0]),
-                 track=np.zeros((2, 2)), times=np.zeros(2), duration=100.0, taken=20.0,
-                 end=np.zeros(6))  # fmt: skip
 
-
-def test_bounds_of_times_say_how_far_another_draw_moves_them() -> None:
+def test_bounds_of_times_say_how_far_another_draw_moves_them():
     rng = np.random.default_rng(3)
     told = []
     for _ in range(300):
@@ -161,14 +163,14 @@ def test_bounds_of_times_say_how_far_another_draw_moves_them() -> None:
     assert np.mean(said) == pytest.approx(0.5 * (early.std() + late.std()), rel=0.1)
 
 
-def test_two_members_spread_as_far_as_they_are_apart() -> None:
+def test_two_members_spread_as_far_as_they_are_apart():
     (one,) = surfacings_of([_flight((0.0, 0.0)), _flight((400.0, 0.0))], PLACE)
     (alone,) = surfacings_of([_flight((200.0, 0.0))], PLACE)
     spread = one.covariance - alone.covariance  # beyond that of the fix
     np.testing.assert_allclose(spread, [[2.0 * 200.0**2, 0.0], [0.0, 0.0]], atol=1e-6)
 
 
-def test_an_ellipse_of_few_members_holds_its_part_of_further_ones() -> None:
+def test_an_ellipse_of_few_members_holds_its_part_of_further_ones():
     rng = np.random.default_rng(1)
     held, count, trials = 0, 10, 4000
     for _ in range(trials):
@@ -180,7 +182,7 @@ def test_an_ellipse_of_few_members_holds_its_part_of_further_ones() -> None:
     assert prediction_quantile(0.9, 10**6) == pytest.approx(CHI_NINETY, rel=1e-4)
 
 
-def test_a_surfacing_around_the_horizon_is_told_of_all_members_or_not_at_all() -> None:
+def test_a_surfacing_around_the_horizon_is_told_of_all_members_or_not_at_all():
     horizon = 100.0
     early, late = _flight((0.0, 0.0), 90.0), _flight((50.0, 0.0), 120.0)
     none = dataclasses.replace(late, time=np.array([]), place=np.zeros((0, 2)))
@@ -195,15 +197,15 @@ def test_a_surfacing_around_the_horizon_is_told_of_all_members_or_not_at_all() -
     assert "surfacing 1 is left out: only 60 %" in left_out(cut, 0, horizon)
 
 
-def test_members_fly_on_until_the_late_ones_are_up() -> None:
-    drawn = members_of(asked(hours=0.5, members=12), known_without_logs(36.8, UNIX))
+def test_members_fly_on_until_the_late_ones_are_up():
+    drawn = members_of(asked(hours=0.5, members=12), prior())
     climb = 50.0 / 0.2
     assert {one.duration > 1800.0 + climb for one in drawn.scenarios} == {True}
     last = drawn.scenarios[-1]
     assert len(last.current.north) * last.current.interval > last.duration  # drawn to the end, too
 
 
-def test_energy_and_days_follow_from_the_power(steps) -> None:
+def test_energy_and_days_follow_from_the_power(steps):
     found = steps[-1]
     assert found.days_left == pytest.approx(1.5 * 3.6e6 / found.power_w / 86400.0)
     assert found.surfacings[1].energy_kj > found.surfacings[0].energy_kj > 0.5
@@ -211,48 +213,46 @@ def test_energy_and_days_follow_from_the_power(steps) -> None:
     assert dataclasses.replace(found, request=without).days_left is None
 
 
-def test_results_do_not_depend_on_the_threads() -> None:
-    found = [
-        forecast(asked(members=10, hours=0.5), known_without_logs(36.8, UNIX), threads=threads)
-        for threads in (1, 3)
-    ]
-    assert found[0].describe() == found[1].describe()
+@pytest.fixture(scope="module")
+def short():
+    """Half an hour, ten members."""
+    return forecast(asked(members=10, hours=0.5), prior(), threads=1)
 
 
-def test_lanes_and_mujoco_fly_the_same_draws_to_the_same_places() -> None:
-    request = asked(members=10, hours=0.5)
-    known = known_without_logs(36.8, UNIX)
-    lanes = forecast(request, known)
-    mujoco = forecast(dataclasses.replace(request, engine="mujoco"), known)
-    ours, theirs = lanes.surfacings[0], mujoco.surfacings[0]
+def test_results_do_not_depend_on_the_threads(short):
+    assert short.describe() == forecast(short.request, prior(), threads=3).describe()
+
+
+def test_lanes_and_mujoco_fly_the_same_draws_to_the_same_places(short):
+    mujoco = forecast(dataclasses.replace(short.request, engine="mujoco"), prior())
+    ours, theirs = short.surfacings[0], mujoco.surfacings[0]
     # a sample of 10 s may be one sooner or later: 4 m at 0.4 m/s, and the depth's rate the same
     apart = np.linalg.norm(ours.members - theirs.members, axis=1)
     assert 0.0 < apart.max() < 8.0
     assert ours.time_s == pytest.approx(theirs.time_s, abs=10.0)
     assert ours.energy_kj == pytest.approx(theirs.energy_kj, rel=0.01)
-    assert (lanes.describe()["engine"], mujoco.describe()["engine"]) == ("lanes", "mujoco")
+    assert (short.describe()["engine"], mujoco.describe()["engine"]) == ("lanes", "mujoco")
     assert mujoco.describe()["beside_mujoco"] is None
 
 
-def test_the_first_member_s_end_is_compared_with_mujoco_s() -> None:
-    request, known = asked(members=10, hours=0.5), known_without_logs(36.8, UNIX)
-    said = forecast(request, known).describe()["beside_mujoco"]
-    one = members_of(request, known).scenarios[0]
+def test_the_first_member_s_end_is_compared_with_mujoco_s(short):
+    said = short.describe()["beside_mujoco"]
+    one = members_of(short.request, prior()).scenarios[0]
     ours = twin.simulate(one)
     theirs = twin.simulate(dataclasses.replace(one, engine="mujoco", timestep=None))
-    off = np.linalg.norm(ours.position[-1] - theirs.position[-1])
-    assert said["position_m"] == pytest.approx(off, rel=1e-9)
-    assert 0.0 < said["position_m"] < 2.0
     names = [f"true_velocity_{axis}" for axis in ("north", "east", "down")]
-    velocities = [np.array([run[name][-1] for name in names]) for run in (ours, theirs)]
-    off = np.linalg.norm(velocities[0] - velocities[1])
-    assert said["speed_m_s"] == pytest.approx(off, rel=1e-9)
+    for name, ends in (
+        ("position_m", [run.position[-1] for run in (ours, theirs)]),
+        ("speed_m_s", [np.array([run[one][-1] for one in names]) for run in (ours, theirs)]),
+    ):
+        assert said[name] == pytest.approx(np.linalg.norm(ends[0] - ends[1]), rel=1e-9)
+    assert 0.0 < said["position_m"] < 2.0
     assert said["time_s"] == one.duration // 10.0 * 10.0
     assert said["unstable"] == ""
 
 
-def test_whether_two_engines_differ_as_usual_is_said() -> None:
-    def text(position: float, speed: float, hours: float = 6.0) -> str:
+def test_whether_two_engines_differ_as_usual_is_said():
+    def text(position, speed, hours=6.0):
         return EndsApart(
             time_s=3600.0 * hours, position_m=position, speed_m_s=speed, unstable=""
         ).text
@@ -265,7 +265,7 @@ def test_whether_two_engines_differ_as_usual_is_said() -> None:
     assert "more than" not in text(19.0, 0.0, hours=12.0)
 
 
-def test_a_bound_on_another_day_has_its_day(steps) -> None:
+def test_a_bound_on_another_day_has_its_day(steps):
     found = dataclasses.replace(steps[-1], request=asked(
         place=dataclasses.replace(PLACE, time="2026-11-22T23:40:00")
     ))  # fmt: skip
@@ -275,7 +275,7 @@ def test_a_bound_on_another_day_has_its_day(steps) -> None:
     assert forecast_row(found, one)["5 to 95 %"] == "11-22 23:40 to 00:20"
 
 
-def test_warnings_of_the_flight_beside_lanes_do_not_reach_them(monkeypatch) -> None:
+def test_warnings_of_the_flight_beside_lanes_do_not_reach_them(monkeypatch):
     """Its filters of warnings are put back while the lanes fly: these still may step coarsely."""
     began, flying, over = (threading.Event() for _ in range(3))
 
@@ -298,40 +298,36 @@ def test_warnings_of_the_flight_beside_lanes_do_not_reach_them(monkeypatch) -> N
 
     monkeypatch.setattr("glider_twin_ops.forecast.surfacing_forecast.flown_in_mujoco", beside)
     monkeypatch.setattr("glider_twin_ops.forecast.surfacing_forecast.fly", all_members)
-    monkeypatch.setattr("glider_twin_ops.forecast.members.fly_in_lanes", in_lanes)
-    assert forecast(asked(members=10), known_without_logs(36.8, UNIX)).flown == 10
+    monkeypatch.setattr("glider_twin_ops.forecast.member_flights.fly_in_lanes", in_lanes)
+    assert forecast(asked(members=10), prior()).flown == 10
 
 
-def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch) -> None:
+def test_mujoco_s_failure_beside_lanes_is_told(monkeypatch):
     failure = SimulationUnstable("too stiff", mission=0, time_s=1.0)
     monkeypatch.setattr(
         "glider_twin_ops.forecast.surfacing_forecast.flown_in_mujoco", lambda _: failure
     )
-    said = forecast(asked(members=10, hours=0.3), known_without_logs(36.8, UNIX)).beside_mujoco
+    said = forecast(asked(members=10, hours=0.3), prior()).beside_mujoco
     assert said.position_m is None
     assert said.text == "MuJoCo could not fly it: too stiff"
 
 
-def test_members_fly_twice_the_vehicle_file_s_step() -> None:
-    known = known_without_logs(36.8, UNIX)
-    steps = [
-        members_of(asked(members=10, engine=engine), known).scenarios[3].timestep
-        for engine in ("lanes", "mujoco")
-    ]
-    assert steps == [0.2, 0.2]
+@pytest.mark.parametrize("engine", ["lanes", "mujoco"])
+def test_members_fly_twice_the_vehicle_file_s_step(engine):
+    assert members_of(asked(members=10, engine=engine), prior()).scenarios[3].timestep == 0.2
 
 
-def test_a_field_carries_the_members_and_its_error_spreads_them() -> None:
+def test_a_field_carries_the_members_and_its_error_spreads_them():
     request = asked(field=Uniform(north=0.0, east=0.3), field_error=0.05, hours=0.5)
-    drawn = members_of(request, known_without_logs(36.8, UNIX))
+    drawn = members_of(request, prior())
     currents = np.array([s.current.velocity(900.0, 0.0, 0.0, 10.0)[:2] for s in drawn.scenarios])
     assert currents[0] == pytest.approx([0.0, 0.3], abs=1e-9)
     assert currents[1:, 1].std() == pytest.approx(0.05, rel=0.4)
     assert "field" in drawn.spread["current"]
 
 
-def test_what_is_said_to_be_drawn_is_what_is_drawn() -> None:
-    known = known_without_logs(36.8, UNIX)
+def test_what_is_said_to_be_drawn_is_what_is_drawn():
+    known = prior()
     rng = np.random.default_rng(2)
     drawn = draw_water(known.filter_, 3600.0, 4000, rng, 7200.0)
     drawn, _ = draw_models(drawn, known.pool, rng)
@@ -343,9 +339,7 @@ def test_what_is_said_to_be_drawn_is_what_is_drawn() -> None:
     assert "+-6.0 %" in said["speed"]  # and not the scatter of ten members
 
 
-def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path) -> None:
-    import xarray as xr
-
+def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path):
     values = np.zeros((1, 2, 2))
     axes = {"time": [np.datetime64("2026-11-20", "ns")], "latitude": [36.0, 38.0],
             "longitude": [-124.0, -121.0]}  # fmt: skip
@@ -353,14 +347,14 @@ def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path) -> None:
     for name in ("uo", "vo"):
         data[name].attrs["units"] = "m/s"
     data.to_netcdf(tmp_path / "now.nc")
-    known = known_without_logs(36.8, UNIX)
+    known = prior()
     with pytest.raises(CurrentError, match=r"begins at 2026-11-22T12.*grid:FILE,hold=216000"):
         members_of(asked(field=parse_current(f"grid:{tmp_path}/now.nc")), known)
     field = parse_current(f"grid:{tmp_path}/now.nc,hold=216000")
     assert len(members_of(asked(field=field), known).scenarios) == 24
 
 
-def test_geojson_holds_points_ellipses_and_the_track(steps) -> None:
+def test_geojson_holds_points_ellipses_and_the_track(steps):
     document = steps[-1].geojson()
     kinds = [f["geometry"]["type"] for f in document["features"]]
     assert kinds.count("Polygon") == 4
@@ -375,7 +369,7 @@ def test_geojson_holds_points_ellipses_and_the_track(steps) -> None:
     json.dumps(document, allow_nan=False)
 
 
-def test_the_date_line_tears_nothing() -> None:
+def test_the_date_line_tears_nothing():
     place = Origin(latitude_deg=-45.0, longitude_deg=179.99, time=PLACE.time)
     flights = [_flight((0.0, east)) for east in (500.0, 1500.0, 2500.0)]
     (one,) = surfacings_of(flights, place)
@@ -384,7 +378,7 @@ def test_the_date_line_tears_nothing() -> None:
     assert np.abs(np.diff(ring[:, 0])).max() < 0.1
 
 
-def test_the_page_needs_no_network_and_shows_every_surfacing(steps, tmp_path) -> None:
+def test_the_page_needs_no_network_and_shows_every_surfacing(steps, tmp_path):
     text = page(steps[-1])
     assert not re.findall(r'(?:src|href)="', text)
     assert set(re.findall(r"https?://[^\"' ]+", text)) == {"http://www.w3.org/2000/svg"}
@@ -410,7 +404,7 @@ def store(tmp_path_factory):
     return write_store(dataset, folder / "real.zarr")
 
 
-def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
+def test_logs_tell_the_place_the_time_and_the_current(store):
     known = known_from_logs(store)
     current, covariance = known.filter_.current
     # logs without a vehicle take 3 degree for the angle of attack; this glider has none
@@ -426,7 +420,7 @@ def test_logs_tell_the_place_the_time_and_the_current(store) -> None:
         known.at(end - 3600.0)
 
 
-def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path) -> None:
+def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path):
     """A dive that goes on for two hours, seen near 40 m: what usual dives of 11 min would have said
     is past already."""
     flight = Flight(dives=4, depth=50.0, north=0.05, east=0.0, step=10.0)
@@ -445,15 +439,12 @@ def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path) -> None:
     write_csv(tmp_path / "unit1_gps.csv", {name: one[before] for name, one in gps.items()})
     dataset, _ = import_logs("slocum", [tmp_path], period=10.0)
     known = known_from_logs(write_store(dataset, tmp_path / "cut.zarr"))
-    assert known.last_seen is not None
     assert known.last_seen.time == pytest.approx(seen, abs=20.0)
     depth = columns["m_depth"][flown][-1]
     assert known.last_seen.depth == pytest.approx(depth, abs=0.5)
     assert known.last_seen.rise == pytest.approx(depth / flight.depth * flight.leg, rel=0.1)
     place, known, _ = begun(None, known)
-    mission = mission_to(
-        "49.9,-58", depth=50.0, pitch_deg=26.0, surface_after_s=600.0, radius=100.0
-    )
+    mission = goes_to("49.9,-58", surface_after_s=600.0, radius=100.0)
     found = forecast(asked(place=place, mission=mission, hours=2.5), known)
     first = found.surfacings[0]
     start = unix_seconds(str(place.time))
@@ -465,9 +456,9 @@ def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path) -> None:
     assert members_of(asked(place=later, mission=mission), known).earliest == 0.0
 
 
-def test_members_take_the_model_that_the_dives_speak_for() -> None:
+def test_members_take_the_model_that_the_dives_speak_for():
     """Of a current that jumps and then stays: the last dive's, and not the filter's mean."""
-    known = known_without_logs(36.8, UNIX)
+    known = prior()
     rng = np.random.default_rng(3)
     for k in range(40):
         side = 0.3 if (k // 4) % 2 else -0.3  # four dives each way
@@ -490,7 +481,7 @@ def test_members_take_the_model_that_the_dives_speak_for() -> None:
     assert mixed.current[1:, 0].std(axis=0).mean() == pytest.approx(deviation, rel=0.25)
 
 
-def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> None:
+def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path):
     warning = other_kind(store, load_vehicle("glider"))
     assert warning.startswith("vehicle glider (glider) is of another kind than that of the log")
     assert f"{store} (slocum)" in warning
@@ -502,15 +493,14 @@ def test_a_vehicle_of_another_kind_than_the_log_s_is_named(store, tmp_path) -> N
     assert other_kind(store, load_vehicle(str(mine))) == ""
 
 
-def test_a_log_s_own_kind_of_vehicle_is_flown_where_none_is_named(store) -> None:
-    console = Console("twin", json=True)
-    named = {"slocum-200": {"logs": store}, "spray": {"vehicle": "spray"}, "glider": {}}
-    for name, words in named.items():
-        command = ForecastSurfacings(goto="36.9,-122.5", **words)
-        assert command._vehicle(console, words.get("logs")).name == name
+def test_a_log_s_own_kind_of_vehicle_is_flown_where_none_is_named(store):
+    for name, words in (
+        ("slocum-200", (None, store)), ("spray", ("spray", None)), ("glider", (None, None)),
+    ):  # fmt: skip
+        assert vehicle_of(*words).name == name
 
 
-def test_logs_of_another_time_or_place_are_not_taken(store) -> None:
+def test_logs_of_another_time_or_place_are_not_taken(store):
     known = known_from_logs(store)
     latitude, longitude = known.place
     assert known.check_begin(latitude, longitude, known.time + 3600.0) == ""
@@ -522,20 +512,18 @@ def test_logs_of_another_time_or_place_are_not_taken(store) -> None:
         known.check_begin(36.8, -122.4, known.time + 3600.0)
 
 
-def test_a_target_at_the_start_or_beyond_reach_is_named() -> None:
-    here = mission_to("36.801,-122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
-    assert "already within 500 m of target 1" in asked(mission=here).notes()[0]
+def test_a_target_at_the_start_or_beyond_reach_is_named():
+    here, far = (asked(mission=goes_to(one)).notes() for one in ("36.801,-122.4", "36.8,-119.4"))
+    assert "already within 500 m of target 1" in here[0]
     assert asked().notes() == ()  # 22 km in an hour: the way to it is flown
-    far = mission_to("36.8,-119.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
-    assert "268 km away, farther than anything goes in a day:" in asked(mission=far).notes()[0]
-    slip = mission_to("37,122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=500)
+    assert "268 km away, farther than anything goes in a day:" in far[0]
     with pytest.raises(MissionError, match=r"did you mean 37, -122\.4 \(the sign of the long"):
-        asked(mission=slip)
+        asked(mission=goes_to("37,122.4"))
 
 
-def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path) -> None:
-    near = mission_to("36.803,-122.4", depth=50, pitch_deg=26, surface_after_s=1500, radius=100)
-    found = forecast(asked(mission=near, hours=2.0), known_without_logs(36.8, UNIX))
+def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path):
+    near = goes_to("36.803,-122.4", radius=100)
+    found = forecast(asked(mission=near, hours=2.0), prior())
     (one,) = found.surfacings
     assert found.over_s == pytest.approx(one.time_s, abs=120.0)
     (said,) = found.remarks
@@ -548,7 +536,7 @@ def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path) -> None:
     assert f"24 members tell the bounds of the times to +-{', '.join(off)} min" in (page(steps[-1]))
 
 
-def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys) -> None:
+def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys):
     deep = to_north(depth=300.0)
     (said,) = asked(vehicle=load_vehicle("slocum-200"), mission=deep).notes()
     assert "dives to 300 m, and slocum-200 is built for 200 m" in said
@@ -567,7 +555,7 @@ def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys) -> Non
         load_vehicle("spray").replace(rated_depth=0.0)
 
 
-def test_logs_without_fixes_are_refused(store) -> None:
+def test_logs_without_fixes_are_refused(store):
     with xr.open_zarr(store) as dataset:
         lost = dataset.load().copy()
     lost["displacement_north"] = lost["displacement_north"] * np.nan
@@ -577,7 +565,7 @@ def test_logs_without_fixes_are_refused(store) -> None:
         known_from_logs(path)
 
 
-def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys) -> None:
+def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys):
     out = tmp_path / "next"
     assert PROGRAM.main([
         "forecast", "--logs", str(store), "--goto", "49.7,-58", "--depth", "50", "--hours", "1",
@@ -595,7 +583,7 @@ def test_the_command_begins_at_the_last_fix_of_the_logs(store, tmp_path, capsys)
     assert json.loads((out / "forecast.json").read_text())["surfacings"] == answer["surfacings"]
 
 
-def test_where_the_log_itself_goes_is_offered(store, tmp_path, capsys) -> None:
+def test_where_the_log_itself_goes_is_offered(store, tmp_path, capsys):
     assert PROGRAM.main(["forecast", "--logs", str(store)]) == 2
     said = capsys.readouterr().err
     assert "give --goto" in said
@@ -616,7 +604,7 @@ def test_where_the_log_itself_goes_is_offered(store, tmp_path, capsys) -> None:
 
 def test_an_interruption_says_how_many_members_the_folder_holds(
     tmp_path, capsys, monkeypatch, steps
-) -> None:
+):
     def interrupted(request, known, *, threads, refined):
         refined(steps[0])
         raise KeyboardInterrupt
@@ -648,12 +636,37 @@ def test_an_interruption_says_how_many_members_the_folder_holds(
         (["--from", "1,2,2026-11-22", "--goto", "3,4", "--engine", "lane"], "lanes"),
     ],
 )
-def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys) -> None:
+def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys):
     assert PROGRAM.main(["forecast", *words]) == 2
     assert message in capsys.readouterr().err
 
 
-def test_a_mission_by_the_sea_floor_is_refused() -> None:
+def test_a_mission_by_the_sea_floor_is_refused():
     segment = dataclasses.replace(to_north().segments[0], min_altitude_m=10.0)
     with pytest.raises(MissionError, match="no sea floor"):
         asked(mission=dataclasses.replace(to_north(), segments=(segment,)))
+
+
+SMALLEST = """
+Math.min(...[...document.querySelectorAll("svg text")]
+  .filter(one => one.getClientRects().length)
+  .map(one => parseFloat(getComputedStyle(one).fontSize) * one.getScreenCTM().a))
+"""
+
+
+@needs_browser
+def test_words_of_the_map_are_as_large_as_on_a_desk(tmp_path):
+    out = tmp_path / "next"
+    words = ("--from", "36.8,-122.4,2020-01-01T00:00", "--goto", "36.9,-122.6", "--hours", "6")
+    assert PROGRAM.main(["forecast", *words, "--members", "10", "--out", str(out)]) == 0
+    with Browser() as browser:
+        for width, height in ((1280, 720), (390, 844)):
+            browser.resize(width, height, phone=width < 400)
+            browser.open(out / "index.html")
+            assert browser.run(SMALLEST) > 10.5
+            assert browser.run("document.documentElement.scrollWidth") <= width
+        browser.run(
+            "map.dispatchEvent(new WheelEvent('wheel', {deltaY: -1, clientX: 99, clientY: 99}))"
+        )
+        assert 10.5 < browser.run(SMALLEST) < 11.5
+        assert browser.problems == []

@@ -1,18 +1,18 @@
 """Simulated missions that were exported as OG1.0 and imported as logs: what a forecast knows."""
 
-from __future__ import annotations
-
+import numpy as np
 import pytest
 import simulated_logs
+import xarray as xr
 
 import twin
 from factory.exporting import EXPORTERS
-from factory.generation.generated_store import open_exportable
-from factory.importing.import_run import import_logs
-from glider_twin_ops.forecast.known import known_from_logs
-from glider_twin_ops.forecast.logged_leg import PITCH
+from factory.generation import open_exportable
+from factory.importing import import_logs
+from glider_twin_ops.forecast import known_from_logs
+from glider_twin_ops.forecast.logged_leg import PITCH, flown_velocities
 from twin.errors import StoreError
-from twin.records.store import write_store
+from twin.records import write_store
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +50,21 @@ def test_the_last_deployment_that_came_up_is_taken_and_a_later_one_named(files, 
 def test_a_mission_that_ends_under_water_says_which_fix_is_missing(files, tmp_path):
     with pytest.raises(StoreError, match=r"of 1 dive of .* 1 begins with one and 0 end;"):
         known_from_logs(store(files[1:], tmp_path))
+
+
+def test_velocities_are_those_of_every_dive_that_the_model_flies(tmp_path):
+    current = (0.07, -0.04)
+    flown = simulated_logs.simulated_flight(
+        tmp_path, "glider", sensors="ideal", current="uniform:0.07,-0.04,-0.01"
+    )
+    found = flown_velocities(flown, None)
+    assert list(found) == [0]
+    truth = xr.open_zarr(flown).load()
+    deep = truth["true_depth"].values[0] > 5.0
+    for column, axis in enumerate(("north", "east")):
+        through = truth[f"true_velocity_{axis}"].values[0] - current[column]
+        error = found[0][:, column] - through
+        assert np.sqrt(np.mean(error[deep] ** 2)) < 0.01
+    for name in ("pitch", "roll", "heading"):  # what is not known would count as current
+        truth[f"measured_{name}"][0, deep.size // 4 : 3 * deep.size // 4] = np.nan
+    assert flown_velocities(write_store(truth, tmp_path / "cut.zarr"), None) == {}

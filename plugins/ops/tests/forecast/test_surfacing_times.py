@@ -1,28 +1,23 @@
 """When members come up: stays at the surface, and dives that last longer than they were flown."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from logs import START, Flight, gps_columns, slocum_columns, write_csv
 
 from factory.importing import import_logs
 from glider_twin_ops.forecast import known_from_logs
+from glider_twin_ops.forecast.expected_dive import Rhythm, SurfacingSchedule
 from glider_twin_ops.forecast.logged_leg import DiveTime, dive_times
-from glider_twin_ops.forecast.members import MemberFlight
-from glider_twin_ops.forecast.surfacing_schedule import Rhythm, SurfacingSchedule
+from glider_twin_ops.forecast.member_flights import MemberFlight
+from twin.records import LogStore, write_store
 from twin.records.coordinates import utc_minute
-from twin.records.logged import LogStore
-from twin.records.store import write_store
 
 HOUR = 3600.0
 FLIGHT = Flight(dives=9, depth=1000.0, surface=5400.0, step=20.0)
 """Dives of 3.2 h, with 1.5 h at the surface before each"""
 
 
-def rhythm(stays: list[float], lasts: list[float]) -> Rhythm | None:
+def rhythm(stays, lasts):
     """Of dives that follow each other after these stays [s]."""
     dives, at, schedule = [], 0.0, SurfacingSchedule()
     for stay, last in zip(stays, lasts, strict=True):
@@ -32,9 +27,8 @@ def rhythm(stays: list[float], lasts: list[float]) -> Rhythm | None:
     return Rhythm.of(schedule, dives)
 
 
-def test_stays_are_those_of_the_log_and_a_gap_is_none() -> None:
+def test_stays_are_those_of_the_log_and_a_gap_is_none():
     found = rhythm([0.0, 600.0, 900.0, 30.0 * HOUR, 700.0], [2.0 * HOUR] * 5)
-    assert found is not None
     assert sorted(found.stays) == [600.0, 700.0, 900.0]
     drawn = found.draw(5000, 4, 0.0, np.random.default_rng(0))
     assert drawn.stays[0].tolist() == [700.0] * 4
@@ -46,7 +40,7 @@ def test_stays_are_those_of_the_log_and_a_gap_is_none() -> None:
     assert rhythm([0.0, 600.0], [HOUR, HOUR]) is None
 
 
-def silent(folder: Path, begin: float, end: float) -> Path:
+def silent(folder, begin, end):
     """A store of a log without its samples and fixes between two times [s] unix."""
     tables = {"flight": slocum_columns(FLIGHT), "gps": gps_columns(FLIGHT)}
     files = []
@@ -59,7 +53,7 @@ def silent(folder: Path, begin: float, end: float) -> Path:
     return folder / "log.zarr"
 
 
-def test_a_hole_of_a_dive_and_a_half_is_no_stay(tmp_path: Path) -> None:
+def test_a_hole_of_a_dive_and_a_half_is_no_stay(tmp_path):
     """Half a file and a whole one did not come."""
     begin, end = FLIGHT.dive_times(4)[0] + FLIGHT.leg, FLIGHT.dive_times(5)[1] + 300.0
     store = silent(tmp_path, begin, end)
@@ -76,11 +70,10 @@ def test_a_hole_of_a_dive_and_a_half_is_no_stay(tmp_path: Path) -> None:
     assert f"1 hole of an hour or more: {utc_minute(found.holes[0][0])} to " in found.silent
     known = known_from_logs(store)
     assert known.silent == found.silent
-    assert known.rhythm is not None
     assert known.rhythm.stays == pytest.approx([FLIGHT.surface] * 5, abs=60.0)
 
 
-def test_a_silence_in_which_no_usual_dive_fits_is_a_stay(tmp_path: Path) -> None:
+def test_a_silence_in_which_no_usual_dive_fits_is_a_stay(tmp_path):
     begin, end = FLIGHT.dive_times(4)[1] + 60.0, FLIGHT.dive_times(5)[0] - 60.0
     store = silent(tmp_path, begin, end)
     with LogStore(store) as logs:
@@ -91,21 +84,18 @@ def test_a_silence_in_which_no_usual_dive_fits_is_a_stay(tmp_path: Path) -> None
     assert (found.holes, found.silent) == ((), "")
 
 
-def test_what_it_has_been_at_the_surface_already_is_taken_off_the_first_stay() -> None:
+def test_what_it_has_been_at_the_surface_already_is_taken_off_the_first_stay():
     found = rhythm([600.0] * 6, [2.0 * HOUR] * 6)
-    assert found is not None
     drawn = found.draw(5, 2, 240.0, np.random.default_rng(0))
     assert np.allclose(drawn.stays, [360.0, 600.0])
     # a dive ago it was another stay
     assert (found.draw(5, 2, 2.2 * HOUR, np.random.default_rng(0)).stays == 600.0).all()
 
 
-def test_dives_that_keep_the_time_are_drawn_closer_than_those_that_do_not() -> None:
+def test_dives_that_keep_the_time_are_drawn_closer_than_those_that_do_not():
     rng = np.random.default_rng(1)
     steady = rhythm([600.0] * 12, [2.0 * HOUR] * 12)
     loose = rhythm([600.0] * 12, list(HOUR * rng.uniform(1.0, 3.0, 12)))
-    assert steady is not None
-    assert loose is not None
     spread = [
         np.ptp(np.quantile(one.draw(2000, 1, 0.0, rng).late, [0.05, 0.95]))
         for one in (steady, loose)
@@ -113,7 +103,7 @@ def test_dives_that_keep_the_time_are_drawn_closer_than_those_that_do_not() -> N
     assert spread[0] < 0.2 < spread[1]
 
 
-def test_a_member_drifts_at_the_surface_and_goes_on_along_its_way() -> None:
+def test_a_member_drifts_at_the_surface_and_goes_on_along_its_way():
     time = np.array([1000.0, 3000.0])
     place = np.array([[300.0, 0.0], [300.0, 800.0]])
     flight = MemberFlight(

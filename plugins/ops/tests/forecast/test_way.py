@@ -1,16 +1,20 @@
 """The way to waypoints and the time of the next surfacing, as a pilot expects them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 
 import numpy as np
 import pytest
 
-from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, LoggedLeg, usual_duration
-from glider_twin_ops.forecast.surfacing_schedule import SurfacingSchedule, middle
-from glider_twin_ops.forecast.way_pool import WayPool, guided_way, plain_velocity
+from glider_twin_ops.forecast import LoggedLeg
+from glider_twin_ops.forecast.expected_dive import (
+    SurfacingSchedule,
+    WayPool,
+    guided_way,
+    middle,
+    plain_velocity,
+)
+from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, usual_duration
 from twin.navigation.current import Leg
 
 HOUR = 3600.0
@@ -47,33 +51,33 @@ def flown(targets, speed, believed, duration, step=1.0):
 
 @pytest.mark.parametrize("believed", [(0.0, 0.0), (0.1, -0.12)])
 @pytest.mark.parametrize("duration", [0.4 * HOUR, 2.0 * HOUR, 4.0 * HOUR])
-def test_the_guided_way_is_that_of_guidance(believed, duration) -> None:
+def test_the_guided_way_is_that_of_guidance(believed, duration):
     targets = [(300.0, 100.0), (600.0, 900.0), (-200.0, 1500.0)]
     found = guided_way(targets, 0.28, believed, duration)
     expected = flown(targets, 0.28, np.array(believed), duration)
     assert found == pytest.approx(expected, abs=5.0)
 
 
-def test_beyond_the_last_waypoint_it_goes_straight_on() -> None:
+def test_beyond_the_last_waypoint_it_goes_straight_on():
     way = guided_way([(0.0, 500.0)], 0.25, (0.0, 0.0), 3.0 * HOUR)
     assert way == pytest.approx((0.0, 0.25 * 3.0 * HOUR))
     assert guided_way([], 0.25, (0.0, 0.0), HOUR) is None
 
 
-def test_a_current_that_is_too_strong_is_leaned_into_as_far_as_it_goes() -> None:
+def test_a_current_that_is_too_strong_is_leaned_into_as_far_as_it_goes():
     north, east = guided_way([(0.0, 5e3)], 0.25, (0.6, 0.0), HOUR)
     assert north == pytest.approx(-0.95 * 0.25 * HOUR, rel=1e-6)
     assert math.hypot(north, east) == pytest.approx(0.25 * HOUR)
 
 
-def test_the_plain_way_is_the_mean_speed_toward_the_first_waypoint() -> None:
+def test_the_plain_way_is_the_mean_speed_toward_the_first_waypoint():
     before = [leg((720.0, 0.0)), leg((0.0, 1080.0)), leg((900.0, 0.0)), leg((0.0, 1260.0))]
     plain = plain_velocity(before, [(-3e3, 0.0), (5.0, 9.0)])
     assert plain == pytest.approx((-(0.3 + 0.25 + 0.35) / 3.0, 0.0))
     assert plain_velocity(before, ()) == pytest.approx((0.0, (0.3 + 0.25 + 0.35) / 3.0))
 
 
-def test_the_way_to_waypoints_is_believed_where_dives_went_it() -> None:
+def test_the_way_to_waypoints_is_believed_where_dives_went_it():
     rng = np.random.default_rng(0)
     follows, drifts = WayPool(), WayPool()
     for k in range(12):
@@ -87,7 +91,7 @@ def test_the_way_to_waypoints_is_believed_where_dives_went_it() -> None:
 
 
 @pytest.mark.parametrize("reckons", [True, False])
-def test_a_vehicle_that_steers_against_a_current_shows_it_in_its_own_track(reckons) -> None:
+def test_a_vehicle_that_steers_against_a_current_shows_it_in_its_own_track(reckons):
     pool, believed = WayPool(), (0.1, 0.0)
     steered = believed if reckons else (0.0, 0.0)
     for k in range(4):
@@ -107,7 +111,7 @@ def dives(ends, gap):
     return [DiveTime(end + wait, after, wait) for (end, after), wait in both]
 
 
-def test_a_surfacing_by_the_clock_is_foretold_by_the_clock() -> None:
+def test_a_surfacing_by_the_clock_is_foretold_by_the_clock():
     rng = np.random.default_rng(1)
     ends = 1.6e9 - 1.6e9 % (4.0 * HOUR) + 4.0 * HOUR * np.arange(20) + rng.uniform(0, 60, 20)
     gaps = rng.uniform(600.0, 5400.0, 20)  # late starts make short dives
@@ -120,7 +124,7 @@ def test_a_surfacing_by_the_clock_is_foretold_by_the_clock() -> None:
     assert abs(usual_duration(known[:-1]) - (end - begin)) > 300.0
 
 
-def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so() -> None:
+def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so():
     rng = np.random.default_rng(2)
     schedule, time = SurfacingSchedule(), 0.0
     for _ in range(20):
@@ -130,7 +134,7 @@ def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so() -
     assert middle(schedule.expect(time + 3000.0)) == pytest.approx(5400.0, abs=150.0)
 
 
-def test_a_clock_much_longer_than_the_dives_says_nothing() -> None:
+def test_a_clock_much_longer_than_the_dives_says_nothing():
     schedule = SurfacingSchedule()
     for k in range(5):
         schedule.learn(DiveTime(1000.0 * k, 1000.0 * k + 700.0, 300.0))

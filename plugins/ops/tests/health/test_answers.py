@@ -11,13 +11,11 @@ from logs import Flight, slocum_columns, write_slocum
 
 import twin
 from factory.importing import import_logs
-from glider_twin_ops.health.answers import answer_for
-from glider_twin_ops.health.assessment import judged
-from glider_twin_ops.health.channels import CHANNELS, NAMES
-from glider_twin_ops.health.signatures import signatures_of, usual_dive
-from glider_twin_ops.pages.health_page import write_health
+from glider_twin_ops.health import CHANNELS, answer_for
+from glider_twin_ops.health.channels import NAMES
+from glider_twin_ops.pages import write_health
 from twin.__main__ import PROGRAM
-from twin.records.store import write_store
+from twin.records import write_store
 
 RATE = 12.0
 """[cm3/s] of the imaginary pump"""
@@ -76,25 +74,19 @@ def test_a_vehicle_of_another_kind_than_the_log_is_warned_of(store, capsys, monk
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory, said):
-    vehicle = twin.load_vehicle("slocum-200")
-    shape = usual_dive(vehicle)
-    fault = next(h for h in signatures_of(vehicle, shape).hypotheses if h.kind == "attached")
-    noise = np.array([channel.noise for channel in CHANNELS])
-    values = noise * np.random.default_rng(1).standard_normal((20, len(NAMES)))
+def page(tmp_path_factory, said, slocum, noise):
+    fault = slocum.fault("attached")
+    values = noise(1, 20)
     values[12:] += np.nan_to_num(fault.signature) * fault.scale
     values[:, NAMES.index("lock")] = math.nan
-    one = judged(
-        name="unit1", numbers=range(20), values=values, time=1.7e9 + 10_800.0 * np.arange(20),
-        ways=np.full((20, 2), math.nan), dive=shape, vehicle=vehicle, threshold=3.0,
-    )  # fmt: skip
-    compass = {
-        "iron_deg": 5.0, "iron_deviation_deg": 1.5, "largest_at_deg": 60.0,
-        "by_heading": [
-            {"heading_deg": 45.0 * k, "deviation_deg": 1.0, "standard_deviation_deg": 1.0}
-            for k in range(8)
-        ],
-    }  # fmt: skip
+    time = 1.7e9 + 10_800.0 * np.arange(20)
+    one = slocum.judge(values, name="unit1", numbers=range(20), time=time)
+    headings = [
+        {"heading_deg": 45.0 * k, "deviation_deg": 1.0, "standard_deviation_deg": 1.0}
+        for k in range(8)
+    ]
+    compass = {"iron_deg": 5.0, "iron_deviation_deg": 1.5, "largest_at_deg": 60.0,
+               "by_heading": headings}  # fmt: skip
     folder = tmp_path_factory.mktemp("page") / "health"
     said = dataclasses.replace(said, compass=compass)
     return one, write_health(folder, [one], "twin health real.zarr", {"unit1": said})

@@ -1,20 +1,20 @@
 """What a pilot changes, what drove a vehicle and alarms that end are told for what they are."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 import twin
-from glider_twin_ops.health.assessment import judged, remarks_of, rings
-from glider_twin_ops.health.channels import CHANNELS, NAMES
+from glider_twin_ops.health import CHANNELS, DeploymentHealth, KindVerdict
+from glider_twin_ops.health.assessment import _loud, flown_signatures, remarks_of, rings
+from glider_twin_ops.health.channels import NAMES, NOISE, PLACE
 from glider_twin_ops.health.deployment_dives import changes_of
-from glider_twin_ops.health.dive_channels import channels_of, flight_model
-from glider_twin_ops.health.dive_signals import DiveSignals
+from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
 from glider_twin_ops.health.judgement import STEP, follow
-from glider_twin_ops.health.signatures import signatures_of, usual_dive
+from glider_twin_ops.health.signatures import usual_dive
 
-NOISE = np.array([channel.noise for channel in CHANNELS])
 DIVES = 20
 
 
@@ -31,14 +31,6 @@ def dive(depth=100.0, pitch=26.0, pump=200.0, **more):
     return DiveSignals(period=4.0, signals=signals, **more)
 
 
-def of_kind(kind, vehicle, shape):
-    return next(h for h in signatures_of(vehicle, shape).hypotheses if h.kind == kind)
-
-
-def values(seed=1, count=DIVES):
-    return NOISE * np.random.default_rng(seed).standard_normal((count, len(NAMES)))
-
-
 def test_a_change_of_the_dive_counts_by_depth_pitch_and_volume():
     found = changes_of(
         [dive(), dive(102.0), dive(300.0), dive(300.0, 32.0), dive(300.0, 32.0, 150)]
@@ -47,8 +39,8 @@ def test_a_change_of_the_dive_counts_by_depth_pitch_and_volume():
     assert found[1] < 1.0 < min(found[2:])
 
 
-def test_a_level_may_step_where_the_dive_was_changed_and_nowhere_else():
-    seen = values()
+def test_a_level_may_step_where_the_dive_was_changed_and_nowhere_else(noise):
+    seen = noise()
     seen[10:] += 3.0 * NOISE
     changes = np.zeros(DIVES)
     changes[10] = 4.0
@@ -61,13 +53,12 @@ def test_a_level_may_step_where_the_dive_was_changed_and_nowhere_else():
 
 def test_a_thruster_hides_the_glide_but_not_the_hull():
     calibration = flight_model(twin.load_vehicle("slocum-200"))
-    told = channels_of(dive(), calibration)
-    driven = channels_of(dive(powered=True), calibration)
-    assert np.isfinite(told[NAMES.index("rate_dive")])
-    assert np.isnan(driven[[NAMES.index(n) for n in ("rate_dive", "trim_climb", "hotel")]]).all()
-    assert driven[NAMES.index("air")] == told[NAMES.index("air")]
+    told, driven = (channels_of(dive(powered=powered), calibration) for powered in (False, True))
+    assert np.isfinite(told[PLACE["rate_dive"]])
+    assert np.isnan(driven[[PLACE[n] for n in ("rate_dive", "trim_climb", "hotel")]]).all()
+    assert driven[PLACE["air"]] == told[PLACE["air"]]
     # the bladder of the surface is no leak
-    assert told[NAMES.index("air")] == pytest.approx(math.log((101_325.0 - 2.5e4) / 283.15))
+    assert told[PLACE["air"]] == pytest.approx(math.log((101_325.0 - 2.5e4) / 283.15))
 
 
 def test_an_alarm_stands_until_no_fault_is_as_likely():
@@ -78,31 +69,11 @@ def test_an_alarm_stands_until_no_fault_is_as_likely():
     assert rings(np.array([-1.0, -1.0, -1.5, -2.0, -2.5, -2.5]), -1.2) == [(1, 4)]
 
 
-@pytest.fixture(scope="module")
-def attached():
-    vehicle = twin.load_vehicle("slocum-200")
-    shape = usual_dive(vehicle)
-    return (
-        vehicle,
-        shape,
-        next(h for h in signatures_of(vehicle, shape).hypotheses if h.kind == "attached"),
-    )
-
-
-def judgement(attached, begun, ended=DIVES):
-    vehicle, shape, fault = attached
-    seen = values()
-    seen[begun:ended] += np.nan_to_num(fault.signature) * fault.scale
-    return judged(
-        name="one", numbers=range(1, DIVES + 1), values=seen, time=10_800.0 * np.arange(DIVES),
-        ways=np.full((DIVES, 2), math.nan), dive=shape, vehicle=vehicle, threshold=3.0,
-    )  # fmt: skip
-
-
-def test_a_fault_that_stays_is_an_alarm_that_stands(attached):
-    one = judgement(attached, 12)
-    assert one.alarm
-    assert one.kind == "attached"
+def test_a_fault_that_stays_is_an_alarm_that_stands(slocum, noise):
+    seen, fault = noise(), slocum.fault("attached")
+    seen[12:] += np.nan_to_num(fault.signature) * fault.scale
+    one = slocum.judge(seen)
+    assert (one.alarm, one.kind) == (True, "attached")
     assert one.since_dive in (13, 14)
     assert one.rang == ((one.noticed_dive, DIVES),)
     assert one.since_dive <= one.noticed_dive <= one.since_dive + 2
@@ -111,99 +82,123 @@ def test_a_fault_that_stays_is_an_alarm_that_stands(attached):
     assert one.describe()["also"] == list(one.kinds[0].also)
 
 
-def test_a_sound_deployment_is_said_to_have_nothing_wrong(attached):
-    one = judgement(attached, DIVES)
-    assert not one.alarm
+def test_nothing_rings_on_a_sound_vehicle(slocum, noise):
+    one = slocum.judge(noise())
+    assert (one.alarm, one.kind, one.rang, one.noticed_dive) == (False, "none", (), None)
     assert one.verdict().startswith(f"one: nothing wrong in {DIVES} dives")
 
 
-def test_what_the_log_cannot_show_is_not_weighed(attached):
-    vehicle, shape, _ = attached
-    seen = values()
-    seen[:, NAMES.index("lock")] = math.nan  # it has no Doppler log
-    kinds = [
-        {kind.kind for kind in judged(
-            name="one", numbers=range(1, DIVES + 1), values=told, time=10_800.0 * np.arange(DIVES),
-            ways=np.full((DIVES, 2), math.nan), dive=shape, vehicle=vehicle, threshold=3.0,
-        ).kinds}
-        for told in (values(), seen)
-    ]  # fmt: skip
-    assert kinds[0] - kinds[1] == {"dvl_beam"}
+def test_what_the_log_cannot_show_is_not_weighed(slocum, noise):
+    seen = noise()
+    seen[:, PLACE["lock"]] = math.nan  # it has no Doppler log
+    every, some = ({k.kind for k in slocum.judge(told).kinds} for told in (noise(), seen))
+    assert every - some == {"dvl_beam"}
     # and a compass shows by fixes alone
-    assert "compass_iron" not in kinds[1]
+    assert "compass_iron" not in some
 
 
-def test_a_log_lacks_what_it_tells_neither_so_nor_otherwise(attached):
-    vehicle, shape, _ = attached
-    lacking = []
-    for names in (("temperature_lag",), ("temperature_lag", "cell_lag"), ("cell_lag",)):
-        seen = values()
-        seen[:, [NAMES.index(name) for name in names]] = math.nan
-        lacking.append(judged(
-            name="one", numbers=range(1, DIVES + 1), values=seen, time=10_800.0 * np.arange(DIVES),
-            ways=np.full((DIVES, 2), 0.2), dive=shape, vehicle=vehicle, threshold=3.0,
-        ).lacking)  # fmt: skip
-    assert lacking == [(), ("temperature_lag", "cell_lag"), ("cell_lag",)]
+@pytest.mark.parametrize(
+    ("untold", "lacking"),
+    [
+        (("temperature_lag",), ()),
+        (("temperature_lag", "cell_lag"), ("temperature_lag", "cell_lag")),
+        (("cell_lag",), ("cell_lag",)),
+    ],
+)
+def test_a_log_lacks_what_it_tells_neither_so_nor_otherwise(slocum, noise, untold, lacking):
+    seen = noise()
+    seen[:, [PLACE[name] for name in untold]] = math.nan
+    assert slocum.judge(seen, ways=0.2).lacking == lacking
 
 
-def test_nothing_rings_on_a_sound_vehicle(attached):
-    one = judgement(attached, DIVES)
-    assert (one.alarm, one.kind, one.rang, one.noticed_dive) == (False, "none", (), None)
-
-
-def test_what_shows_in_a_loud_channel_comes_first(attached):
-    vehicle, shape, _ = attached
-    quiet = values()
-    loud = quiet.copy()
-    loud[-1, NAMES.index("air")] += 0.5  # a hundred times its noise, in the last dive alone
-    one, before = (
-        judged(
-            name="one", numbers=range(1, DIVES + 1), values=told, time=10_800.0 * np.arange(DIVES),
-            ways=np.full((DIVES, 2), math.nan), dive=shape, vehicle=vehicle, threshold=30.0,
-        )
-        for told in (loud, quiet)
-    )  # fmt: skip
+def test_what_shows_in_a_loud_channel_comes_first(slocum, noise):
+    quiet, loud, air = noise(), noise(), PLACE["air"]
+    loud[-1, air] += 0.5  # a hundred times its noise, in the last dive alone
+    one, before = (slocum.judge(told, threshold=30.0) for told in (loud, quiet))
     assert not one.alarm
-    air = NAMES.index("air")
     tell = {
         h.kind
-        for h in signatures_of(vehicle, shape).hypotheses
-        if np.nan_to_num(np.abs(np.atleast_2d(h.signature)[:, air])).max() * h.scale
-        > CHANNELS[air].noise
+        for h in slocum.signatures.hypotheses
+        if np.nan_to_num(np.abs(np.atleast_2d(h.signature)[:, air])).max() * h.scale > NOISE[air]
     }
     shows = [kind.kind in tell for kind in one.kinds]
     assert 0 < sum(shows) < len(shows)
     assert shows == sorted(shows, reverse=True)
-    for part in (True, False):  # each part the likeliest first
-        told = [k.probability for k in one.kinds if (k.kind in tell) == part]
+    parts = [[k.probability for k in one.kinds if (k.kind in tell) == part] for part in (0, 1)]
+    for told in (*parts, [k.probability for k in before.kinds]):  # each the likeliest first
         assert told == sorted(told, reverse=True)
-    assert [k.probability for k in before.kinds] == sorted(
-        (k.probability for k in before.kinds), reverse=True
-    )
 
 
-def test_remarks_name_thruster_rudder_and_the_pilots_changes():
-    seen = values()
-    seen[:, NAMES.index("turn_dive")], seen[:, NAMES.index("turn_climb")] = -14.0, -11.0
-    changes = np.zeros(DIVES)
+def test_remarks_name_thruster_rudder_and_the_pilots_changes(slocum, noise):
+    seen, changes = noise(), np.zeros(DIVES)
+    seen[:, PLACE["turn_dive"]], seen[:, PLACE["turn_climb"]] = -14.0, -11.0
     changes[[3, 4, 9]] = 2.0
     powered = [d >= 18 for d in range(DIVES)]
-    vehicle = twin.load_vehicle("slocum-200")
-    thruster, leaning, changed = remarks_of(range(DIVES), seen, changes, powered, vehicle)
+    thruster, leaning, changed = remarks_of(range(DIVES), seen, changes, powered, slocum.vehicle)
     assert "thruster drove dives 18 to 19" in thruster
     assert "rudder at -14 degrees in dives and -11 in climbs" in leaning
     assert "dives 3 to 4, 9:" in changed
-    assert remarks_of(range(DIVES), values(), np.zeros(DIVES), [], vehicle) == ()
+    assert remarks_of(range(DIVES), noise(), np.zeros(DIVES), [], slocum.vehicle) == ()
 
 
-def test_signatures_are_of_the_water_that_the_vehicle_is_ballasted_for():
-    ocean = twin.load_vehicle("slocum-200")
-    brackish = ocean.replace(reference_density=1005.0)
-    shape = usual_dive(ocean, depth=40.0)
-    place = NAMES.index("rate_climb")
-    one, other = (
-        next(h for h in signatures_of(v, shape).hypotheses if h.kind == "attached")
-        for v in (ocean, brackish)
+def test_signatures_are_of_the_water_that_the_vehicle_is_ballasted_for(slocum):
+    shape = usual_dive(slocum.vehicle, depth=40.0)
+    ocean, brackish = (
+        next(h for h in flown_signatures(v, shape).hypotheses if h.kind == "attached").signature
+        for v in (slocum.vehicle, slocum.vehicle.replace(reference_density=1005.0))
     )
-    assert one.signature[place] < -0.1
-    assert other.signature[place] == pytest.approx(one.signature[place], rel=0.1)
+    place = PLACE["rate_climb"]
+    assert ocean[place] < -0.1
+    assert brackish[place] == pytest.approx(ocean[place], rel=0.1)
+
+
+# --- verdicts -------------------------------------------------------------------------------------
+
+
+def deployment(values, **settings):
+    """Of dives with these channels, four days, without an alarm."""
+    kind = KindVerdict(
+        kind="leak", says="water in the hull", probability=0.9, since_dive=2, size=0.1,
+        size_deviation=0.02, unit="kg", dives=(2,), channels=(), also=(), otherwise="",
+        find_out="",
+    )  # fmt: skip
+    usual = {
+        "name": "unit1", "days": 4.0, "dives": tuple(range(len(values))), "kinds": (kind,),
+        "evidence": np.zeros(1), "threshold": 5.0, "levels": follow(values), "values": values,
+        "time": np.zeros(1), "lacking": (), "remarks": (),
+    }  # fmt: skip
+    return DeploymentHealth(**usual | settings)
+
+
+def loud(noise):
+    values = noise(0, 40)
+    values[-1, 3] += 40.0 * NOISE[3]
+    return values
+
+
+def test_a_verdict_says_by_how_few_channels_it_is(noise):
+    values, names = noise(0, 40), NAMES[2:]
+    assert deployment(values).verdict().endswith("dives, 4.0 d")
+    few = deployment(values, lacking=names).verdict()
+    assert few.endswith(f"4.0 d, judged by 2 of {len(NAMES)} channels only")
+    said = deployment(loud(noise)).verdict()
+    assert "unit1: no alarm in" in said
+    assert f"; look at dive 39: {CHANNELS[3].name} was " in said
+    said = deployment(values, evidence=np.append(np.full(39, -9.0), 6.0)).verdict()
+    assert said.startswith("unit1: no alarm in")
+    assert said.endswith("; dive 39 alone would be an alarm: the next one decides")
+
+
+def test_an_alarm_says_since_when_a_thruster_drove_it(noise):
+    called = {"alarm": True, "kind": "leak", "since_dive": 2, "noticed_dive": 2}
+    health = deployment(noise(0, 4), dives=(1, 2, 3, 4), probability=0.9, **called)
+    assert "thruster" not in health.verdict()
+    driven = dataclasses.replace(health, driven=(1, 3, 4))
+    assert driven.verdict().endswith("a thruster drove it after dive 2: hardly judged since")
+    assert "thruster" not in dataclasses.replace(health, driven=(1, 3)).verdict()
+
+
+def test_a_channel_far_off_its_level_in_the_last_dive_is_told(noise):
+    (said,) = _loud(range(40), follow(loud(noise)))
+    assert said.startswith(f"In dive 39 {CHANNELS[3].name} was ")
+    assert _loud(range(40), follow(noise(0, 40))) == []

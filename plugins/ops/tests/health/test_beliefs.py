@@ -6,14 +6,11 @@ import pytest
 from logs import SHARED
 
 from factory.importing import import_logs
-from glider_twin_ops.health import beliefs
-from glider_twin_ops.health.beliefs import follow_parameters
+from glider_twin_ops.health import beliefs, follow_parameters
+from twin import load_vehicle
 from twin.errors import InputError
-from twin.identify import identify, load_calibration, load_logs
-from twin.identify.start_values import start_vehicle
-from twin.records.logged import LogStore
-from twin.records.store import write_store
-from twin.vehicle.vehicle import load_vehicle
+from twin.identify import identify, load_calibration, load_logs, start_vehicle
+from twin.records import LogStore, write_store
 
 NAMES = ("neutral_density", "drag")
 DIVES = 10

@@ -4,16 +4,21 @@ import numpy as np
 import pytest
 
 import twin
-from glider_twin_ops.health.channels import CHANNELS, NAMES, PLACE
-from glider_twin_ops.health.disturbances import DIFFERENCE, TIDES, standing, steps_in_shear
-from glider_twin_ops.health.dive_channels import channels_of
-from glider_twin_ops.health.dive_signals import DiveSignals, strokes_of
+from glider_twin_ops.health.channels import (
+    DIFFERENCE,
+    NAMES,
+    NOISE,
+    PLACE,
+    TIDES,
+    standing,
+    steps_in_shear,
+)
+from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, strokes_of
 from glider_twin_ops.health.judgement import follow, judge
 from glider_twin_ops.health.signatures import signatures_of, usual_dive
 from twin.identify import load_calibration
 
 DIVES = 24
-NOISE = np.array([channel.noise for channel in CHANNELS])
 TURNS = [PLACE["turn_dive"], PLACE["turn_climb"]]
 DAYS = np.arange(DIVES) / 8.0
 
@@ -24,25 +29,29 @@ def ways_on(headings):
     return 0.3 * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
+TURNED = ways_on(np.where(np.arange(DIVES) < 12, 20.0, 140.0))
+
+
+def signatures(name):
+    vehicle = twin.load_vehicle(name)
+    return signatures_of(vehicle, usual_dive(vehicle, depth=100.0))
+
+
 @pytest.fixture(scope="module")
 def glider():
-    vehicle = twin.load_vehicle("glider")
-    return signatures_of(vehicle, usual_dive(vehicle, depth=100.0))
+    return signatures("glider")
 
 
 def test_a_rolled_battery_leans_against_shear_and_a_rudder_hardly(glider):
     # 0.9 degree and more for 3e-4 1/s: what the usual current of a draw has over 100 m
     assert (np.abs(glider.sheared[TURNS]) > 3000.0).all()
-    slocum = twin.load_vehicle("slocum-200")
-    rudder = signatures_of(slocum, usual_dive(slocum, depth=100.0)).sheared[TURNS]
-    assert (np.abs(rudder) < 1500.0).all()
+    assert (np.abs(signatures("slocum-200").sheared[TURNS]) < 1500.0).all()
 
 
 def test_levels_may_step_where_a_vehicle_turns_in_shear():
     response = np.zeros(len(NAMES))
     response[TURNS] = 1e4
-    legs = np.where(np.arange(DIVES) < 12, 20.0, 140.0)
-    steps = steps_in_shear(response, ways_on(legs), DAYS, 100.0)[:, TURNS[0]]
+    steps = steps_in_shear(response, TURNED, DAYS, 100.0)[:, TURNS[0]]
     assert steps[0] == 0.0
     assert steps[12] > 1.5 * steps[11]
     assert steps[12] < 1e4 * 2.0 * DIFFERENCE / 100.0
@@ -51,19 +60,18 @@ def test_levels_may_step_where_a_vehicle_turns_in_shear():
     assert steps[5] < unknown < steps[12] + 1e-9
 
 
-def test_what_turns_it_rests_elsewhere_on_another_leg_and_is_not_stuck(glider):
+def test_what_turns_it_rests_elsewhere_on_another_leg_and_is_not_stuck(glider, noise):
     """Where the heading stands in its dead band a drive may hardly move for a leg."""
-    ways = ways_on(np.where(np.arange(DIVES) < 12, 20.0, 140.0))
     moves = [PLACE["turn_moves"], PLACE["heading_error"]]
-    steps = steps_in_shear(np.zeros(len(NAMES)), ways, DAYS, 100.0)[:, moves]
+    steps = steps_in_shear(np.zeros(len(NAMES)), TURNED, DAYS, 100.0)[:, moves]
     assert (steps[12] > 1.0).all()
     assert not np.delete(steps, 12, axis=0).any()
-    sound = NOISE * np.random.default_rng(11).standard_normal((DIVES, len(NAMES)))
+    sound = noise(11, DIVES)
     sound[12:, moves] += [-1.8, 0.6]
-    assert odds(glider, sound, ways)[0].evidence.max() < -2.0
-    stuck = next(h for h in glider.in_dives(ways) if h.kind == "turn_stuck").signature
+    assert odds(glider, sound, TURNED)[0].evidence.max() < -2.0
+    stuck = next(h for h in glider.in_dives(TURNED) if h.kind == "turn_stuck").signature
     sound[16:] += stuck[16:]
-    found, probability = odds(glider, sound, ways)
+    found, probability = odds(glider, sound, TURNED)
     assert found.evidence[18] > 3.0
     assert probability["turn_stuck"] > 0.9
 
@@ -90,28 +98,26 @@ def odds(glider, values, ways):
     return found, dict(zip(found.kinds, found.probability, strict=True))
 
 
-def test_a_turn_into_shear_is_no_slipped_drive_and_a_slip_is_one(glider):
-    legs = np.where(np.arange(DIVES) < 12, 20.0, 140.0)
-    ways = ways_on(legs)
-    sound = NOISE * np.random.default_rng(3).standard_normal((DIVES, len(NAMES)))
+def test_a_turn_into_shear_is_no_slipped_drive_and_a_slip_is_one(glider, noise):
+    sound = noise(3, DIVES)
     sound[12:] += np.nan_to_num(glider.sheared) * 2.0 * DIFFERENCE / 100.0
     stepped = sound[12:, TURNS].mean(axis=0) - sound[:12, TURNS].mean(axis=0)
     assert (np.abs(stepped) > 3.0 * NOISE[TURNS]).all()
-    assert odds(glider, sound, ways)[0].evidence.max() < -2.0
+    assert odds(glider, sound, TURNED)[0].evidence.max() < -2.0
     slip = next(h for h in glider.hypotheses if h.kind == "turn_slips")
     faulty = sound.copy()
     faulty[16:] += 6.0 * np.nan_to_num(slip.signature)
-    found, probability = odds(glider, faulty, ways)
+    found, probability = odds(glider, faulty, TURNED)
     assert found.evidence[18] > 3.0
     assert probability["turn_slips"] > 0.9
 
 
 @pytest.mark.parametrize("cause", ["speed", "tide", "iron"])
-def test_a_wrong_speed_and_a_tide_are_no_iron(glider, cause):
+def test_a_wrong_speed_and_a_tide_are_no_iron(glider, noise, cause):
     headings = 70.0 * (np.arange(DIVES) // 4)
     ways = ways_on(headings)
     north, east = ways.T
-    sound = NOISE * np.random.default_rng(5).standard_normal((DIVES, len(NAMES)))
+    sound = noise(5, DIVES)
     current = sound[:, [PLACE["current_north"], PLACE["current_east"]]]
     if cause == "speed":
         current += 0.15 * ways
@@ -129,10 +135,8 @@ def test_a_wrong_speed_and_a_tide_are_no_iron(glider, cause):
         assert found.evidence.max() < -1.5
 
 
-def test_what_the_first_dives_show_is_the_noise_of_a_vehicle():
-    rng = np.random.default_rng(7)
-    loud = 5.0 * NOISE * rng.standard_normal((DIVES, len(NAMES)))
-    late = np.abs(follow(loud).innovation[10:])
+def test_what_the_first_dives_show_is_the_noise_of_a_vehicle(noise):
+    late = np.abs(follow(5.0 * noise(7, DIVES)).innovation[10:])
     assert np.nanmean(late) < 1.3
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glider_twin_ops.health import FaultDetector
-from glider_twin_ops.health.channels import CHANNELS, NAMES
+from glider_twin_ops.health.channels import NAMES, NOISE
 from glider_twin_ops.health.fault_detector import FIRST, features
 from twin.errors import InputError
 
@@ -16,8 +16,7 @@ SHOWN = {"hotel_raised": ("hotel", 0.2), "wing_lost": ("roll_climb", 2.0)}
 
 def deployment(seed, kind):
     rng = np.random.default_rng(seed)
-    noise = np.array([channel.noise for channel in CHANNELS])
-    values = 5.0 + noise * rng.standard_normal((DIVES, len(NAMES)))
+    values = 5.0 + NOISE * rng.standard_normal((DIVES, len(NAMES)))
     values[:, NAMES.index("lock")] = math.nan
     if kind != "none":
         name, size = SHOWN[kind]

@@ -5,15 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from factory.importing.deployment_log import EMPTY, Channel, DeploymentLog, LoggedFixes
+from factory.importing import EMPTY, Channel, DeploymentLog, DiveRules, LoggedFixes, Tally
 from factory.importing.dives.dive_store import build
-from factory.importing.plausibility import DiveRules
-from factory.importing.tally import Tally
 from glider_twin_ops.presets import deployments
-from glider_twin_ops.presets.deployment import check_steered, fault_kinds, faulty_of
-from glider_twin_ops.presets.deployments import DeploymentPlan, first_draw
+from glider_twin_ops.presets.deployment import DeploymentPlan, check_steered, fault_kinds, faulty_of
+from glider_twin_ops.presets.deployments import first_draw
+from twin import load_vehicle
 from twin.errors import InputError, MissionError, TwinError
-from twin.vehicle.vehicle import load_vehicle
 
 
 def test_one_of_each_pair_has_a_fault():

@@ -3,13 +3,10 @@
 Damage of a deployment's folder, which the next pass mends.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random
 import shutil
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -25,19 +22,19 @@ from logs import (
     write_csv,
     write_dbd,
 )
-from numpy.typing import NDArray
 
 from factory.importing import import_logs
 from glider_twin_ops.pages.morning_page import PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass, watch_pass
+from glider_twin_ops.watching.events import EVENTS, noticed, write_events
 from glider_twin_ops.watching.log_of_files import DIGEST, LOG, content_of, log_of_files
-from glider_twin_ops.watching.morning import Morning
-from glider_twin_ops.watching.watch_pass import BELIEFS, EVENTS, noticed, write_events
+from glider_twin_ops.watching.watch_pass import BELIEFS
 from twin.__main__ import PROGRAM
 from twin.errors import WriteError
+from twin.records import write_store
 from twin.records.attributes import DEPLOYMENT_METADATA, HISTORY
-from twin.records.store import write_store
 
+pytestmark = pytest.mark.usefixtures("no_figures")
 FLIGHT = Flight(dives=4)
 LIST, SCIENCE_LIST = "0badcafe", "0badbeef"
 HALF, WRONG, ABSENT, BETWEEN = 0.3, 0.2, 0.1, 0.4
@@ -45,23 +42,7 @@ HALF, WRONG, ABSENT, BETWEEN = 0.3, 0.2, 0.1, 0.4
 before the next one"""
 
 
-@pytest.fixture
-def source(tmp_path: Path) -> Path:
-    (tmp_path / "arrived").mkdir()
-    return tmp_path / "arrived"
-
-
-def deployment(place: Path, source: Path, **settings: object) -> WatchedDeployment:
-    made = WatchedDeployment(
-        folder=place / "calypso",
-        source=str(source),
-        **{"members": 10, "hours": 2.0, **settings},  # type: ignore[arg-type]
-    )
-    made.write()
-    return made
-
-
-def write_segments(folder: Path) -> list[Path]:
+def write_segments(folder):
     """Satellite files of a Slocum: .sbd and .tbd of each dive, and their two lists of sensors.
 
     The vehicle's own pressure is noisy in the first two dives and the CTD's in all, so that single
@@ -88,7 +69,7 @@ def write_segments(folder: Path) -> list[Path]:
             ("sbd", "m_present_time", LIST, flown, fixes),
             ("tbd", "sci_m_present_time", SCIENCE_LIST, science, {}),
         ):
-            some: dict[str, NDArray[np.float64]] = {clock: time[inside]}
+            some = {clock: time[inside]}
             some |= {name: values[inside] for name, values in columns.items()}
             made, _ = write_dbd(
                 folder, FLIGHT, "unit_1", columns=some | whole, crc=crc,
@@ -99,24 +80,24 @@ def write_segments(folder: Path) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def segments(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def segments(tmp_path_factory):
     pytest.importorskip("dbdreader")
     return write_segments(tmp_path_factory.mktemp("segments"))
 
 
-def stored(path: Path) -> xr.Dataset:
+def stored(path):
     """A store less what says when and from where it was made."""
     found = xr.open_zarr(path, decode_times=False).load()
     found.attrs = {k: v for k, v in found.attrs.items() if k not in (HISTORY, DIGEST)}
     return found
 
 
-def imported(place: Path, kind: str, source: Path, **options: object) -> xr.Dataset:
-    dataset, _ = import_logs(kind, [source], **options)  # type: ignore[arg-type]
+def imported(place, kind, source, **options):
+    dataset, _ = import_logs(kind, [source], **options)
     return stored(write_store(dataset, place / "imported.zarr", overwrite=True))
 
 
-def misspelt(path: Path) -> bytes:
+def misspelt(path):
     """A list of sensors in which pitch has another name."""
     return path.read_bytes().replace(b" m_pitch ", b" m_pitcx ")
 
@@ -126,10 +107,10 @@ def misspelt(path: Path) -> bytes:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_log_is_the_import_of_the_same_files_whatever_came_first(
-    tmp_path: Path, source: Path, segments: list[Path], seed: int
-) -> None:
+    tmp_path, watched, source, segments, seed
+):
     draw = random.Random(seed)
-    made = deployment(tmp_path, source)
+    made = watched()
     for path in draw.sample(segments, len(segments)):
         right, target = path.read_bytes(), source / path.name
         firsts = []
@@ -146,37 +127,38 @@ def test_the_log_is_the_import_of_the_same_files_whatever_came_first(
             target.unlink(missing_ok=True)
             log_of_files(made, made.folder)
         target.write_bytes(right)
+        shutil.copy(path, source / f".{path.name}.part")
+        if path.suffix != ".cac":
+            shutil.copy(path, source / f"copy of {path.name}")
         if draw.random() < BETWEEN:
             log_of_files(made, made.folder)
     found = log_of_files(made, made.folder)
     assert found.unreadable == ()
-    wanted = imported(tmp_path, "slocum", source)
+    wanted = imported(tmp_path, "slocum", segments[0].parent)
     assert wanted.sizes["mission"] == FLIGHT.dives
     assert "from m_pressure" in wanted.attrs["import_report"]
     xr.testing.assert_identical(stored(made.folder / LOG), wanted)
     assert not log_of_files(made, made.folder).changed
 
 
-def _beside(source: Path, path: Path, right: bool) -> None:
+def _beside(source, path, right):
     (source / path.name).write_bytes(path.read_bytes() if right else misspelt(path))
 
 
-def _in_cache(source: Path, path: Path, right: bool) -> None:
+def _in_cache(source, path, right):
     cache = source.parent / "lists"
     cache.mkdir(exist_ok=True)
     _beside(cache, path, right)
 
 
-def _in_another_log(source: Path, path: Path, right: bool) -> None:
+def _in_another_log(source, path, right):
     log = path.with_name("unit_1-2023-317-0-1.sbd")
     content = log.read_bytes()
     (source / log.name).write_bytes(content if right else content.replace(b"m_pitch ", b"m_pitcx "))
 
 
 @pytest.mark.parametrize("put", [_beside, _in_cache, _in_another_log])
-def test_a_corrected_list_of_sensors_makes_the_log_again(
-    tmp_path: Path, source: Path, segments: list[Path], put: Callable[[Path, Path, bool], None]
-) -> None:
+def test_a_corrected_list_of_sensors_makes_the_log_again(tmp_path, watched, source, segments, put):
     chosen = [one for one in segments if one.name != "unit_1-2023-317-0-1.sbd"]
     for path in chosen:
         if path.stem != LIST:
@@ -185,7 +167,7 @@ def test_a_corrected_list_of_sensors_makes_the_log_again(
     put(source, path, False)
     cache = source.parent / "lists"
     options = {"cache": cache} if put is _in_cache else {}
-    made = deployment(tmp_path, source, cache=str(cache) if options else "")
+    made = watched(cache=str(cache) if options else "")
     log_of_files(made, made.folder)
     assert "measured_pitch" not in stored(made.folder / LOG)
     put(source, path, True)
@@ -196,19 +178,17 @@ def test_a_corrected_list_of_sensors_makes_the_log_again(
 
 
 def test_lists_beside_the_files_count_with_those_of_a_cache_folder(
-    tmp_path: Path, source: Path, segments: list[Path]
-) -> None:
+    tmp_path, watched, source, segments
+):
     (tmp_path / "lists").mkdir()
     for path in segments:
         shutil.copy(path, tmp_path / "lists" if path.stem == SCIENCE_LIST else source)
-    made = deployment(tmp_path, source, cache=str(tmp_path / "lists"))
+    made = watched(cache=str(tmp_path / "lists"))
     assert log_of_files(made, made.folder).unreadable == ()
     assert {"measured_pitch", "measured_temperature"} <= {*stored(made.folder / LOG)}
 
 
-def test_what_a_mapping_and_a_text_beside_say_belongs_to_the_log(
-    tmp_path: Path, source: Path
-) -> None:
+def test_what_a_mapping_and_a_text_beside_say_belongs_to_the_log(tmp_path, watched, source):
     state = FLIGHT.state(FLIGHT.time)
     write_csv(
         source / "a.csv",
@@ -225,7 +205,7 @@ def test_what_a_mapping_and_a_text_beside_say_belongs_to_the_log(
         measured_pitch = {{ column = "{}", unit = "deg" }}
         """
     mapping.write_text(words.format("q"))
-    made = deployment(tmp_path, source, kind="csv", mapping=str(mapping))
+    made = watched(kind="csv", mapping=str(mapping))
     assert log_of_files(made, made.folder).changed
     mapping.write_text(words.format("p"))
     assert log_of_files(made, made.folder).changed
@@ -252,11 +232,11 @@ def test_what_a_mapping_and_a_text_beside_say_belongs_to_the_log(
     ],
 )
 def test_a_file_with_a_changed_byte_is_named_and_left_out(
-    tmp_path: Path, source: Path, segments: list[Path], was: bytes, becomes: bytes, why: str
-) -> None:
+    watched, source, segments, was, becomes, why
+):
     for path in segments:
         shutil.copy(path, source)
-    made = deployment(tmp_path, source)
+    made = watched()
     path = source / "unit_1-2023-317-0-3.sbd"
     content = path.read_bytes()
     assert was in content
@@ -269,8 +249,8 @@ def test_a_file_with_a_changed_byte_is_named_and_left_out(
 
 
 def test_names_that_are_no_text_and_what_is_no_file_stop_no_pass(
-    tmp_path: Path, source: Path, segments: list[Path]
-) -> None:
+    tmp_path, watched, source, segments
+):
     for path in segments:
         shutil.copy(path, source)
     odd = os.fsencode(source) + b"/unit_1-2023-317-0-\xff.sbd"
@@ -280,7 +260,7 @@ def test_names_that_are_no_text_and_what_is_no_file_stop_no_pass(
     (source / "c.sbd").symlink_to(source / "nowhere")
     (source / "d.sbd").mkdir()
     (source / "metadata.yml").mkdir()
-    made = deployment(tmp_path, source)
+    made = watched()
     found = log_of_files(made, made.folder)
     assert found.changed, found
     for said in found.unreadable:
@@ -291,9 +271,7 @@ def test_names_that_are_no_text_and_what_is_no_file_stop_no_pass(
     assert "is not there" in log_of_files(made, made.folder).missing
 
 
-def test_a_lone_science_file_of_another_vehicle_hides_no_log(
-    tmp_path: Path, source: Path, segments: list[Path]
-) -> None:
+def test_a_lone_science_file_of_another_vehicle_hides_no_log(watched, source, segments):
     for path in segments:
         shutil.copy(path, source)
     stray = (source / "unit_1-2023-317-0-0.tbd").read_bytes()
@@ -301,21 +279,18 @@ def test_a_lone_science_file_of_another_vehicle_hides_no_log(
     (source / "zzz.tbd").write_bytes(stray.replace(SCIENCE_LIST.encode(), b"0badf00d"))
     lines = (source / f"{SCIENCE_LIST}.cac").read_bytes().replace(b"_pressure", b"_pressurx")
     (source / "0badf00d.cac").write_bytes(lines)
-    made = deployment(tmp_path, source)
+    made = watched()
     found = log_of_files(made, made.folder)
     assert len(stored(made.folder / LOG)["mission"]) == FLIGHT.dives
     assert any("zzz.tbd" in said and "neither depth nor pressure" in said
                for said in found.unreadable), found  # fmt: skip
 
 
-def test_watching_goes_on_after_a_pass_that_fails(
-    tmp_path: Path, source: Path, segments: list[Path], monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    made = deployment(tmp_path, source)
+def test_watching_goes_on_after_a_pass_that_fails(watched, segments, monkeypatch, capsys):
+    made = watched()
     errors = [RuntimeError("a merge\nthat fails"), MemoryError(), WriteError("no room"), None]
 
-    def passed(*_: object, **__: object) -> watch_pass.Passed:
+    def passed(*_, **__):
         if (error := errors.pop(0)) is not None:
             raise error
         raise KeyboardInterrupt
@@ -330,13 +305,11 @@ def test_watching_goes_on_after_a_pass_that_fails(
     assert "Traceback" not in said
 
 
-def test_a_server_that_answers_nonsense_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fetch(*_: object) -> None:
+def test_a_server_that_answers_nonsense_is_named(tmp_path, monkeypatch):
+    def fetch(*_):
         raise KeyError("no such column")
 
-    monkeypatch.setattr("glider_twin_ops.watching.sources.erddap.fetch_days", fetch)
+    monkeypatch.setattr("glider_twin_ops.watching.sources.fetch_days", fetch)
     made = WatchedDeployment(
         folder=tmp_path, source="https://data.example.org/erddap/tabledap/calypso"
     )
@@ -347,17 +320,17 @@ def test_a_server_that_answers_nonsense_is_named(
 # --- damage of what is kept -----------------------------------------------------------------------
 
 
-def _cut(path: Path) -> None:
+def _cut(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def _flip(path: Path) -> None:
+def _flip(path):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(bytes(content))
 
 
-def _nest(path: Path) -> None:
+def _nest(path):
     path.write_text("[" * 100_000)
 
 
@@ -370,8 +343,8 @@ KEPT = (
 
 
 @pytest.fixture(scope="module")
-def passed(tmp_path_factory: pytest.TempPathFactory) -> tuple[WatchedDeployment, Mapping[str, str]]:
-    """A deployment after a pass, and the sums of its parts."""
+def passed(tmp_path_factory, deployment):
+    """A deployment after a pass, what it told, and the sums of its parts."""
     place = tmp_path_factory.mktemp("passed")
     files = write_basestation(place, Flight(dives=3))
     (place / "arrived").mkdir()
@@ -386,38 +359,34 @@ def passed(tmp_path_factory: pytest.TempPathFactory) -> tuple[WatchedDeployment,
     made_of = {name: content_of(made.folder / name) for name in (LOG, BELIEFS, EVENTS, PAGE)}
     assert all(made_of.values())
     assert json.loads((made.folder / EVENTS).read_text())["event"] == "unreadable file"
-    assert told is not None
-    TOLD.append(told)
-    return made, made_of
+    return made, made_of, told
 
 
-TOLD: list[Morning] = []
+@pytest.fixture
+def again(passed, monkeypatch):
+    """A pass, to be spoilt, and the sums; what later passes tell is as the first one had it."""
+    made, sums, told = passed
+    monkeypatch.setattr(watch_pass, "morning", lambda *_, **__: told)
+    return made, sums
 
 
-@pytest.mark.parametrize("harm", [_cut, _flip, Path.unlink, _nest])
-@pytest.mark.parametrize("name", KEPT)
-def test_a_part_that_is_not_as_it_was_written_is_made_again(
-    passed: tuple[WatchedDeployment, Mapping[str, str]], name: str,
-    harm: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    made, sums = passed
-    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
-    monkeypatch.setattr(watch_pass, "morning", lambda *_, **__: TOLD[0])  # as the first pass had it
-    harm(made.folder / name)
-    assert content_of(made.folder / name.partition("/")[0]) != sums[name.partition("/")[0]]
+def assert_made_again(made, sums):
     one_pass(made)
     assert {part: content_of(made.folder / part) for part in sums} == sums
     assert not one_pass(made).changed
 
 
+@pytest.mark.parametrize("harm", [_cut, _flip, Path.unlink, _nest])
+@pytest.mark.parametrize("name", KEPT)
+def test_a_part_that_is_not_as_it_was_written_is_made_again(again, name, harm):
+    made, sums = again
+    harm(made.folder / name)
+    assert content_of(made.folder / name.partition("/")[0]) != sums[name.partition("/")[0]]
+    assert_made_again(made, sums)
+
+
 @pytest.mark.parametrize("name", [LOG, BELIEFS, PAGE])
-def test_a_part_that_is_gone_is_made_again(
-    passed: tuple[WatchedDeployment, Mapping[str, str]], name: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    made, sums = passed
-    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
-    monkeypatch.setattr(watch_pass, "morning", lambda *_, **__: TOLD[0])
+def test_a_part_that_is_gone_is_made_again(again, name):
+    made, sums = again
     shutil.rmtree(made.folder / name)
-    one_pass(made)
-    assert {part: content_of(made.folder / part) for part in sums} == sums
+    assert_made_again(made, sums)

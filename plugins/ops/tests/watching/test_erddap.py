@@ -1,22 +1,17 @@
 """A data set of an ERDDAP server as the source of a deployment, from a server on this machine."""
 
-from __future__ import annotations
-
 import socket
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from erddap_server import Erddap, written_time
 from logs import Flight
 
-from glider_twin_ops.watching import WatchedDeployment
+from glider_twin_ops.watching.arrived_files import FETCHED
 from glider_twin_ops.watching.log_of_files import LOG, log_of_files
-from glider_twin_ops.watching.sources.arrived_files import FETCHED
-from glider_twin_ops.watching.sources.erddap import NEWEST, fetch_days
+from glider_twin_ops.watching.sources import NEWEST, fetch_days
 from twin.errors import InputError
-from twin.records.logged import LogStore
+from twin.records import LogStore
 from twin.records.storage.checksums import store_hash
 
 pytest.importorskip("erddapy", reason="the extra erddap is not installed")
@@ -45,7 +40,7 @@ gps_longitude = { column = "longitude (degrees_east)", unit = "deg" }
 
 
 @pytest.fixture
-def server() -> Iterator[Erddap]:
+def server():
     time = FLIGHT.time
     state = FLIGHT.state(time)
     latitude, longitude = FLIGHT.position(time)
@@ -58,53 +53,48 @@ def server() -> Iterator[Erddap]:
         yield made
 
 
-def deployment(tmp_path: Path, server: Erddap) -> WatchedDeployment:
+@pytest.fixture
+def made(tmp_path, server, deployment):
+    """Makes a deployment in a folder."""
     (tmp_path / "mapping.toml").write_text(MAPPING)
-    made = WatchedDeployment(
-        folder=tmp_path / "calypso", source=server.address, vehicle="slocum-200",
-        mapping=str(tmp_path / "mapping.toml"),
-    )  # fmt: skip
-    made.write()
-    return WatchedDeployment.read(made.folder)
+    settings = {"vehicle": "slocum-200", "mapping": str(tmp_path / "mapping.toml")}
+    return lambda name: deployment(tmp_path / name, server.address, **settings)
 
 
-def test_days_are_fetched_once_and_the_newest_again(tmp_path: Path, server: Erddap) -> None:
+def test_days_are_fetched_once_and_the_newest_again(server, made):
     server.until = FLIGHT.time[0] + 2.5 * 86400.0
-    made = deployment(tmp_path, server)
-    first = log_of_files(made, made.folder)
+    one, clean = made("one"), made("clean")
+    first = log_of_files(one, one.folder)
     assert first.changed, first
-    with LogStore(made.folder / LOG) as logs:
+    with LogStore(one.folder / LOG) as logs:
         before = len(logs)
         assert set(logs.deployments) == {"calypso"}
         # the last dive is half there
         assert np.isfinite(logs.number("dac_north")).tolist() == [True] * (before - 1) + [False]
     assert len(server.asked) == len(set(server.asked)) == 4
-    assert not log_of_files(made, made.folder).changed
+    assert not log_of_files(one, one.folder).changed
     server.asked.clear()
     server.until = np.inf
-    assert log_of_files(made, made.folder).changed
+    assert log_of_files(one, one.folder).changed
     assert server.asked == ["2023-11-17", "2023-11-18", "2023-11-19"]
-    with LogStore(made.folder / LOG) as logs:
-        assert len(logs) > before
-        assert len(logs) == FLIGHT.dives
-    (tmp_path / "clean").mkdir()
-    clean = deployment(tmp_path / "clean", server)
+    with LogStore(one.folder / LOG) as logs:
+        assert len(logs) == FLIGHT.dives > before
     log_of_files(clean, clean.folder)
-    assert store_hash(clean.folder / LOG) == store_hash(made.folder / LOG)
+    assert store_hash(clean.folder / LOG) == store_hash(one.folder / LOG)
 
 
-def test_a_server_that_is_down_leaves_what_it_sent_before(tmp_path: Path, server: Erddap) -> None:
-    made = deployment(tmp_path, server)
-    log_of_files(made, made.folder)
+def test_a_server_that_is_down_leaves_what_it_sent_before(server, made):
+    one = made("one")
+    log_of_files(one, one.folder)
     server.broken = True
-    down = log_of_files(made, made.folder)
+    down = log_of_files(one, one.folder)
     assert down.store is not None
     assert not down.changed
     assert "error 503, down for repair" in down.unreadable[0]
-    assert len(list((made.folder / FETCHED).glob("*.csv"))) > NEWEST
+    assert len(list((one.folder / FETCHED).glob("*.csv"))) > NEWEST
 
 
-def test_what_is_no_data_set_is_said(tmp_path: Path, server: Erddap) -> None:
+def test_what_is_no_data_set_is_said(tmp_path, server):
     with pytest.raises(InputError, match="answers with the error 404"):
         fetch_days(server.address.replace("calypso", "calypsos"), tmp_path)
     with socket.socket() as free:
@@ -114,7 +104,7 @@ def test_what_is_no_data_set_is_said(tmp_path: Path, server: Erddap) -> None:
             fetch_days(gone, tmp_path)
 
 
-def test_a_day_without_rows_is_asked_for_once(tmp_path: Path, server: Erddap) -> None:
+def test_a_day_without_rows_is_asked_for_once(tmp_path, server):
     time = server.rows[:, 0]
     start = FLIGHT.time[0] - FLIGHT.time[0] % 86400.0
     hole = (time >= start + 86400.0) & (time < start + 2 * 86400.0)

@@ -1,21 +1,16 @@
 """Dives that tell most, as files beside a deployment."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from pathlib import Path
 
 import pytest
 from logs import Flight, write_basestation, write_slocum
 
 from glider_twin_ops.files import read_commands
-from glider_twin_ops.watching import WatchedDeployment
-from glider_twin_ops.watching.learning_dives import propose_learning
+from glider_twin_ops.watching import propose_learning
 from glider_twin_ops.watching.log_of_files import log_of_files
-from twin.__main__ import PROGRAM
 from twin.errors import InputError
-from twin.mission.slocum_mission import read_slocum
+from twin.mission import read_slocum
 
 MISSION = "\n".join(
     f"behavior: {name}\n    b_arg: args_from_file(enum) 10"
@@ -23,28 +18,16 @@ MISSION = "\n".join(
 )
 
 
-def deployment(tmp_path: Path, vehicle: str) -> WatchedDeployment:
-    (tmp_path / "arrived").mkdir()
-    made = WatchedDeployment(
-        folder=tmp_path / "calypso", source=str(tmp_path / "arrived"), vehicle=vehicle
-    )
-    made.write()
-    return made
-
-
-def test_a_slocum_gets_argument_files_and_the_twin_s_flight_of_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    made = deployment(tmp_path, "slocum-200")
+def test_a_slocum_gets_argument_files_and_the_twin_s_flight_of_them(tmp_path, watched, run):
+    made = watched(vehicle="slocum-200")
     with pytest.raises(InputError, match=r"has no log\.zarr yet"):
         propose_learning(made)
     write_slocum(tmp_path / "arrived", Flight(dives=3))
     log_of_files(made, made.folder)
     for _ in range(2):  # the second takes the place of the first
-        code = PROGRAM.main(["watch", str(made.folder), "--to-learn", "--json"])
-        said = capsys.readouterr()
-        assert code == 0, said.err
-    answer = json.loads(said.out)
+        code, said, err = run(made.folder, "--to-learn", "--json")
+        assert code == 0, err
+    answer = json.loads(said)
     assert answer["after_proposed"] < answer["after_usual"]
     for k, one in enumerate(answer["dives"], 1):
         folder = made.folder / "learn" / str(k)
@@ -62,9 +45,9 @@ def test_a_slocum_gets_argument_files_and_the_twin_s_flight_of_them(
         assert f"{one['flight']['km']:g} km" in (folder / "dive.txt").read_text()
 
 
-def test_a_seaglider_gets_commands_and_what_they_cannot_say_is_said(tmp_path: Path) -> None:
-    made = deployment(tmp_path, "seaglider")
-    write_basestation(tmp_path / "arrived", Flight(dives=3))
+def test_a_seaglider_gets_commands_and_what_they_cannot_say_is_said(watched, source):
+    made = watched(vehicle="seaglider")
+    write_basestation(source, Flight(dives=3))
     log_of_files(made, made.folder)
     found = propose_learning(made)
     for k, one in enumerate(found.dives, 1):
@@ -74,9 +57,3 @@ def test_a_seaglider_gets_commands_and_what_they_cannot_say_is_said(tmp_path: Pa
         assert commands["T_DIVE"] < one.flight["min"] < commands["T_MISSION"]
         said = (made.folder / "learn" / str(k) / "dive.txt").read_text()
         assert "its files have no climb" in said
-
-
-def test_it_makes_no_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    made = deployment(tmp_path, "slocum-200")
-    assert PROGRAM.main(["watch", str(made.folder), "--to-learn", "--once"]) == 2
-    assert "--to-learn makes no pass" in capsys.readouterr().err

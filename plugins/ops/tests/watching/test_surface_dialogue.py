@@ -1,17 +1,14 @@
 """Dialogues of a Slocum at the surface, as a dockserver keeps them."""
 
-from __future__ import annotations
-
-import dataclasses
 import datetime
-from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from glider_twin_ops.pages.morning_page import summary
-from glider_twin_ops.watching import WatchedDeployment, one_pass
-from glider_twin_ops.watching.sources.base import newest_dialogue
-from glider_twin_ops.watching.sources.dialogues import read_dialogues
+from glider_twin_ops.pages import summary
+from glider_twin_ops.watching import one_pass
+from glider_twin_ops.watching.dialogues import read_dialogues
+from glider_twin_ops.watching.sources import newest_dialogue
 
 TEXT = """
 Connection Event: Carrier Detect found.
@@ -29,17 +26,16 @@ ABORT HISTORY: total since reset: 2
 """
 
 
-def written(path: Path, text: str) -> Path:
+def written(path, text):
     path.write_bytes(text.encode() + b"\xff\x00 noise of a line\r\n")
     return path
 
 
-def test_the_last_surfacing_is_told(tmp_path: Path) -> None:
+def test_the_last_surfacing_is_told(tmp_path):
     later = TEXT.replace("20:40:38", "20:42:38").replace("7.89", "7.5")
     path = written(tmp_path / "calypso_20260328.log", TEXT + later)
     assert len(read_dialogues([path, tmp_path / "gone.log"])) == 2
     found = newest_dialogue("slocum", tmp_path, recursive=False)
-    assert found is not None
     assert found.vehicle == "calypso"
     assert found.fix == pytest.approx((33.0 + 10.021 / 60.0, -(117.0 + 41.8 / 60.0)))
     clock = datetime.datetime(2026, 3, 28, 20, 42, 38, tzinfo=datetime.UTC).timestamp()
@@ -48,7 +44,6 @@ def test_the_last_surfacing_is_told(tmp_path: Path) -> None:
     assert (found.why[:14], found.aborts) == ("Hit a waypoint", 2)
     moment = datetime.datetime(2026, 3, 28, 20, 41, tzinfo=datetime.UTC)
     early = newest_dialogue("", tmp_path, recursive=False, until=moment)
-    assert early is not None
     assert early.sensors["m_vacuum"][0] == 7.89
 
 
@@ -60,13 +55,13 @@ def test_the_last_surfacing_is_told(tmp_path: Path) -> None:
         ("-11741.800 E measured     38", "garbled E measured     38", None),
     ],
 )
-def test_what_is_no_fix_is_none(tmp_path: Path, was: str, becomes: str, fix: None) -> None:
+def test_what_is_no_fix_is_none(tmp_path, was, becomes, fix):
     assert was in TEXT
     (found,) = read_dialogues([written(tmp_path / "a.log", TEXT.replace(was, becomes))])
     assert found.fix is fix
 
 
-def test_half_a_dialogue_and_other_logs_say_nothing(tmp_path: Path) -> None:
+def test_half_a_dialogue_and_other_logs_say_nothing(tmp_path):
     half = written(tmp_path / "half.log", TEXT[: TEXT.index("Curr Time")])
     other = written(tmp_path / "syslog.log", "Vehicle Name: x\nCurr Time: yesterday\n")
     hidden = written(tmp_path / ".part.log", TEXT)
@@ -75,16 +70,12 @@ def test_half_a_dialogue_and_other_logs_say_nothing(tmp_path: Path) -> None:
     assert newest_dialogue("slocum", tmp_path, recursive=True) is None
 
 
-def test_a_page_has_the_dialogue_before_any_data_arrives(tmp_path: Path) -> None:
-    source = tmp_path / "arrived"
-    source.mkdir()
-    made = WatchedDeployment(folder=tmp_path / "calypso", source=str(source), vehicle="slocum-200")
-    made.write()
+def test_a_page_has_the_dialogue_before_any_data_arrives(watched, source):
+    made = watched(vehicle="slocum-200")
     assert one_pass(made).changed
     written(source / "calypso.log", TEXT)
     passed = one_pass(made)
     assert passed.changed
-    assert passed.told is not None
     assert "33.1670, -117.6967" in summary(passed.told, [])
     assert "2 aborts since its reset" in summary(passed.told, [])
     page = passed.page.read_text()
@@ -92,5 +83,18 @@ def test_a_page_has_the_dialogue_before_any_data_arrives(tmp_path: Path) -> None
     assert "7.89 inHg" in page
     assert not one_pass(made).changed
     early = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
-    past = one_pass(dataclasses.replace(made), until=early)
+    past = one_pass(made, until=early)
     assert "Said at" not in past.page.read_text()
+
+
+def test_the_mail_of_a_watch_is_lines_that_can_be_read():
+    marks = "\x1b]0;owned\x07\x9b2J\u202e"
+    said = SimpleNamespace(
+        verdict=f"attention{marks}\nall is well", dives=(), legs=(), last_fix=None, dialogue=None,
+        surfacings=None, used=None, missing=[f"file{marks}.dbd: cut"], deployment="x",
+    )  # fmt: skip
+    text = summary(said, [f"new: {marks}"])
+    assert all(one.isprintable() or one == "\n" for one in text)
+    first, *others = text.splitlines()
+    assert first == "attention\\x1b]0;owned\\x07\\x9b2J\\u202e all is well"
+    assert len(others) == 2

@@ -24,10 +24,10 @@ from twin.records.coordinates import METHOD, METHODS
 from twin.records.logged import LoggedTrajectory, LogStore
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
-from twin.show.dates import DateFormatter, DateLocator
 from twin.show.figures import FIGURES, figure
 from twin.show.figures.map_ground import COAST_NOTE, land_within
 from twin.show.figures.section import along_track
+from twin.show.style import DateFormatter, DateLocator
 from twin.vehicle.vehicle import load_vehicle
 
 FLIGHT = Flight(dives=3)

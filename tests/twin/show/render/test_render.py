@@ -13,7 +13,15 @@ import twin
 from twin.errors import InputError
 from twin.faults.hull import WingLost
 from twin.show.render import canvas as palette
-from twin.show.render.camera import block_view, fit
+from twin.show.render.camera import (
+    Frame,
+    block_view,
+    fit,
+    nice_step,
+    plan,
+    principal_azimuth,
+    ticks,
+)
 from twin.show.render.canvas import (
     BASE_WIDTH,
     LABEL,
@@ -26,9 +34,7 @@ from twin.show.render.canvas import (
 )
 from twin.show.render.film import save_still, still
 from twin.show.render.painter import GLIDER_GROUPS, Painter
-from twin.show.render.scene_geometry import Frame, nice_step, plan, principal_azimuth, ticks
-from twin.show.render.shot import CAMERAS, Shot
-from twin.show.render.subject import read_subject
+from twin.show.render.subject import CAMERAS, Shot, read_subject
 
 SIZE = {"width": 256, "height": 144}
 HIDDEN_GROUP = 4

@@ -21,7 +21,7 @@ from twin.records.store import read_trajectory
 from twin.show.render import context
 from twin.show.render.context import NoOpenGL, new_context
 from twin.show.render.film import save_video
-from twin.show.render.shot import Shot
+from twin.show.render.subject import Shot
 
 
 def read_video(path):
@@ -135,7 +135,7 @@ if sys.argv[1] == "osmesa":
     context._egl_works = lambda: False
 from pictures import short_subject
 from twin.show.render.film import still
-from twin.show.render.shot import Shot
+from twin.show.render.subject import Shot
 subject = short_subject()
 shot = Shot(width=96, height=64)
 for _ in range(2):

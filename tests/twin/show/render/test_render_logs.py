@@ -21,8 +21,7 @@ from twin.show.render.canvas import track_colours
 from twin.show.render.film import known_samples
 from twin.show.render.hud import UNKNOWN, readouts
 from twin.show.render.playback import moving_parts, poses, track_values
-from twin.show.render.shot import Shot
-from twin.show.render.subject import Replay, read_subject
+from twin.show.render.subject import Replay, Shot, read_subject
 
 FLIGHT = Flight(dives=2)
 

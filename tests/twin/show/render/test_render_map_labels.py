@@ -16,9 +16,8 @@ def marks(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     canvas = SimpleNamespace(px=lambda n: n, width=1280, height=720)
     layout = SimpleNamespace(low=(-1100.0, -1600.0, 0.0), display_block=lambda points: points)
     view = SimpleNamespace(project=lambda points: points)
-    monkeypatch.setattr(sea, "grid_step", lambda layout: 500.0)
     values = {0: np.array([-1000.0, -500.0, 0.0]), 1: np.array([-1500.0, 0.0, 500.0])}
-    monkeypatch.setattr(sea, "grid_values", lambda layout, axis, step: values[axis])
+    monkeypatch.setattr(sea, "grid_values", lambda layout, axis: values[axis])
     monkeypatch.setattr(tags, "scale_bar", lambda *_: (500.0, (0, 0, 100, 4)))
     return [mark.text for mark in tags.map_marks(canvas, layout, view)]
 

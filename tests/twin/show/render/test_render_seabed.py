@@ -12,9 +12,8 @@ from twin.mission import Mission, SawTooth
 from twin.records.mission_dataset import dataset_of
 from twin.records.store import write_store
 from twin.show.render import sea
-from twin.show.render.shot import Shot, Subject
 from twin.show.render.stage import build
-from twin.show.render.subject import read_subject
+from twin.show.render.subject import Shot, Subject, read_subject
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.floor import Bathymetry, FlatFloor, GridFloor
 from twin.water.floor.lookup import floor_depths

@@ -114,7 +114,7 @@ IN_THE_WINDOW = """
 import sys, threading, time
 from PIL import ImageGrab
 from twin.show.render.subject import Replay
-from twin.show.render.shot import Shot
+from twin.show.render.subject import Shot
 from twin.show.render.window import Window
 from pictures import short_subject
 

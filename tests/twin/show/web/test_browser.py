@@ -32,7 +32,7 @@ from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
 from twin.show.render.playback import poses
-from twin.show.render.shot import Shot, Subject
+from twin.show.render.subject import Shot, Subject
 from twin.show.web.page import assemble, page_text
 from twin.show.web.server import LiveMission, PageServer
 from twin.vehicle.vehicle import load_vehicle

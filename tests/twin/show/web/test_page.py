@@ -31,10 +31,9 @@ from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
 from twin.show.render.playback import poses
-from twin.show.render.shot import Shot, Subject
+from twin.show.render.subject import Shot, Subject
 from twin.show.web.channels import read_channels, thin
-from twin.show.web.page import LARGEST, ROWS, page_text
-from twin.show.web.scene import describe
+from twin.show.web.page import LARGEST, ROWS, describe, page_text
 from twin.show.web.solid import pack, read_solid, smooth_normals
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
@@ -169,7 +168,7 @@ def test_a_part_and_a_moment_are_kept(store):
 
 
 def test_the_sea_floor_is_in_the_page_with_the_altitude():
-    from twin.physics.lookup_tables import floor_table
+    from twin.physics.model_block import floor_table
     from twin.water.floor import parse_floor
 
     scenario = dataclasses.replace(short_scenario(), floor=parse_floor("depth:60"))

@@ -15,7 +15,7 @@ import urllib.request
 import pytest
 from pictures import short_scenario, short_subject, write_short_store
 
-from twin.show.render.shot import Shot
+from twin.show.render.subject import Shot
 from twin.show.web.server import STRANGERS, LiveMission, PageServer
 
 
@@ -81,7 +81,7 @@ def test_an_address_that_is_none_is_answered_without_a_word(place, method, capsy
             asked.sendall(f"{method} {place} HTTP/1.0\r\n{host}\r\n".encode())
             answer = b"".join(iter(lambda: asked.recv(4096), b""))
         assert answer.startswith((b"HTTP/1.0 404", b"HTTP/1.0 400"))
-        assert server._key.encode() not in answer
+        assert server.key.encode() not in answer
         with urllib.request.urlopen(server.address) as answer:
             assert answer.read() == b"<p>here"
     assert capsys.readouterr().err == ""

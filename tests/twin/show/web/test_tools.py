@@ -17,7 +17,7 @@ from twin.__main__ import PROGRAM
 from twin.logs import logged_trajectory
 from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
-from twin.show.render.shot import Shot, Subject
+from twin.show.render.subject import Shot, Subject
 from twin.show.web.page import page_text
 from twin.vehicle.vehicle import load_vehicle
 

@@ -1,0 +1,332 @@
+"""Expected dive: the way through the water and the end of a dive that begins now.
+
+The vehicle is sent to waypoints. By its own reckoning it goes straight to each, at the speed of its
+recent dives; where it steers against the current that it believes in, its heading leans into that
+current. Gliders surface after a time under water, a time after the last surfacing, or by the clock:
+every hour, two, three or four. Dives so far say which way, and which order, is to be believed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, usual_duration
+from glider_twin_ops.forecast.pool import Mixture, Pool, Prior
+from twin.numbers import Array
+
+Place = tuple[float, float]
+
+ARRIVED = 20.0
+"""[m] from a waypoint at which the next one is gone to: a Slocum's lists say 10 m and more"""
+STEEPEST = 0.95
+"""[1] sine of the most that a heading leans into a current across: beyond, no way is made"""
+FORGETTING = 0.9
+"""See `Pool`: where a vehicle is sent, and when it surfaces, changes faster than the sea"""
+RECENT = 7
+"""Dives whose median is the speed"""
+FASTEST, COARSE, FINE = 1.5, 0.05, 0.01
+"""[m/s] up to which the speed of a dive along its waypoints is looked for, and its two steps"""
+ALONG = 0.3
+"""[1] of its way by which a dive may miss the way to its waypoints, for its speed to be by them"""
+
+
+def guided_way(
+    targets: Sequence[Place], speed: float, believed: Place, duration: float
+) -> Place | None:
+    """Way through the water to waypoints; beyond the last of them straight on.
+
+    Args:
+      targets: north, east [m] from the start, in order.
+      speed: [m/s] through the water, level.
+      believed: north, east [m/s] of the current with which the vehicle reckons.
+      duration: [s]
+
+    Returns:
+      North, east [m]; None without a waypoint.
+    """
+    drift = complex(*believed)
+    place, way, left = 0j, 0j, duration
+    toward: complex | None = None
+    for k, target in enumerate(targets):
+        gap = complex(*target) - place
+        away = abs(gap)
+        if away > ARRIVED or (toward is None and k == len(targets) - 1 and away > 0.0):
+            toward = gap / away
+            through, advance = _leaning(toward, speed, drift)
+            reached = max(away - ARRIVED, 0.0) / advance if advance > 0.0 else math.inf
+            spent = min(reached, left)
+            way += spent * through
+            place += spent * (through + drift)
+            left -= spent
+    if toward is None:
+        return None
+    way += left * _leaning(toward, speed, drift)[0]
+    return way.real, way.imag
+
+
+def _leaning(toward: complex, speed: float, drift: complex) -> tuple[complex, float]:
+    """Velocity through the water that makes way toward a place, and the speed of that way [m/s]."""
+    beside = drift * toward.conjugate()  # along and across
+    lean = math.copysign(min(abs(beside.imag), STEEPEST * speed), -beside.imag)
+    along = math.sqrt(speed**2 - lean**2)
+    return complex(along, lean) * toward, along + beside.real
+
+
+def plain_velocity(before: Sequence[LoggedLeg], targets: Sequence[Place]) -> Array:
+    """Speed of the last three dives toward the first waypoint, or where the last one went.
+
+    Args:
+      before: the dives so far, at least one. targets: of the dive that begins.
+
+    Returns:
+      North, east [m/s], (2,).
+    """
+    speed = float(np.mean([np.hypot(*one.velocity) for one in before[-3:]]))
+    toward = np.array(targets[0]) if targets else before[-1].velocity
+    away = float(np.hypot(*toward))
+    return speed * toward / away if away > 0.0 else np.zeros(2)
+
+
+GUIDED, AGAIN, NOWHERE = "to its waypoints", "as the last dive", "nowhere in the mean"
+WAY_PRIORS: Mapping[str, Prior] = {
+    GUIDED: Prior(0.32, 0.063),
+    AGAIN: Prior(0.54, 0.071),
+    NOWHERE: Prior(0.2, 0.14),
+}
+"""Of each kind of way, as deployments have them in common (`python -m benchmarks.surfacings`);
+scales in m/s"""
+
+
+class WayPool:
+    """Kinds of ways, mixed by what they were worth on the dives so far."""
+
+    def __init__(self, priors: Mapping[str, Prior] = WAY_PRIORS):
+        self.pool = Pool({name: priors[name] for name in WAY_PRIORS}, forgetting=FORGETTING)
+        self._speeds: list[float] = []
+        self._last: LoggedLeg | None = None
+
+    @property
+    def speed(self) -> float | None:
+        """[m/s] level, of recent dives; None before the first."""
+        return float(np.median(self._speeds[-RECENT:])) if self._speeds else None
+
+    def steered(self, one: LoggedLeg) -> Place:
+        """Current that a vehicle steers against, north and east [m/s]: what it believes, where on
+        the last dive its own track held that."""
+        last = self._last
+        if last is None or one.believed is None or not _reckons(last):
+            return 0.0, 0.0
+        return one.believed
+
+    def expect(self, one: LoggedLeg, duration: float) -> Mixture:
+        """Velocity through the water [m/s], mean over a dive that begins now.
+
+        Args:
+          one: of it are read the waypoints and what the vehicle believes.
+          duration: [s] expected.
+        """
+        return self.toward(one.targets, self.steered(one), duration)
+
+    def toward(self, targets: Sequence[Place], steered: Place, duration: float) -> Mixture:
+        """Velocity on a dive to targets, north and east [m] from its begin, leaning into the
+        current `steered` [m/s]."""
+        said = np.full((3, 2), np.nan)
+        said[2] = 0.0
+        if self._last is not None and self.speed is not None:
+            guided = guided_way(targets, self.speed, steered, duration)
+            if guided is not None:
+                said[0] = np.array(guided) / duration
+            said[1] = self._last.velocity
+        return self.pool.expect(said)
+
+    def learn(self, one: LoggedLeg) -> Array:
+        """Take a dive that has ended; returns the part of each kind in explaining its way."""
+        self.expect(one, one.leg.duration)
+        part = self.pool.learn(one.velocity)
+        self._speeds.append(_speed_of(one))
+        self._last = one
+        return part
+
+
+def _reckons(one: LoggedLeg) -> bool:
+    """Whether a vehicle's own track held the current that it believed in."""
+    if one.onboard is None or one.believed is None:
+        return False
+    held = np.array(one.onboard) / one.leg.duration - one.velocity
+    return bool(np.hypot(*(held - np.array(one.believed))) < np.hypot(*held))
+
+
+def _speed_of(one: LoggedLeg) -> float:
+    """[m/s] through the water along the waypoints; where the way was not theirs, by its length."""
+    straight = float(np.hypot(*one.velocity))
+    if not one.targets:
+        return straight
+    believed = one.believed if one.believed is not None and _reckons(one) else (0.0, 0.0)
+    assert one.leg.through_water is not None
+    through = one.leg.through_water
+
+    def beside(speed: float) -> float:
+        way = guided_way(one.targets, speed, believed, one.leg.duration)
+        return math.inf if way is None else math.dist(way, through)
+
+    near = min(np.arange(COARSE, FASTEST, COARSE).tolist(), key=beside)
+    best = min((near + FINE * np.arange(-4, 5)).tolist(), key=beside)
+    return best if beside(best) < ALONG * math.hypot(*through) else straight
+
+
+HOUR = 3600.0
+CLOCKS = (1.0, 2.0, 3.0, 4.0)
+"""[h] between surfacings by the clock"""
+SHORTEST = 600.0
+"""[s] of a dive"""
+ENDS = 5
+"""Ends from which the clock's phase is taken"""
+STAYS, LONGEST_STAY = 10, 6.0 * HOUR
+"""Last stays at the surface that tell of the next, and [s] of one; longer is a gap"""
+SHORTENED, LENGTHENED = -0.8, 3.0
+"""[1] by which a dive is drawn shorter or longer than expected at most"""
+CLOCK_PRIORS = (Prior(0.14, 0.12), Prior(0.07, 0.16), Prior(0.06, 0.18), Prior(0.06, 0.14))
+SCHEDULE_PRIORS: Mapping[str, Prior] = {
+    "as the last": Prior(0.4, 0.12),
+    "median of three": Prior(0.22, 0.13),
+    "since the last surfacing": Prior(0.19, 0.12),
+    **{f"every {h:g} h": prior for h, prior in zip(CLOCKS, CLOCK_PRIORS, strict=True)},
+}
+"""Of each order, as deployments have them in common (`python -m benchmarks.surfacings`); scales as
+part of the usual duration"""
+FREEDOM, COUNTED = 3.0, 2.0
+"""See `Pool`: orders are kept to the minute until a pilot gives another"""
+
+
+class SurfacingSchedule:
+    """Orders to surface, mixed by how well they foretold the ends so far."""
+
+    def __init__(self, priors: Mapping[str, Prior] = SCHEDULE_PRIORS):
+        self.pool = Pool(priors, freedom=FREEDOM, counted=COUNTED, forgetting=FORGETTING)
+        self._dives: list[DiveTime] = []
+
+    def expect(self, begin: float) -> Mixture:
+        """Duration [s] of a dive that begins at a time [s], (1,).
+
+        Raises:
+          InputError: there was no dive before.
+        """
+        said = np.array([self._foretold(begin)]).T
+        usual = usual_duration(self._dives) if self._dives else 1.0
+        return self.pool.expect(said, np.full((len(said), 1, 1), usual**2))
+
+    def learn(self, dive: DiveTime) -> Array | None:
+        """Take a dive that has ended; returns the part of each order in explaining it."""
+        part = None
+        if self._dives:
+            self.expect(dive.begin)
+            part = self.pool.learn([dive.end - dive.begin])
+        self._dives = [*self._dives, dive][-ENDS:]
+        return part
+
+    def _foretold(self, begin: float) -> list[float]:
+        """[s] by each order."""
+        if not self._dives:
+            return [np.nan] * len(self.pool.names)
+        last, usual = self._dives[-1], usual_duration(self._dives)
+        ends = np.array([one.end for one in self._dives])
+        every = float(np.median(np.diff(ends)[-3:])) if len(ends) > 1 else np.nan
+        since = max(last.end + every - begin, SHORTEST)
+        clocks = (_by_clock(ends, begin, usual, hours * HOUR) for hours in CLOCKS)
+        return [last.end - last.begin, usual, since, *clocks]
+
+
+def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:
+    """[s] to the time of the clock next to a usual duration; NaN where dives are much shorter."""
+    if usual < 0.5 * period:
+        return np.nan
+    turn = 2.0 * np.pi / period
+    phase = float(np.angle(np.exp(1j * turn * ends).sum())) / turn
+    end = phase + period * np.round((begin + usual - phase) / period)
+    return float(end - begin + (period if end < begin + SHORTEST else 0.0))
+
+
+def middle(mixture: Mixture) -> float:
+    """Weighted median of what the orders say [s]: that of one order, not one between two."""
+    order = np.argsort(mixture.means[:, 0], kind="stable")
+    reached = np.searchsorted(np.cumsum(mixture.weights[order]), 0.5)
+    return float(mixture.means[order[min(int(reached), len(order) - 1)], 0])
+
+
+class Delays(NamedTuple):
+    """By what members come up later than they flew; the first has the usual stays and no error."""
+
+    stays: Array
+    """[s] at the surface before each dive, (member, dive)"""
+    late: Array
+    """[1] part by which all dives of a member last longer than they were flown, (member,): another
+    order of the pilot is kept, too"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rhythm:
+    """Statistics of surface intervals and of how well dives keep the time."""
+
+    stays: Array
+    """[s] of its last stays, (stay,)"""
+    late: Mixture
+    """[s] of the next dive, by each order"""
+
+    @classmethod
+    def of(cls, schedule: SurfacingSchedule, dives: Sequence[DiveTime]) -> Rhythm | None:
+        """By all dives; None where too few of their stays are known.
+
+        Args:
+          schedule: which has learned from them.
+        """
+        stays = np.array([one.stay for one in dives[1:]])
+        stays = stays[(stays >= 0.0) & (stays < LONGEST_STAY)][-STAYS:]
+        if len(stays) < 2:
+            return None
+        return cls(stays=stays, late=schedule.expect(dives[-1].end + float(np.median(stays))))
+
+    def draw(self, count: int, dives: int, waited: float, rng: np.random.Generator) -> Delays:
+        """Draws for some members and dives.
+
+        Args:
+          waited: [s] that it has been at the surface when the forecast begins.
+        """
+        stays = _further(self.stays, (count, dives), rng)
+        lasts = self.late.draw(count, FREEDOM, rng)[:, 0]
+        late = lasts / middle(self.late) - 1.0
+        stays[0], late[0] = np.median(self.stays), 0.0
+        if waited < float(self.stays.max()):
+            stays[:, 0] = np.maximum(stays[:, 0] - max(waited, 0.0), 0.0)
+        return Delays(stays, np.clip(late, SHORTENED, LENGTHENED))
+
+    @property
+    def words(self) -> str:
+        """Both in words."""
+        deviation = math.sqrt(float(self.late.covariance[0, 0])) / middle(self.late)
+        return (
+            f"{np.median(self.stays) / 60.0:.0f} min at the surface ({self.stays.min() / 60.0:.0f} "
+            f"to {self.stays.max() / 60.0:.0f} so far), dives +-{100.0 * deviation:.0f} %"
+        )
+
+
+def _further(known: Array, shape: tuple[int, int], rng: np.random.Generator) -> Array:
+    """Sample the predictive distribution of the next value, given n observed ones (exchangeable).
+
+    The next is as likely between any two neighbours of the known ones as beyond either end of them,
+    1 / (n + 1) each (Vovk, Gammerman and Shafer 2005, Algorithmic Learning in a Random World,
+    section 4.2): known values alone would hold a part (n - 1) / (n + 1) of the next ones at most.
+    Beyond an end, by an exponential law as wide as that end is from the median; never below 0.
+    """
+    ordered = np.sort(known)
+    rank = rng.uniform(0.0, len(ordered) + 1.0, size=shape)
+    beyond = rng.standard_exponential(shape)
+    low, middle_, high = ordered[0], np.median(ordered), ordered[-1]
+    drawn = np.interp(rank, np.arange(1, len(ordered) + 1), ordered)
+    drawn = np.where(rank < 1.0, low - beyond * (middle_ - low), drawn)
+    drawn = np.where(rank > len(ordered), high + beyond * (high - middle_), drawn)
+    return np.maximum(drawn, 0.0)

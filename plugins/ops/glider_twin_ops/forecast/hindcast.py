@@ -1,0 +1,419 @@
+"""Hindcast: walk through deployments, forecast every surfacing from what was known, and score it.
+
+A field tells what a forecast of the current foretells for the dives of a deployment. Members fly
+each surfacing as `twin forecast` flies them: they know what the walk knows at its begin, which is
+the currents so far, the waypoints of the dive, and the duration that the schedule expects. Depth
+and pitch are those of the dive before; beyond the last waypoint, and where a log has none, the
+course goes on.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from glider_twin_ops.forecast.expected_dive import WayPool
+from glider_twin_ops.forecast.known import Known
+from glider_twin_ops.forecast.logged_leg import (
+    MODEL,
+    LoggedLeg,
+    dive_times,
+    flown_velocities,
+    legs_of,
+)
+from glider_twin_ops.forecast.member_flights import MemberFlight, fly, surfacings_of
+from glider_twin_ops.forecast.members import members_of
+from glider_twin_ops.forecast.pool import CurrentPool
+from glider_twin_ops.forecast.request import HOUR, Request, check_members
+from glider_twin_ops.forecast.walk import (
+    FieldMean,
+    HindcastSurfacing,
+    Judged,
+    Pair,
+    Priors,
+    Scores,
+    Walked,
+    scores_of,
+    walk,
+)
+from twin import Mission, Scenario, Vehicle, Waypoint, load_vehicle
+from twin.checks import EndsApart, ends_apart, flown_in_mujoco
+from twin.errors import InputError, MissionError, StoreError
+from twin.geodesy import to_tangent_plane
+from twin.identify import start_vehicle
+from twin.numbers import Array
+from twin.records import LogStore
+from twin.water.current import Current
+
+POINTS = 25
+"""Places along a dive at which the field is read"""
+AHEAD = 2e5
+"""[m] of the course beyond the last waypoint: farther than a dive goes"""
+ARRIVAL = 20.0
+"""[m] at which a waypoint is reached, as the walk's own ways have it"""
+UNDER, FLATTEST, STEEPEST = 5.0, 5.0, 45.0
+"""[m] of depth from which on, and [degree] of pitch between which, a sample tells of a glide"""
+SHALLOWEST = 10.0
+"""[m] of a dive"""
+
+
+def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> FieldMean:
+    """Mean current that a field foretells over the legs of a deployment.
+
+    Args:
+      logs: the store, for the depths.
+      legs: of one deployment, in order of time, at least one.
+      current: its time and place count from the first leg's, unless it has its own.
+
+    Returns:
+      A function, which raises CurrentError where the field does not cover a leg.
+    """
+    first, part = legs[0], np.linspace(0.0, 1.0, POINTS)
+
+    def mean(one: LoggedLeg, alike: LoggedLeg, way: Array, duration: float) -> Pair:
+        time = one.leg.start - first.leg.start + duration * part
+        begin = to_tangent_plane(*one.begin, *first.begin)
+        depth = _depths(logs, alike, part)
+        found = np.zeros(2)
+        for _ in range(2):  # along the way through the water, then along the way the field makes
+            north, east = (
+                at + (metres + duration * moved) * part
+                for at, metres, moved in zip(begin, way, found, strict=True)
+            )
+            found = current.velocity(time, north, east, depth, first.origin)[..., :2].mean(axis=0)
+        return float(found[0]), float(found[1])
+
+    return mean
+
+
+def _depths(logs: LogStore, one: LoggedLeg, part: Array) -> Array:
+    """Measured depths [m] at parts of a leg, (part,); gaps are bridged."""
+    depth = logs.signal("measured_depth", one.mission).astype(float)
+    known = np.flatnonzero(np.isfinite(depth))
+    if not known.size:
+        return np.zeros(len(part))
+    return np.interp(part * one.leg.duration / logs.period, known, np.maximum(depth[known], 0.0))
+
+
+class MemberFlights:
+    """Flies members of dive after dive of one deployment.
+
+    Args:
+      logs: open while it is used. members, engine: as `Request` has them.
+    """
+
+    def __init__(self, logs: LogStore, vehicle: Vehicle, *, members: int, engine: str):
+        self._logs, self._vehicle = logs, vehicle
+        self._members, self._engine = members, engine
+        self._nominal: tuple[Scenario, MemberFlight] | None = None
+        self.unflown: dict[int, str] = {}
+        """Dives that members told nothing of, by row, and why"""
+
+    def expect(
+        self,
+        before: Sequence[LoggedLeg],
+        one: LoggedLeg,
+        pool: CurrentPool,
+        ways: WayPool,
+        duration: float,
+        reach: Pair,
+    ) -> tuple[Array, Array] | None:
+        """Fly the members of a dive.
+
+        Args:
+          before: the dives so far, at least one.
+          one: of it are read the begin and the waypoints.
+          pool, ways: of the current and of ways, after the last of `before`.
+          duration: [s] expected.
+          reach: [1] squared distances of the ellipses by the dives so far, as `Walked` has them.
+
+        Returns:
+          Mean of where they come up, north and east [m] from the begin, (2,), and covariance of
+          members and fix [m2], (2, 2); None where they tell nothing (`unflown`).
+        """
+        place, last = one.origin, before[-1].leg
+        try:
+            request = Request(
+                vehicle=self._vehicle,
+                mission=self._mission(before[-1], one, duration, ways.steered(one)),
+                place=place,
+                hours=duration / HOUR,
+                members=self._members,
+                engine=self._engine,
+            )
+        except MissionError as error:
+            self.unflown[one.mission] = str(error)
+            return None
+        known = Known(
+            pool=copy.deepcopy(pool),
+            place=one.begin,
+            time=last.end,
+            last_current=(float(last.current[0]), float(last.current[1])),
+            source=f"{len(before)} dives",
+            legs=len(before),
+            ways=ways,
+            reach=reach[1],
+            by_model=all(each.method == MODEL for each in before),
+        ).at(one.leg.start)
+        members = members_of(request, known)
+        found = [flight for some in fly(members.scenarios) for flight in some]
+        flights = [flight for flight in found if isinstance(flight, MemberFlight)]
+        told = surfacings_of(flights, place)
+        if not told:
+            self.unflown[one.mission] = (
+                f"{sum(len(flight.time) > 0 for flight in flights)} of {len(found)} members surface"
+            )
+            return None
+        if isinstance(found[0], MemberFlight):
+            self._nominal = members.scenarios[0], found[0]
+        return np.array([told[0].north, told[0].east]), told[0].covariance
+
+    def beside_mujoco(self) -> EndsApart | None:
+        """First member of the last dive, by MuJoCo too; None where none was flown in lanes."""
+        if self._nominal is None or self._engine != "lanes":
+            return None
+        scenario, flight = self._nominal
+        return ends_apart(flight.duration, flight.end, flown_in_mujoco(scenario))
+
+    def _mission(self, last: LoggedLeg, one: LoggedLeg, duration: float, steered: Pair) -> Mission:
+        depth, pitch = self._flown(last)
+        points = [np.zeros(2), *(np.array(target) for target in one.targets)]
+        course = next(
+            (b - a for a, b in zip(points[-2::-1], points[:0:-1], strict=True) if (b != a).any()),
+            np.array(last.leg.through_water),
+        )
+        points.append(points[-1] + AHEAD * course / max(float(np.hypot(*course)), 1e-9))
+        segment = Waypoint(
+            targets=tuple({"north_m": float(n), "east_m": float(e)} for n, e in points[1:]),
+            max_depth_m=depth,
+            pitch_deg=pitch,
+            surface_after_s=duration,
+            surface_at_target=False,
+            arrival_radius_m=ARRIVAL,
+            current_north_m_s=steered[0],
+            current_east_m_s=steered[1],
+        )
+        mission = Mission(name="hindcast", segments=(segment,))
+        mission.check(self._vehicle)
+        return mission
+
+    def _flown(self, last: LoggedLeg) -> Pair:
+        """Depth [m] and pitch [degree] of a dive that was flown; unknown: the usual pitch."""
+        depth = self._logs.signal("measured_depth", last.mission).astype(float)
+        deepest = float(np.nanmax(depth, initial=SHALLOWEST))
+        usual = math.degrees(self._vehicle.usual_glide[0])
+        if "measured_pitch" not in self._logs:
+            return deepest, usual
+        pitch = np.abs(self._logs.signal("measured_pitch", last.mission).astype(float))
+        glides = pitch[(depth > UNDER) & (pitch > FLATTEST) & (pitch < STEEPEST)]
+        return deepest, float(np.median(glides)) if glides.size else usual
+
+
+Flown = MemberFlights | None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DeploymentHindcast:
+    """One deployment."""
+
+    name: str
+    store: Path
+    dives: int
+    """Dives in the store, those without two fixes or a known way through the water too"""
+    legs: tuple[LoggedLeg, ...]
+    train: int
+    """Legs at the beginning that are not scored"""
+    walked: Walked
+    surfacing: Scores
+    """Of where it surfaced"""
+    current: Scores
+    """Of the current, the way through the water and the duration given"""
+    members: Scores | None = None
+    """Of where it surfaced by members flown; None where none were"""
+    unflown: Mapping[int, str] = dataclasses.field(default_factory=dict)
+    """Dives that members told nothing of, by row in the store, and why"""
+    beside_mujoco: EndsApart | None = None
+    """The first member of the last dive in lanes"""
+
+    @property
+    def surfacings(self) -> tuple[HindcastSurfacing, ...]:
+        """One for each leg but the first."""
+        return self.walked.surfacings
+
+    def describe(self) -> dict[str, object]:
+        """Scores, and what members told nothing of, as `--json` prints them."""
+        found: dict[str, object] = {
+            "surfacing": self.surfacing.describe(),
+            "current": self.current.describe(),
+        }
+        if self.members is not None:
+            beside = self.beside_mujoco
+            found |= {
+                "members": self.members.describe(),
+                "members_unflown": {str(mission): why for mission, why in self.unflown.items()},
+                "beside_mujoco": None if beside is None else dataclasses.asdict(beside),
+            }
+        return found
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Hindcast:
+    """All deployments of some stores."""
+
+    deployments: tuple[DeploymentHindcast, ...]
+    train_fraction: float
+    surfacing: Scores
+    """of all scored surfacings together"""
+    current: Scores
+    members: Scores | None = None
+    """None where no members were flown"""
+
+    def describe(self) -> dict[str, object]:
+        """Scores of all together, as `--json` prints them."""
+        told = {n: getattr(self, n) for n in ("surfacing", "current", "members")}
+        return {name: one.describe() for name, one in told.items() if one is not None}
+
+    def rows(self, which: str, least: int = 0) -> list[tuple[str, Scores]]:
+        """Scores of each deployment by its name, of so many surfacings at least, and of several
+        deployments those of all together."""
+        told = ((one.name, getattr(one, which)) for one in self.deployments)
+        found = [(name, one) for name, one in told if one is not None and one.segments >= least]
+        return [*found, ("all", getattr(self, which))] if len(found) > 1 else found
+
+
+def hindcast(
+    stores: Sequence[str | Path],
+    *,
+    train_fraction: float = 0.0,
+    vehicle: str | None = None,
+    current: Current | None = None,
+    priors: Priors | None = None,
+    waypoints: int | None = None,
+    members: int | None = None,
+    engine: str = "lanes",
+    advance: Callable[[], object] = lambda: None,
+) -> Hindcast:
+    """Walk through every deployment of some stores of logs.
+
+    Args:
+      stores: paths of stores that `factory import` wrote.
+      train_fraction: part of each deployment's legs, at its beginning, that teaches and is not
+        scored, such as the dives that a vehicle was identified on.
+      vehicle: flight model for the way through the water, a file or a shipped name; by default that
+        of depth rate and pitch, and where these are not logged the vehicle's reported current.
+      current: forecast field that is known ahead.
+      priors: what is believed before the first dive; by default what deployments have in common.
+      waypoints: how many of a dive's waypoints count as known, the first ones; None: all.
+      members: fly so many for each scored surfacing too, as `forecast` does, by `vehicle` or the
+        shipped one of the log's kind; None: none.
+      engine: what flies these, as `Scenario.engine`.
+      advance: called once for each deployment that is done.
+
+    Raises:
+      CurrentError: the field does not cover a deployment.
+      StoreError: no store of logs, or none of its dives has two fixes and a way through the water.
+      InputError: a fraction that is not from 0 to below 1, no store, the same dives twice, or
+        members that are too few or too many.
+      VehicleError: no such vehicle.
+    """
+    if not stores:
+        raise InputError("name at least one store of logs")
+    if not 0.0 <= train_fraction < 1.0:
+        raise InputError(
+            f"a training fraction of {train_fraction:g}; it must be from 0 to below 1, so that "
+            "some of the dives are left to score"
+        )
+    if members is not None:
+        check_members(members, engine)
+    paths = [Path(path) for path in stores]
+    for k, path in enumerate(paths):
+        if path.resolve() in [before.resolve() for before in paths[:k]]:
+            raise InputError(f"{path} is named twice: its dives would count double, name it once")
+    found: list[DeploymentHindcast] = []
+
+    def add(path: Path, logs: LogStore, name: str, legs: list[LoggedLeg], by: Flown) -> None:
+        train = int(train_fraction * len(legs))
+        told = walk(
+            legs,
+            dives=dive_times(logs, name).dives,
+            train=train,
+            priors=priors,
+            field=None if current is None else field_mean(logs, legs, current),
+            flown=None if by is None else by.expect,
+        )
+        one = DeploymentHindcast(
+            name=name,
+            store=path,
+            dives=len(logs.missions_of(name)),
+            legs=tuple(legs),
+            train=train,
+            walked=told,
+            surfacing=scores_of([_judged(told, "surfacing")]),
+            current=scores_of([_judged(told, "current")]),
+            members=None if by is None else scores_of([_judged(told, "members")]),
+            unflown={} if by is None else by.unflown,
+            beside_mujoco=None if by is None else by.beside_mujoco(),
+        )
+        _check_new(one, found)
+        found.append(one)
+
+    for path in paths:
+        before = len(found)
+        with LogStore(path) as logs:
+            flown = None if vehicle is None else flown_velocities(path, vehicle)
+            flies = None
+            if members is not None:
+                flies = load_vehicle(vehicle) if vehicle else start_vehicle(path)
+            for name in dict.fromkeys(logs.deployments):
+                legs = [
+                    dataclasses.replace(one, targets=one.targets[:waypoints])
+                    for one in legs_of(logs, name, flown)
+                ]
+                by = None
+                if flies is not None and members is not None:
+                    by = MemberFlights(logs, flies, members=members, engine=engine)
+                if legs:
+                    add(path, logs, name, legs, by)
+                advance()
+        if len(found) == before:
+            raise StoreError(
+                f"store {path}: no dive has GPS fixes at both ends and a known way through the "
+                "water (pitch and heading, or the vehicle's reported current): nothing can be "
+                "forecast"
+            )
+    surfacing, currents, flights = (
+        scores_of([_judged(one.walked, which) for one in found])
+        for which in ("surfacing", "current", "members")
+    )
+    return Hindcast(
+        deployments=tuple(found),
+        train_fraction=train_fraction,
+        surfacing=surfacing,
+        current=currents,
+        members=None if members is None else flights,
+    )
+
+
+def _judged(walked: Walked, which: str) -> list[Judged]:
+    """Scored surfacings, currents or members of a deployment."""
+    told = (getattr(one, which) for one in walked.surfacings if one.scored)
+    return [one for one in told if one is not None]
+
+
+def _check_new(one: DeploymentHindcast, before: Sequence[DeploymentHindcast]) -> None:
+    """Raise where a deployment holds dives of one before: the same place at the same second."""
+    dives, *others = (
+        {(round(leg.leg.start), *(round(v, 4) for v in leg.begin)) for leg in each.legs}
+        for each in (one, *before)
+    )
+    for other, known in zip(before, others, strict=True):
+        if shared := len(dives & known):
+            raise InputError(
+                f"{shared} dives of {one.name} in {one.store} are those of {other.name} in "
+                f"{other.store}: they would count double, leave one of the stores out"
+            )

@@ -1,0 +1,245 @@
+"""Arrived files: what a source folder holds at a moment, by name and content.
+
+A digest stands for all that an import of them reads: logs, what people said of them, lists of
+sensors, a mapping, settings and the reader's version. The same content under two names counts once,
+under the shorter name, so that a copy changes nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import importlib.util
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from factory.importing import IMPORTERS, METADATA, OF_THE_MACHINE, TABLES, Importer, sniff
+from glider_twin_ops.watching.deployment_folder import AUTO, WatchedDeployment
+from glider_twin_ops.watching.sources import Source, source_of
+from twin import __version__
+from twin.bounded import check_regular
+from twin.cli import counted
+from twin.errors import InputError, OddFile
+from twin.lazy import resolve
+
+FETCHED = "fetched"
+"""Folder in the deployment's for what a server sent"""
+EMPTY = hashlib.sha256().hexdigest()
+"""SHA-256 of a file without a byte"""
+FILES, CACHE, MAPPING = "files", "cache", "mapping"
+"""Folders of a copy: logs and texts beside them, a Slocum's lists of sensors, what columns are"""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ArrivedFiles:
+    """The files of one kind in a source folder, and all else that an import of them reads."""
+
+    source: Source
+    kind: str
+    """of the logs; empty: no file tells it"""
+    places: dict[str, Path]
+    """Where each file is, by its path in a copy"""
+    sums: dict[str, str]
+    """SHA-256 by the path in a copy"""
+    refused: dict[str, str]
+    """Why a file could not be read to its end, by its path"""
+    missing: str = ""
+    """Why there is nothing to import; empty where there is"""
+    reading: str = ""
+    """What else the import depends on"""
+
+    @property
+    def digest(self) -> str:
+        """Of names, contents and how they are read: equal where the import must be equal."""
+        files = [f"{name} {self.sums[name]}" for name in sorted(self.sums)]
+        text = "\n".join([__version__, self.kind, self.reading, *files])
+        return hashlib.sha256(os.fsencode(text)).hexdigest()  # names need be no UTF-8
+
+    def copied(self, folder: Path) -> ArrivedFiles:
+        """Copies of all files in a folder, for a reader: whoever copies them here may still write.
+
+        Files that went away meanwhile are among the refused.
+        """
+        sums: dict[str, str] = {}
+        refused = dict(self.refused)
+        for name, path in self.places.items():
+            target = folder / name
+            try:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(path, target)
+                sums[name] = _sum(target)
+            except OSError as error:
+                refused[path.name] = error.strerror or str(error)
+        return dataclasses.replace(self, sums=sums, refused=refused)
+
+
+def folder_of(deployment: WatchedDeployment) -> Path:
+    """The folder that a deployment's files are in: the source, or where a server's are kept."""
+    if "://" in deployment.source:
+        return deployment.folder / FETCHED
+    return deployment.place(deployment.source)
+
+
+def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
+    """What is in the deployment's source now; of a server, after its newest days were fetched.
+
+    A server that does not answer leaves what it sent before, and is among the refused.
+
+    Raises:
+      InputError: the source is a file.
+    """
+    way = source_of(deployment.source, "" if deployment.kind == AUTO else deployment.kind)
+    source, kind = folder_of(deployment), deployment.kind
+    refused: dict[str, str] = {}
+    if way.fetch:
+        try:
+            resolve(way.fetch)(deployment.source, source)
+        except InputError as error:
+            refused["source"] = str(error)
+        except OF_THE_MACHINE:
+            raise
+        except Exception as error:
+            refused["source"] = " ".join(f"{type(error).__name__}: {error}".split())
+        kind = way.logs[0] if kind == AUTO else kind
+    if source.exists() and not source.is_dir():
+        raise InputError(f"source {source} is a file; name the folder in which files arrive")
+    names: list[str] = []
+    missing = ""
+    try:
+        names = _names(source, recursive=deployment.recursive)
+    except OSError as error:
+        missing = f"the source {source} cannot be read: {error.strerror or error}"
+    if kind == AUTO:
+        kind = _kind_of(source, names)
+    importer = IMPORTERS[kind] if kind else None
+    logs = [name for name in names if importer and importer.accepts(source / name)]
+    sums = _without_copies(_sums({f"{FILES}/{name}": source / name for name in logs}, refused))
+    beside = _beside(deployment, source, names, importer)
+    return ArrivedFiles(
+        source=source_of(deployment.source, kind),
+        kind=kind,
+        places={name: source / name.removeprefix(f"{FILES}/") for name in sums} | beside,
+        sums=sums | _sums(beside, refused),
+        refused=refused,
+        missing=missing or ("" if sums else _missing(deployment, source, names, kind)),
+        reading=_reading(deployment, importer),
+    )
+
+
+def _missing(deployment: WatchedDeployment, source: Path, names: Sequence[str], kind: str) -> str:
+    """Why there is nothing to import."""
+    if not source.exists():
+        return f"the source {source} is not there"
+    if names:
+        logs_of = f"{kind} logs" if kind else "logs of a kind that is known"
+        return f"of {counted(len(names), 'file')} in {source} none is among {logs_of}"
+    missing = f"no file has arrived in {source}"
+    if not deployment.recursive and (below := _names(source, recursive=True)):
+        missing += (
+            f", but {counted(len(below), 'file')} in folders below it, such as "
+            f"{below[0].partition('/')[0]}: name that folder as source in deployment.toml, or set "
+            "recursive = true for all"
+        )
+    return missing
+
+
+def kind_of(deployment: WatchedDeployment) -> str:
+    """Kind of its logs: its settings', or what the files that are there now look like; empty where
+    nothing tells."""
+    if deployment.kind != AUTO:
+        return deployment.kind
+    source = folder_of(deployment)
+    return _kind_of(source, _names(source, recursive=deployment.recursive))
+
+
+def _names(source: Path, *, recursive: bool) -> list[str]:
+    """Paths of the files below a folder; hidden ones are still being written by whoever copies."""
+    if not source.is_dir():
+        return []
+    every = source.rglob("*") if recursive else source.iterdir()
+    found = [path.relative_to(source) for path in every if path.is_file()]
+    return sorted(str(p) for p in found if not any(part.startswith(".") for part in p.parts))
+
+
+def _kind_of(source: Path, names: Sequence[str]) -> str:
+    """The kind of the first file that looks like one; empty where none does."""
+    for path in (source / name for name in names):
+        try:
+            if path.stat().st_size and (kind := sniff(path)) is not None:
+                return kind
+        except OF_THE_MACHINE:
+            raise
+        except Exception:
+            continue  # half of a file tells nothing; another one may
+    return ""
+
+
+def _sums(places: dict[str, Path], refused: dict[str, str]) -> dict[str, str]:
+    """SHA-256 of the files that can be read; why the others cannot comes to the refused."""
+    sums = {}
+    for name, path in places.items():
+        try:
+            check_regular(path)
+            sums[name] = _sum(path)
+        except OddFile:
+            continue
+        except OSError as error:
+            refused[name.partition("/")[2]] = error.strerror or str(error)
+    return sums
+
+
+def _sum(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _without_copies(sums: dict[str, str]) -> dict[str, str]:
+    """Each content once, under its shortest name, in the order of names; empty files all."""
+    kept: dict[str, str] = {}
+    seen: set[str] = set()
+    for name in sorted(sums, key=lambda one: (len(one), one)):
+        if sums[name] == EMPTY or sums[name] not in seen:
+            seen.add(sums[name])
+            kept[name] = sums[name]
+    return dict(sorted(kept.items()))
+
+
+def _beside(
+    deployment: WatchedDeployment, source: Path, names: Sequence[str], importer: Importer | None
+) -> dict[str, Path]:
+    """What an import reads beside the logs, by its path in a copy."""
+    if importer is None:
+        return {}
+    said = {*METADATA, *importer.beside}
+    found = {f"{FILES}/{name}": source / name for name in names if Path(name).name in said}
+    if importer.takes_mapping and deployment.mapping:
+        path = deployment.place(deployment.mapping)
+        found |= {f"{MAPPING}/{path.name}": path} if path.is_file() else {}
+    if importer.takes_cache and deployment.cache:
+        own = importer.suffixes - TABLES
+        every = sorted(deployment.place(deployment.cache).iterdir())
+        found |= {
+            f"{CACHE}/{path.name}": path
+            for path in every if path.suffix.lower() in own and path.is_file()
+        }  # fmt: skip
+    return found
+
+
+def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
+    """Settings that change what an import makes of the files, and the code of a reader that has not
+    this program's version."""
+    parts = [f"recursive {deployment.recursive} variation {deployment.variation_deg}"]
+    if importer is None:
+        return parts[0]
+    if importer.takes_mapping and not deployment.place(deployment.mapping).is_file():
+        parts.append(f"mapping {deployment.mapping}")  # the name of a shipped one
+    if importer.takes_cache:
+        parts.append(f"cache {bool(deployment.cache)}")
+    read = importer.read
+    module = read.partition(":")[0] if isinstance(read, str) else read.__module__
+    if not module.startswith("factory."):
+        spec = importlib.util.find_spec(module)
+        parts.append(_sum(Path(spec.origin)) if spec and spec.origin else module)
+    return " ".join(parts)

@@ -1,0 +1,198 @@
+"""Dialogues: what a vehicle says at the surface, minutes before its data.
+
+A Slocum says it on its console. A dockserver keeps it as `*.log`. A surfacing begins with the
+vehicle's name; later ones of the same stay repeat it with newer values. Positions are degrees and
+minutes in one number, times UTC. The lines are those of the public readers sfmc-api and gncutils:
+`GPS Location:`, `Curr Time:`, `sensor:NAME(UNIT)=VALUE AGE secs ago`, `Because:`, `ABORT HISTORY:`.
+
+A Seaglider calls its base station, which keeps every call in `comm.log`. A call begins with
+`Connected at`. Its counter line has what the vehicle says first, with colons between: dive, calls,
+errors, pitch, depth, voltages, pressure and humidity inside; then its fix as
+`GPS,ddmmyy,hhmmss,latitude,longitude,...` in degrees and minutes in one number, UTC. `EOP_CODE` and
+`RECOV_CODE` say why a dive ended and why it stays up. The order of the counters is that of the
+public package basestation3, for the vehicle's software from 66.09 on; earlier ones have fewer, of
+which the dive's number alone is taken.
+"""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from glider_twin_ops.watching.sources import SurfaceDialogue
+from twin.bounded import check_regular
+from twin.errors import OddFile
+
+MOST = 20 * 2**20
+"""[byte] of a file that are read, its last ones"""
+OLD = 86400.0
+"""[s] since it was measured, from which a value says nothing of this surfacing"""
+NAME = re.compile(r"Vehicle Name:\s*(\S+)")
+TIME = re.compile(r"Curr Time:\s+\w{3}\s+(\w{3}\s+\d+\s+[\d:]{8}\s+\d{4})")
+FIX = re.compile(r"GPS Location:\s+(-?[\d.]+)\s+N\s+(-?[\d.]+)\s+E\s+measured\s+(\S+)\s+secs")
+SENSOR = re.compile(r"sensor:(\w+)\(([^)]*)\)=(\S+)\s+(\S+)\s+secs ago")
+WHY = re.compile(r"Because:\s*(.+?)\s*$", re.MULTILINE)
+ABORTS = re.compile(r"ABORT HISTORY: total since reset:\s*(\d+)")
+
+
+def read_dialogues(paths: Sequence[Path]) -> list[SurfaceDialogue]:
+    """Every surfacing in the logs of a console."""
+    told = (_surfacing(part) for path in paths for part in _parts(last_text(path), NAME))
+    return [one for one in told if one is not None]
+
+
+def last_text(path: Path) -> str:
+    """The last `MOST` bytes of a log as text; empty where it cannot be read now."""
+    try:
+        check_regular(path)
+        with path.open("rb") as file:
+            file.seek(max(path.stat().st_size - MOST, 0))
+            return file.read().decode("latin-1")  # a console has any bytes
+    except (OddFile, OSError):
+        return ""  # a file that is still being written, or has gone, says it the next time
+
+
+def _parts(text: str, begin: re.Pattern[str]) -> list[str]:
+    """Text from each match of a pattern to the next."""
+    begins = [one.start() for one in begin.finditer(text)]
+    return [text[a:b] for a, b in itertools.pairwise([*begins, len(text)])]
+
+
+def _surfacing(text: str) -> SurfaceDialogue | None:
+    name, moment = NAME.search(text), TIME.search(text)
+    time = _clock(" ".join(moment[1].split()), ["%b %d %H:%M:%S %Y"]) if moment else None
+    if name is None or time is None:
+        return None
+    fix = fix_time = None
+    if (place := FIX.search(text)) is not None and (ago := _number(place[3])) is not None:
+        fix = _place(place[1], place[2]) if ago < OLD else None
+        fix_time = None if fix is None else time - ago
+    sensors = {}
+    for sensor, unit, value, age in SENSOR.findall(text):
+        number, since = _number(value), _number(age)
+        if number is not None and since is not None and since < OLD:
+            sensors[sensor] = (number, unit)
+    why, aborts = WHY.search(text), ABORTS.search(text)
+    return SurfaceDialogue(
+        vehicle=name[1],
+        time=time,
+        fix=fix,
+        fix_time=fix_time,
+        sensors=sensors,
+        why="" if why is None else why[1],
+        aborts=None if aborts is None else int(aborts[1]),
+    )
+
+
+def _number(word: str) -> float | None:
+    """The number that a word is; None where it is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return None
+
+
+def _place(*words: str) -> tuple[float, float] | None:
+    """Degrees of latitude and longitude as degrees and minutes in one number, such as -11741.800;
+    None where it is no place."""
+    values = [_number(word) for word in words]
+    if any(value is None for value in values):
+        return None
+    latitude, longitude = (
+        int(value / 100.0) + math.fmod(value, 100.0) / 60.0 for value in values if value is not None
+    )
+    return (latitude, longitude) if abs(latitude) <= 90.0 and abs(longitude) <= 180.0 else None
+
+
+def _clock(text: str, forms: Sequence[str]) -> float | None:
+    """[s] unix of a time in UTC that has one of some forms; None of others."""
+    for form in forms:
+        try:
+            moment = datetime.datetime.strptime(text, form)
+        except ValueError:
+            continue
+        return moment.replace(tzinfo=datetime.UTC).timestamp()
+    return None
+
+
+CALL = re.compile(r"^Connected at (.+)$", re.MULTILINE)
+VEHICLE = re.compile(r"[(\[](sg\d+)[)\]]", re.IGNORECASE)
+COUNTERS = re.compile(r"^(-?\d+(?::-?[\d.]+){3,})(?: (.*))?$", re.MULTILINE)
+CALL_FIX = re.compile(r"GPS,(\d{6}),(\d{6}),(-?[\d.]+),(-?[\d.]+),(?:-?[\d.]+,(-?[\d.]+),)?")
+"""Behind the place: seconds to the first fix, and the dilution of precision"""
+NO_DILUTION = 99.0
+"""Receivers write it, and 99.9, without a fix"""
+CODES = {
+    "dive ended by": re.compile(r"^EOP_CODE=(\w+)", re.MULTILINE),
+    "stays up by": re.compile(r"^RECOV_CODE=(\w+)", re.MULTILINE),
+}
+NO_REASON = ("CONTROL_FINISHED_OK", "NO_RECOVERY_REASON")
+"""Codes of a usual dive"""
+FIRST = {
+    "dive": (0, ""), "reboots": (5, ""), "pitch": (10, "degree"), "depth": (11, "m"),
+}  # fmt: skip
+"""Place in the counter line and unit, where it has the voltages"""
+LAST = {
+    16: {"battery_10V": 12, "battery_24V": 13, "internal_pressure": 14, "humidity": 15},
+    17: {"battery_10V": 13, "battery_24V": 14, "internal_pressure": 15, "humidity": 16},
+    20: {"battery_10V": 13, "battery_24V": 14, "internal_pressure": 15, "humidity": 16},
+}
+"""Places of what stands behind, by the number of counters"""
+UNITS = {"battery_10V": "V", "battery_24V": "V", "internal_pressure": "psi", "humidity": "%"}
+CLOCKS = ("%Y-%m-%dT%H:%M:%SZ", "%a %b %d %H:%M:%S UTC %Y", "%a %b %d %H:%M:%S GMT %Y")
+"""Of a base station; one in another zone is not known, and the fix has the time"""
+
+
+def read_calls(paths: Sequence[Path]) -> list[SurfaceDialogue]:
+    """Every call in which the vehicle said something."""
+    found: list[SurfaceDialogue] = []
+    for path in paths:
+        text = last_text(path)
+        named = VEHICLE.search(text)
+        calls = (_call(part, named[1] if named else "") for part in _parts(text, CALL))
+        found += [one for one in calls if one is not None]
+    return found
+
+
+def _call(text: str, vehicle: str) -> SurfaceDialogue | None:
+    """One call; None where it broke off before the vehicle said anything, or has no time."""
+    connected, counters = CALL.search(text), COUNTERS.search(text)
+    if connected is None or counters is None:
+        return None
+    own = VEHICLE.search(text)
+    fix, fix_time = _fix(counters[2] or "")
+    time = _clock(connected[1].partition(" (")[0].strip(), CLOCKS)
+    time = fix_time if time is None else time
+    if time is None:
+        return None
+    said = {word: code[1] for word, one in CODES.items() if (code := one.search(text))}
+    return SurfaceDialogue(
+        vehicle=own[1] if own else vehicle,
+        time=time,
+        fix=fix,
+        fix_time=fix_time,
+        sensors=_sensors(counters[1].split(":")),
+        why=", ".join(f"{word} {code}" for word, code in said.items() if code not in NO_REASON),
+        aborts=None,
+    )
+
+
+def _sensors(counters: Sequence[str]) -> dict[str, tuple[float, str]]:
+    places = LAST.get(len(counters))
+    every = {"dive": FIRST["dive"]} if places is None else dict(FIRST)
+    every |= {name: (place, UNITS[name]) for name, place in (places or {}).items()}
+    values = {name: (_number(counters[place]), unit) for name, (place, unit) in every.items()}
+    return {name: (value, unit) for name, (value, unit) in values.items() if value is not None}
+
+
+def _fix(text: str) -> tuple[tuple[float, float] | None, float | None]:
+    """Latitude, longitude [degree] and [s] unix; None where the line has none."""
+    found = CALL_FIX.search(text)
+    if found is None or (_number(found[5] or "") or 0.0) >= NO_DILUTION:  # the receiver had no fix
+        return None, None
+    place, time = _place(found[3], found[4]), _clock(found[1] + found[2], ["%d%m%y%H%M%S"])
+    return (None, None) if place is None or time is None else (place, time)

@@ -1,0 +1,315 @@
+"""Sources: which logs come from where, and what a vehicle said at the surface.
+
+A data set of an ERDDAP server comes as one table a day, fetched once; the newest days again. The
+server sends each UTC day's rows as comma-separated text whose header has names and units (`.csvp`),
+so that a mapping names columns such as `time (UTC)`. Addresses and constraints are made by the
+package erddapy. A day that is older than the newest ones stays as it was fetched: take its file
+away, and the next pass asks for it again.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import datetime
+import io
+import re
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from factory.importing import OF_THE_MACHINE
+from twin.cli import require
+from twin.errors import InputError
+from twin.lazy import resolve
+from twin.records import whole_file
+from twin.registry import Registry
+
+NEWEST = 3
+"""Days at the end that are asked for at every pass: rows of them may still come"""
+PATIENCE = 60.0
+"""[s] without an answer, after which a server is given up"""
+MOST = 200 * 2**20
+"""[byte] of a day: a sample a second of a hundred columns is less"""
+LONGEST = 1500
+"""[d] of a data set: no vehicle has been at sea for longer"""
+NOTHING = 404
+"""Status of an answer without rows"""
+EMPTY = ".none"
+"""Ending of a hidden file that stands for a day without rows"""
+DAY = datetime.timedelta(days=1)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SurfaceDialogue:
+    """The last of what one vehicle said at the surface."""
+
+    vehicle: str
+    time: float
+    """[s] unix, by its clock or by that of who heard it"""
+    fix: tuple[float, float] | None
+    """Latitude, longitude [degree]"""
+    fix_time: float | None
+    """[s] unix"""
+    sensors: Mapping[str, tuple[float, str]]
+    """Value and unit by name"""
+    why: str
+    """Why it came up, or what it did; empty where it does not say"""
+    aborts: int | None
+    """Since it was reset; None where it does not say"""
+
+    def facts(self) -> dict[str, str]:
+        """Names and values for a page."""
+        said = {"why it came up": self.why} if self.why else {}
+        if self.aborts is not None:
+            said["aborts since its reset"] = f"{self.aborts}"
+        return said | {name: f"{v:g} {unit}" for name, (v, unit) in sorted(self.sensors.items())}
+
+
+Dialogues = Callable[[Sequence[Path]], list[SurfaceDialogue]]
+"""Reads what a vehicle said, of each surfacing; what cannot be read is left out."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Source:
+    """One sort of files; documents show all but the places of functions."""
+
+    name: str
+    """Such as slocum"""
+    says: str
+    """What arrives, in a few words"""
+    logs: tuple[str, ...]
+    """Kinds of logs, as `factory import` names them, that come this way"""
+    joins: bool = False
+    """Whether its logs, a deployment each for an import, are of one deployment here"""
+    dialogues: str = ""
+    """Pattern of the names of files with what the vehicle said at the surface; empty: none"""
+    read_dialogues: str = ""
+    """Place `module:function` of their reader, `Dialogues`"""
+    address: str = ""
+    """Pattern of the addresses that it takes instead of a folder; empty: a folder it is"""
+    fetch: str = ""
+    """Place of what brings an address's files into a folder: (address, settings, folder) -> None"""
+
+    def __post_init__(self) -> None:
+        for field in ("name", "says", "logs"):
+            if not getattr(self, field):
+                raise InputError(f"source {self.name!r}: {field} is empty; state what it is")
+        for one, other in (("dialogues", "read_dialogues"), ("address", "fetch")):
+            if bool(getattr(self, one)) != bool(getattr(self, other)):
+                raise InputError(f"source {self.name!r}: {one} and {other} belong together")
+        for field in ("dialogues", "address"):
+            try:
+                re.compile(getattr(self, field))
+            except re.error as error:
+                raise InputError(f"source {self.name!r}: {field} is no pattern: {error}") from error
+
+
+SOURCES: Registry[Source] = Registry(
+    "source",
+    group="glider_twin.sources",
+    folder="plugins/ops/glider_twin_ops/watching",
+    base="glider_twin_ops.watching.Source",
+    page="howto/watch.md#a-source-of-your-own",
+    shipped={
+        name: f"{__name__}:{name.upper()}"
+        for name in ("slocum", "seaglider", "seaexplorer", "lrauv", "netcdf", "tables", "erddap")
+    },
+    objects=True,
+)
+"""Every sort of source, by name: from where the files of a deployment at sea come."""
+
+
+def source_of(address: str, kind: str) -> Source:
+    """The source of an address or a folder with logs of a kind.
+
+    Args:
+      kind: of the logs; empty: no file tells it yet.
+
+    Raises:
+      InputError: none brings such logs from there.
+    """
+    online = [one for one in SOURCES.values() if one.address and re.match(one.address, address)]
+    if "://" in address and not online:
+        known = ", ".join(one.says for one in SOURCES.values() if one.address)
+        raise InputError(f"source {address} is no address that is known: {known}, or a folder")
+    there = online or [one for one in SOURCES.values() if not one.address]
+    for one in there:
+        if not kind or kind in one.logs:
+            return one
+    if online:
+        raise InputError(
+            f"source {address} brings logs of the kind {' or '.join(online[0].logs)}, not {kind}: "
+            "set kind in deployment.toml"
+        )
+    return SOURCES["tables"]
+
+
+def newest_dialogue(
+    kind: str, folder: Path, *, recursive: bool, until: datetime.datetime | None = None
+) -> SurfaceDialogue | None:
+    """The newest surfacing that the files of a folder tell; None: there is none in them.
+
+    Args:
+      kind: of the logs; empty: no file tells it yet, and every sort of dialogue is looked for.
+      until: only surfacings until then, UTC.
+    """
+    if not folder.is_dir():
+        return None
+    names = [one for one in (folder.rglob("*") if recursive else folder.iterdir())
+             if not one.name.startswith(".")]  # fmt: skip
+    last = None if until is None else until.timestamp()
+    known: list[SurfaceDialogue] = []
+    for source in SOURCES.values():
+        if source.dialogues and (not kind or kind in source.logs):
+            fits = re.compile(source.dialogues, re.IGNORECASE).fullmatch
+            read: Dialogues = resolve(source.read_dialogues)
+            for path in sorted(one for one in names if fits(one.name)):
+                try:
+                    found = read([path])
+                except OF_THE_MACHINE:
+                    raise
+                except Exception:
+                    continue  # a page without a dialogue says less; without it there is none
+                known += [one for one in found if last is None or one.time <= last]
+    return max(known, key=lambda one: one.time, default=None)
+
+
+SLOCUM = Source(
+    name="slocum",
+    says="folder of a dockserver: .sbd and .tbd (.dbd, .ebd, .mbd, .nbd; compressed, too) with "
+    "their .cac, and the surface dialogues *.log",
+    logs=("slocum",),
+    dialogues=r".+\.log",
+    read_dialogues="glider_twin_ops.watching.dialogues:read_dialogues",
+)
+"""Teledyne's Slocum gliders."""
+
+SEAGLIDER = Source(
+    name="seaglider",
+    says="folder of a base station: p*.nc, a dive each, and comm.log with every call",
+    logs=("seaglider",),
+    dialogues=r"comm(?:_\w+)?\.log",
+    read_dialogues="glider_twin_ops.watching.dialogues:read_calls",
+)
+"""Seagliders and their basestation."""
+
+SEAEXPLORER = Source(
+    name="seaexplorer",
+    says="folder of .gli and .pld1 files, a cycle each, plain or gzip",
+    logs=("seaexplorer",),
+)
+"""Alseamar's SeaExplorer gliders."""
+
+LRAUV = Source(
+    name="lrauv",
+    says="folder of .mat and .nc4 logs, one for each time the vehicle began a log",
+    logs=("lrauv",),
+    joins=True,
+)
+"""MBARI's long-range AUVs; logs of one vehicle may have one name, each in a folder of its own."""
+
+NETCDF = Source(
+    name="netcdf",
+    says="folder with a netCDF file that grows, or with a profile a file: OG1.0, NGDAC, Spray",
+    logs=("og1", "ngdac", "spray"),
+)
+"""Files of one deployment, or one that grows."""
+
+TABLES = Source(
+    name="tables",
+    says="folder of tables, or of logs of a kind of your own",
+    logs=("csv",),
+)
+"""Tables of any vehicle, by a mapping; and importers from outside the package."""
+
+ERDDAP = Source(
+    name="erddap",
+    says="a tabledap data set of an ERDDAP server, https://SERVER/erddap/tabledap/DATASET, read as "
+    "a table by the mapping of deployment.toml",
+    logs=("csv",),
+    address=r"https?://[^?#]+/tabledap/[^/?#]+/?$",
+    fetch="glider_twin_ops.watching.sources:fetch_days",
+)
+"""Data sets of a server."""
+
+
+def fetch_days(address: str, folder: Path) -> None:
+    """Bring a data set's days into a folder.
+
+    Args:
+      address: https://SERVER/erddap/tabledap/DATASET.
+      folder: made where it is missing; its files are named DATASET-YYYY-MM-DD.csv.
+
+    Raises:
+      InputError: erddapy is not installed; the server does not answer, or does not say its times.
+    """
+    require("erddapy", extra="erddap", purpose=f"the source {address}")
+    from erddapy import ERDDAP
+
+    server, _, dataset = address.rstrip("/").rpartition("/tabledap/")
+    asks = ERDDAP(server=server, protocol="tabledap", response="csvp")
+    asks.dataset_id = dataset
+    begin, end = _range(asks.get_info_url(dataset_id=dataset, response="csv"), address)
+    folder.mkdir(parents=True, exist_ok=True)
+    days = (end - begin).days + 1
+    if days > LONGEST:
+        raise InputError(f"{address} spans {days} days: no deployment lasts longer than {LONGEST}")
+    for k in range(days):
+        day = begin + k * DAY
+        path = folder / f"{dataset}-{day:%Y-%m-%d}.csv"
+        none = path.with_name(f".{path.name}{EMPTY}")
+        if k < days - NEWEST and (path.exists() or none.exists()):
+            continue
+        url = asks.get_download_url(
+            constraints={"time>=": f"{day:%Y-%m-%d}", "time<": f"{day + DAY:%Y-%m-%d}"}
+        )
+        table = _answer(url, address, lacking=b"")
+        with whole_file(path if table else none) as target:
+            target.write_bytes(table)
+        (none if table else path).unlink(missing_ok=True)
+
+
+def _range(url: str, address: str) -> tuple[datetime.date, datetime.date]:
+    """First and last day of a data set, by what the server says of its variable time."""
+    rows = csv.reader(io.StringIO(_answer(url, address).decode("utf-8", "replace")))
+    for row in rows:
+        if row[:3] == ["attribute", "time", "actual_range"]:
+            try:
+                begin, end = (float(word) for word in re.split(r"\s*,\s*", row[-1]))
+                return _day(begin), _day(end)
+            except (ValueError, OverflowError, OSError):
+                break
+    raise InputError(f"{address} does not say from when to when its variable time reaches")
+
+
+def _day(seconds: float) -> datetime.date:
+    return datetime.datetime.fromtimestamp(seconds, datetime.UTC).date()
+
+
+def _answer(url: str, address: str, *, lacking: bytes | None = None) -> bytes:
+    """What a server sends.
+
+    Args:
+      lacking: what stands for an answer that there is nothing.
+
+    Raises:
+      InputError: it does not answer, or with an error, or with too much.
+    """
+    opened: Callable[..., Any] = urllib.request.urlopen
+    try:
+        with opened(url, timeout=PATIENCE) as answer:
+            found: bytes = answer.read(MOST + 1)
+    except urllib.error.HTTPError as error:
+        if error.code == NOTHING and lacking is not None:
+            return lacking
+        raise InputError(
+            f"{address} answers with the error {error.code}, {error.reason}"
+        ) from error
+    except OSError as error:
+        raise InputError(f"{address} does not answer: {getattr(error, 'reason', error)}") from error
+    if len(found) > MOST:
+        raise InputError(f"{address} sends more than {MOST} bytes for a day")
+    return found
