@@ -13,15 +13,21 @@ PROGRAM = Program(
         "learn.commands",
         {
             "fit": ("Fit", "train both networks, judge them, write runs/NAME/ with a report"),
-            "report": ("Report", "judge a run that was trained without, and draw its page"),
+            "report": (
+                "learn.commands.trained:Report",
+                "judge a run that was trained without, and draw its page",
+            ),
             "evaluate": (
                 "Evaluate",
                 "dead reckoning of a run on any store, beside floor and baselines",
             ),
-            "adapt": ("Adapt", "fit a run to a vehicle by its first dives, as a new run"),
-            "compare": ("Compare", "one table of runs and baselines"),
+            "adapt": (
+                "learn.commands.trained:Adapt",
+                "fit a run to a vehicle by its first dives, as a new run",
+            ),
+            "compare": ("learn.commands.trained:Compare", "one table of runs and baselines"),
             "export": (
-                "ExportNetwork",
+                "learn.commands.trained:ExportNetwork",
                 "step models for on-board use, ONNX or C99, with a parity check",
             ),
         },

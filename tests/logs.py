@@ -138,21 +138,34 @@ def gps_columns(flight: Flight) -> dict[str, Array]:
     }
 
 
+def part(columns: dict[str, Array], rows: Any) -> dict[str, Array]:
+    """Some rows of columns."""
+    return {name: values[rows] for name, values in columns.items()}
+
+
 def write_slocum(
-    folder: Path, flight: Flight, name: str = "unit1", **changes: Array | None
+    folder: Path,
+    flight: Flight,
+    name: str = "unit1",
+    rows: Any = slice(None),
+    gps: dict[str, Array] | None = None,
+    **changes: Array | None,
 ) -> list[Path]:
-    """Flight and GPS tables; `changes` replaces columns of the flight table, None removes one."""
+    """Flight and GPS tables; `changes` replaces columns of the flight table, None removes one.
+
+    Of the flight table `rows` are written; `gps` stands instead of the flight's own fixes.
+    """
     columns = {**slocum_columns(flight), **changes}
     kept = {key: value for key, value in columns.items() if value is not None}
     return [
-        write_csv(folder / f"{name}_flight.csv", kept),
-        write_csv(folder / f"{name}_gps.csv", gps_columns(flight)),
+        write_csv(folder / f"{name}_flight.csv", part(kept, rows)),
+        write_csv(folder / f"{name}_gps.csv", gps or gps_columns(flight)),
     ]
 
 
-def slocum(folder: Path, flight: Flight, name: str = "unit1", **changes: Array | None) -> Any:
+def slocum(folder: Path, flight: Flight, name: str = "unit1", **written: Any) -> Any:
     """What the import makes of the tables of `write_slocum`: dataset and report."""
-    return import_logs("slocum", write_slocum(folder, flight, name, **changes))
+    return import_logs("slocum", write_slocum(folder, flight, name, **written))
 
 
 def refused(match: str, *args: Any, by: Callable[..., Any] = import_logs, **options: Any) -> None:

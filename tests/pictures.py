@@ -21,7 +21,8 @@ from twin.records.store import write_store
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory
 from twin.show.render.context import available_backend
-from twin.show.render.subject import Subject
+from twin.show.render.subject import Shot, Subject
+from twin.show.web.page import page_text
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.profile import Profile
 
@@ -125,6 +126,20 @@ def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, 
     code = PROGRAM.main([str(word) for word in words])
     out = capsys.readouterr()
     return code, out.out, out.err
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: object, code: int = 2) -> str:
+    """The one line with which `twin` refuses words, saying nothing else."""
+    found, out, err = call(capsys, *words)
+    assert (found, out) == (code, "")
+    (line,) = err.strip().splitlines()
+    return line
+
+
+def write_page(path: Path, subject: Subject, **shot: Any) -> Path:
+    """A page of a subject at this path."""
+    path.write_text(page_text(subject, Shot(**shot)), encoding="utf-8")
+    return path
 
 
 def write_tracks(path: Path, trajectory: Trajectory) -> Path:

@@ -56,8 +56,9 @@ def face(package: str) -> frozenset[str] | None:
     written = getattr(importlib.import_module(package), "__all__", ())
     tree = ast.parse((module / "__init__.py").read_text(encoding="utf-8"))
     own = {n.name for n in tree.body if isinstance(n, ast.ClassDef | ast.FunctionDef)}
-    own |= {t.id for n in tree.body if isinstance(n, ast.Assign)
-            for t in n.targets if isinstance(t, ast.Name)}  # fmt: skip
+    bound = [target for n in tree.body if isinstance(n, ast.Assign) for target in n.targets]
+    bound += [n.target for n in tree.body if isinstance(n, ast.AnnAssign)]
+    own |= {t.id for target in bound for t in ast.walk(target) if isinstance(t, ast.Name)}
     shown = {a.asname for n in tree.body if isinstance(n, ast.ImportFrom)
              for a in n.names if a.asname}  # fmt: skip
     names = {*own, *shown, *written, *twin.lazy.places(package), "__version__"}

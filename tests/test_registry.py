@@ -15,12 +15,14 @@ from examples import ROOT, blocks, files_of, needs_docs, run
 
 import factory.seams
 import learn.seams
+import twin.plugins
 import twin.seams
 from factory.generation.generated_store import GeneratedStore
 from factory.soundness import verify_store
 from twin import control
 from twin.control.registry import TASKS, check_task
 from twin.errors import InputError
+from twin.plugins import PLUGINS
 from twin.records.schema import (
     HYDROGRAPHY,
     LOGGED_ONLY,
@@ -110,6 +112,42 @@ def test_a_distribution_cannot_replace_a_shipped_kind(monkeypatch):
     registry = Registry("toy", group="toys", shipped={"a": "math:pi"}, check=lambda n, k: k)
     with pytest.raises(InputError, match="which the package has already"):
         list(registry)
+
+
+def test_a_kind_needs_a_name_of_its_own():
+    registry = made()
+    with pytest.raises(InputError, match="cannot be registered as a toy: it has no name"):
+        registry.add("spar")
+    registry.register("b", 3)
+    with pytest.raises(InputError, match="toy 'b' exists already"):
+        registry.register("b", 4)
+
+
+def test_files_in_the_environment_run_once(tmp_path, monkeypatch):
+    count, plugin = tmp_path / "count.txt", tmp_path / "mine.py"
+    plugin.write_text(f"with open({str(count)!r}, 'a') as file:\n    file.write('x')\n")
+    monkeypatch.setenv(PLUGINS, str(plugin))
+    registry = made()
+    assert len(registry) == 1
+    assert "a" in registry
+    assert count.read_text() == "x"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("none.py", None, "names .*none.py, which is not a file"),
+        ("broken.py", "1 / 0", "broken.py .*fails: ZeroDivisionError"),
+        ("notes.txt", "hello", "notes.txt, which is not a Python file"),
+    ],
+)
+def test_a_plugin_that_fails_is_named(tmp_path, monkeypatch, name, text, message):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    monkeypatch.setenv(PLUGINS, str(tmp_path / name))
+    with pytest.raises(InputError, match=message):
+        made().names()
+    assert str(tmp_path / name) not in twin.plugins._plugins_ran
 
 
 # --- sensors ----------------------------------------------------------------------------------

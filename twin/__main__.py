@@ -4,77 +4,34 @@ import sys
 
 from twin.cli.program import Program, commands_of
 
+ROWS = """\
+vehicles trim:Vehicles those that are shipped, how fast they glide, where their numbers are from
+trim TrimVehicle steady glide or spiral of fixed actuator positions
+simulate Simulate fly one mission: summary, store, plot
+serve plugins/protocols one vehicle for ArduPilot's SITL, what speaks its protocol, or ROS 2
+check CheckModels MuJoCo against Fossen and against the published figures
+identify Identify parameters of a vehicle from its own logs; a new vehicle file
+energy flight:AccountEnergy where the counted charge goes: electronics, moves, payload; days left
+flight EstimateFlight speed, vertical water velocity, currents and corrected tracks of logs
+compile machine:CompileVehicles the code of the shipped vehicles, once for all flights
+bench machine:Bench cost of the physics, side by side in one run
+render Render picture, video or offline page of a stored mission, without a screen
+view ViewMission the same in a window, or in a browser (--web), stored or flown live
+plot PlotMission figures of a stored mission: track, section, velocities, sensors, current
+version machine:Version versions of this package and of the libraries that can change a result
+watch plugins/ops a deployment at sea: new files in, health, forecast and a page out, every day
+health plugins/ops is something wrong with the vehicle: which fault, since when, how sure
+forecast plugins/ops the next surfacings of a glider: places with ellipses, times, energy
+hindcast plugins/ops forecasts of a deployment's surfacings beside where it surfaced
+route plugins/ops the best ways to a place through a forecast of the current
+""".splitlines()
+"""Name, place and summary of each, in the order of the help; see `commands_of`"""
 PROGRAM = Program(
     name="twin",
     summary="Twin of an underwater glider: steady glides, simulated missions, checks.",
     commands=commands_of(
         "twin.commands",
-        {
-            "vehicles": (
-                "twin.commands.trim:Vehicles",
-                "those that are shipped, how fast they glide, where their numbers are from",
-            ),
-            "trim": ("TrimVehicle", "steady glide or spiral of fixed actuator positions"),
-            "simulate": ("Simulate", "fly one mission: summary, store, plot"),
-            "serve": (
-                "plugins/protocols",
-                "one vehicle for ArduPilot's SITL, what speaks its protocol, or ROS 2",
-            ),
-            "check": ("CheckModels", "MuJoCo against Fossen and against the published figures"),
-            "identify": (
-                "Identify",
-                "parameters of a vehicle from its own logs; a new vehicle file",
-            ),
-            "energy": (
-                "twin.commands.flight:AccountEnergy",
-                "where the counted charge goes: electronics, moves, payload; days left",
-            ),
-            "flight": (
-                "EstimateFlight",
-                "speed, vertical water velocity, currents and corrected tracks of logs",
-            ),
-            "compile": (
-                "twin.commands.machine:CompileVehicles",
-                "the code of the shipped vehicles, once for all flights",
-            ),
-            "bench": (
-                "twin.commands.machine:Bench",
-                "cost of the physics, side by side in one run",
-            ),
-            "render": (
-                "Render",
-                "picture, video or offline page of a stored mission, without a screen",
-            ),
-            "view": (
-                "ViewMission",
-                "the same in a window, or in a browser (--web), stored or flown live",
-            ),
-            "plot": (
-                "PlotMission",
-                "figures of a stored mission: track, section, velocities, sensors, current",
-            ),
-            "version": (
-                "twin.commands.machine:Version",
-                "versions of this package and of the libraries that can change a result",
-            ),
-            "watch": (
-                "plugins/ops",
-                "a deployment at sea: new files in, health, forecast and a page out, every day",
-            ),
-            "health": (
-                "plugins/ops",
-                "is something wrong with the vehicle: which fault, since when, how sure",
-            ),
-            "forecast": (
-                "plugins/ops",
-                "the next surfacings of a glider: places with ellipses, times, energy",
-            ),
-            "hindcast": (
-                "plugins/ops",
-                "forecasts of a deployment's surfacings beside where it surfaced",
-            ),
-            "route": ("plugins/ops", "the best ways to a place through a forecast of the current"),
-        },
+        {name: (place, told) for name, place, told in (row.split(maxsplit=2) for row in ROWS)},
     ),
 )
 

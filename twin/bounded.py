@@ -147,7 +147,7 @@ def read_toml(
 
 
 def parse_json(text: str | bytes, what: str, error: type[InputError] = InputError) -> Any:
-    """What a JSON text holds.
+    """Content of a JSON text.
 
     Raises:
       InputError: (or `error`) it is not JSON, or nested without end.

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
 _FAULTS = 0xFA17
-"""Of the stream of what faulty sensors and batteries draw"""
+"""Key of the random stream of faulty sensors and batteries"""
 
 
 def simulate(

@@ -34,7 +34,7 @@ _E2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
 
 
 INVERSE_ROUNDS = 12
-"""Of the fixed point in `to_tangent_plane`; each gains a factor of distance over Earth's radius"""
+"""Rounds of the fixed point in `to_tangent_plane`; each gains distance over Earth's radius"""
 
 
 def meridian_radius(latitude_deg: float) -> float:

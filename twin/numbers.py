@@ -61,7 +61,7 @@ def product(matrix: Array, vector: Array) -> Array:
 
 
 def solved_system(matrix: Array, right: Array) -> Array | None:
-    """What `matrix` makes `right` of, shape (n,), with the same bits on every processor.
+    """Solution of `matrix @ x = right`, shape (n,), with the same bits on every processor.
 
     Gaussian elimination with partial pivoting. None: the matrix is singular.
 

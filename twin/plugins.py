@@ -68,7 +68,7 @@ def _run_plugin(path: Path) -> None:
 
 
 def imported(place: str) -> Any:
-    """What stands at `module:attribute`."""
+    """Import the object at `module:attribute`."""
     module, _, attribute = place.partition(":")
     return getattr(importlib.import_module(module), attribute)
 

@@ -26,7 +26,7 @@ from twin.plugins import PLUGIN_MODULE, PLUGINS, PROGRAMS, imported, place_of, r
 
 Kind = TypeVar("Kind")
 NAMES = re.compile(r"\w[\w-]*")
-"""Of kinds: they stand in files and on command lines"""
+"""Pattern of a kind's name, which stands in files and on command lines"""
 
 
 class Registry(Mapping[str, Kind]):
@@ -154,7 +154,7 @@ class Registry(Mapping[str, Kind]):
         return kind
 
     def _flaw(self, name: str, kind: Any) -> str:
-        """What is wrong with a kind, as a clause; empty where nothing is."""
+        """Flaw of a kind as a clause; empty where there is none."""
         base = imported(":".join(self.base.rsplit(".", 1)))
         derived = isinstance(kind, type) and issubclass(kind, base)
         if not (isinstance(kind, base) if self._objects else derived):

@@ -140,7 +140,7 @@ FEATURES: Registry[Any] = Registry(
     objects=True,
     check_shipped=False,
 )
-"""What networks see, in the order in which they take it."""
+"""Inputs of networks, in their order."""
 
 VELOCITY_ESTIMATORS: Registry[Any] = Registry(
     "velocity estimator",
@@ -260,4 +260,4 @@ RANDOMISERS: Registry[Any] = Registry(
     page="howto/dm_control.md#noise-currents-errors",
     check="twin.control.conditions:check_randomiser",
 )
-"""What draws the conditions of a task's episodes."""
+"""Samplers of the conditions of a task's episodes."""

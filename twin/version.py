@@ -2,13 +2,13 @@
 
 __version__ = "0.1.0"
 IMPORT_VERSION = 2
-"""Of the readers of logs, counted up when the same files give other values.
+"""Version of the readers of logs, counted up when the same files give other values.
 
 1: up to the stores that name none; 2: declared units, clocks of samples and flags of fixes are
 read, and doubtful rows are marked."""
 PHYSICS_VERSION = 3
-"""Of what every vehicle shares; a hull law or a kind of part that flies otherwise since has a later
-`physics` of its own, and a vehicle has the latest of all (`Vehicle.physics_version`).
+"""Version of the physics that every vehicle shares; a hull law or a kind of part that flies
+otherwise since has a later `physics`, and a vehicle has the latest (`Vehicle.physics_version`).
 
 Counted up when the same recipe flies another way. 1: up to the first stores of this program; 2:
 water that accelerates and shears acts on the hull, and scales with its density; 3: no sensor knows

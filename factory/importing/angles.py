@@ -25,8 +25,6 @@ MARGIN = 1.05
 """Rounding and calibration take a heading a little beyond a full turn."""
 _SHARE = 0.1
 """A unit is decided by more than this part of the possible values: sentinels are fewer."""
-
-
 REACH = {
     "pitch": (1.6, 1.6),
     "roll": (MARGIN * np.pi, 0.7),

@@ -39,8 +39,6 @@ _FEW = 0.01
 """Rows behind such a silence are wrong where they are no more than this part of the others, or one
 beside several: a clock that was reset, or a damaged number"""
 _SEVERAL = 10
-
-
 LARGEST = 1e30
 """No log holds a larger number, in any unit; the fill value of netCDF itself is 9.97e36"""
 

@@ -283,8 +283,8 @@ def each_file(
             refused.append((path, failed_reading(path, error)))
     reasons = [(path.name, _reason(path, error)) for path, error in refused]
     groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for (_, error), one in zip(refused, reasons, strict=True):
-        subject = OTHER_KIND if isinstance(error, OtherKind) else UNREADABLE
+    for (_, why), one in zip(refused, reasons, strict=True):
+        subject = OTHER_KIND if isinstance(why, OtherKind) else UNREADABLE
         groups.setdefault((subject, one[1]), []).append(one)
         if subject == UNREADABLE:
             tally.unreadable.append(one)

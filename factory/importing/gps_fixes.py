@@ -36,8 +36,6 @@ _QUARTER, _SHIFTS = 900.0, 96
 """[s] Clocks differ by time zones and summer time: multiples of a quarter of an hour."""
 _FITS = 0.9
 """A shift explains fixes under water when so many of them come to the surface."""
-
-
 QUALITIES = ("quality", "fix_quality", "gps_quality")
 """Columns of the fix's quality as NMEA 0183 has it in GGA"""
 MEASURED = (1.0, 2.0, 3.0, 4.0, 5.0, 9.0)

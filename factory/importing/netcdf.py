@@ -329,8 +329,9 @@ class Geometry:
     def reaches(self, name: str) -> bool:
         """Whether the variable has numbers at the samples."""
         variable = self._variables.get(name)
-        known = variable is not None and is_number(variable) and bool(self.count)
-        return known and set(variable.dimensions) <= set(self._along)
+        if variable is None or not self.count or not is_number(variable):
+            return False
+        return set(variable.dimensions) <= set(self._along)
 
     def single(self, name: str) -> bool:
         """Whether the variable has one value for several samples."""

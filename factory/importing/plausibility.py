@@ -30,8 +30,6 @@ FASTEST, SLOWEST = 2.0, 0.04
 """[m/s] Speeds along the pitch that no glider has; usual are 0.2 to 0.6."""
 _STEEP = 8.0
 """[degree] Flatter, the vertical speed says little about the speed."""
-
-
 _ROLLED = 45.0
 """[degree] No glider rolls by more for half of its time under water."""
 

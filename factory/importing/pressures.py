@@ -27,8 +27,6 @@ _MS_PER_CM = 10.0
 """gsw takes conductivity in mS/cm; 1 S/m is 10 of them."""
 _SWAPPED = 9.0
 """[S/m] No sea water conducts more: such a median is in mS/cm."""
-
-
 _NONE, _DISTILLED = -0.01, 5e-4
 """[S/m] What a CTD says that is off or in the air, with its noise: less than any natural water
 conducts. Below are sentinels of the conductivity alone."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
-    Count = int | np.integer[Any] | Mask
+    Count = int | np.integer[Any] | Mask | NDArray[np.integer[Any]]
 
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
 """What became of a name in a file: used; known and not used; unknown; known, without a value."""
@@ -72,7 +72,7 @@ class Tally:
         """Files that could not be read, by name, and why."""
 
     def add(self, action: str, subject: str, count: Count = 1, detail: str = "") -> None:
-        """Count something, or the true values of a mask; nothing is recorded for a count of 0."""
+        """Count something, the true values of a mask or the sum of counts; a 0 is not recorded."""
         number = count if isinstance(count, int) else int(count.sum())
         if number:
             key = (action, subject, detail)

@@ -74,7 +74,7 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     wet, dry, guided = _UnderWay(vehicle, start), _UnderWay(vehicle, start), Simulation(mission)
     dry.model.opt.gravity[:] = 0.0  # without water it would fall out of range
     dry.data.xfrc_applied[:] = 0.0
-    with_water, bare, untimed, with_guidance = [], [], [], []
+    with_water, bare, untimed, with_guidance = (list[float]() for _ in range(4))
     turn: list[Callable[[], None]] = [
         lambda: with_water.append(_stretch(wet)),
         lambda: untimed.append(_bare_stretch(dry, timers=False)),

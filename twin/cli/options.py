@@ -32,7 +32,7 @@ StoreArgument = Annotated[
 PLOT_FORMATS = (".png", ".pdf", ".svg")
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 """[s] of each unit that can stand behind a number"""
-METAVAR = "DURATION"  # what a help text shows for one
+METAVAR = "DURATION"  # name of a duration in a help text
 _WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
 NONE = "is no duration: give a number with s, min, h or d, such as 6h or 90min; a bare number is in"
 SPELLED = {
@@ -130,7 +130,7 @@ def _read(text: str, unit: str) -> float | None:
 
 
 def apart(number: str, word: str) -> str | None:
-    """What is wrong with a duration that was typed as two words; None where they are none.
+    """Message for a duration that was typed as two words; None where they are none.
 
     Args:
       number: what was given as a duration.

@@ -40,7 +40,7 @@ MARKERS = (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
 Options = TypeVar("Options", bound=Runnable)
 NO_DEFAULT = tyro.conf.arg(help_behavior_hint="")
 WIDEST = 100  # columns of a paragraph in a help text at most
-KINDS = {int: "a whole number", float: "a number"}  # what options of a kind need
+KINDS = {int: "a whole number", float: "a number"}  # words for the numbers that options take
 SHELLS = ("bash", "zsh", "fish")
 
 
@@ -118,11 +118,9 @@ class _HelpText(io.StringIO):
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """Of the stream."""
         return self._stream.encoding
 
     def isatty(self) -> bool:
-        """Whether the stream is a terminal."""
         return self._stream.isatty()
 
 
@@ -142,7 +140,7 @@ def _wrapped(text: str) -> str:
 
 
 def description(command: type) -> str:
-    """What a command does, from its docstring: a line for each paragraph, examples as they stand.
+    """Description of a command by its docstring: a line a paragraph, examples as they stand.
 
     tyro's own reading loses the indentation of an example that follows the first paragraph.
     """
@@ -163,11 +161,9 @@ def _spelled_out(kind: typing.Any) -> typing.Any:
 
 def _own_error(error: BaseException | None) -> TwinError | None:
     """The project's error behind tyro's, if there is one: it knows best what to say."""
-    while error is not None:
-        if isinstance(error, TwinError):
-            return error
+    while error is not None and not isinstance(error, TwinError):
         error = error.__cause__ or error.__context__
-    return None
+    return error
 
 
 def option_names(command: type) -> Iterator[str]:
@@ -183,7 +179,7 @@ def option_names(command: type) -> Iterator[str]:
 
 
 def option_text(command: type, name: str) -> str | None:
-    """What a field's docstring says, on one line; None for a field without one."""
+    """Docstring of a field on one line; None for a field without one."""
     text = docstrings.get_field_docstring(option_owner(command, name), name, ())
     return None if text is None else " ".join(text.split())
 
@@ -209,7 +205,7 @@ def option_meaning(command: type, flag: str) -> str:
 
 
 def explain(event: parse_errors.ParseErrorEvent, command: type, words: Sequence[str]) -> str:
-    """What an event of the parser means for the options of `command`, given as `words`."""
+    """Message for an event of the parser about the options of `command`, given as `words`."""
     if isinstance(event, parse_errors.UnrecognizedArgs):
         return _unknown_option(event.tokens, command, words)
     if isinstance(event, parse_errors.MissingArgs):
@@ -285,7 +281,7 @@ def _with_meaning(told: str, command: type) -> str:
 
 
 def split_duration(command: type, words: Sequence[str]) -> str | None:
-    """What is wrong with a duration that is two words, such as --hours 6 weeks; None without one.
+    """Message for a duration that is two words, such as --hours 6 weeks; None without one.
 
     Otherwise the second word would be taken for a mission, a store or whatever stands alone.
     """

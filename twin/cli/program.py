@@ -105,12 +105,14 @@ class ProgramCommand:
 def commands_of(package: str, table: Mapping[str, tuple[str, str]]) -> tuple[ProgramCommand, ...]:
     """Subcommands by name: the class of each in the package's module of that name, its summary.
 
-    A class elsewhere is given as `package.module:Class`; `plugins/NAME` stands for a plugin.
+    A class elsewhere is given as `module:Class` of the package, or as `package.module:Class`;
+    `plugins/NAME` stands for a plugin.
     """
     program = package.partition(".")[0]
     found = []
     for name, (place, summary) in table.items():
-        loader = place if ":" in place else f"{package}.{name}:{place}"
+        loader = place if ":" in place else f"{name}:{place}"
+        loader = loader if "." in loader else f"{package}.{loader}"
         plugin = place.removeprefix(PLUGIN_FOLDER) if place.startswith(PLUGIN_FOLDER) else ""
         if plugin:
             loader = f"{program}.{name}"
@@ -125,7 +127,7 @@ class Program:
     name: str
     """What the user types."""
     summary: str
-    """What it is for, one line."""
+    """Its purpose, one line."""
     commands: tuple[ProgramCommand, ...]
     """Its subcommands, in the order of the help."""
     needs: Callable[[], None] = lambda: None
@@ -320,7 +322,7 @@ class Endings:
 
     @property
     def word(self) -> str:
-        """How it ended."""
+        """Word for the ending."""
         return WORDS[self._signal]
 
     @property

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from twin.cli.console import Console, JsonOption
 
-VEHICLE, MANOEUVRES, SEED = "glider", 20, 0  # what the manoeuvres take by default
+VEHICLE, MANOEUVRES, SEED = "glider", 20, 0  # defaults of the manoeuvres
 
 
 @dataclass(frozen=True, kw_only=True)

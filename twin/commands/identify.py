@@ -23,7 +23,7 @@ UNUSUAL = 2.0  # usual spreads away from nominal at which an estimate is remarke
 ESTIMATE = ("value", "deviation", "nominal", "unit", "determined", "note")
 """Keys of each parameter in the answer"""
 STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}
-"""What each stage takes of the whole, in comparison"""
+"""Relative duration of each stage"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,21 +115,9 @@ class Identify(JsonOption):
 
     def run(self, console: Console) -> int:
         """Fit, report, write."""
-        from twin import load_vehicle
+        from twin import identify, load_vehicle
         from twin.cli.options import parse_numbers, parse_rows
         from twin.errors import InputError
-        from twin.identify import (
-            confused,
-            driven,
-            identify,
-            load_calibration,
-            load_logs,
-            other_kind,
-            read_figures,
-            start_vehicle,
-            with_known,
-            write_figures,
-        )
         from twin.vehicle import Dimensions
 
         self._check()
@@ -138,29 +126,30 @@ class Identify(JsonOption):
             example = "a dimension and its value, such as length=1.33"
             numbers = parse_numbers("dimensions", self.dimensions, example)
             return self._driven(console, Dimensions.of(numbers).vehicle())
-        started = self.vehicle if self.vehicle is not None else start_vehicle(self.store)
+        started = self.vehicle if self.vehicle is not None else identify.start_vehicle(self.store)
         vehicle = load_vehicle(started) if isinstance(started, str) else started
-        if driven(vehicle):
+        if identify.driven(vehicle):
             return self._driven(console, vehicle)
         if self.unseen:
             raise InputError(
                 f"--unseen {self.unseen} is of propelled vehicles, and {vehicle.name!r} is a "
                 "glider: give --missions, and fly the others by `twin check --logs`"
             )
-        nominal = load_calibration(started, pitch_scale=self.pitch_scale, pitch_offset=offset)
-        if odd := "" if self.vehicle is None else other_kind(self.store, nominal.vehicle):
+        pitch = {"pitch_scale": self.pitch_scale, "pitch_offset": offset}
+        nominal = identify.load_calibration(started, **pitch)
+        if odd := "" if self.vehicle is None else identify.other_kind(self.store, nominal.vehicle):
             console.warn(odd)
         if self.start is not None:
-            nominal = read_figures(self.start, nominal)
+            nominal = identify.read_figures(self.start, nominal)
         known = parse_numbers("known", self.known, "a parameter and its value, such as mass=70")
-        nominal = with_known(nominal, known)
-        pitch = [n for n in ("pitch_scale", "pitch_offset") if getattr(self, n) is not None]
-        given = {*known, *pitch} - ({*self.parameters} - {*known})
-        logs = load_logs(self.store, parse_rows(self.missions))
+        nominal = identify.with_known(nominal, known)
+        fixed = [name for name, value in pitch.items() if value is not None]
+        given = {*known, *fixed} - ({*self.parameters} - {*known})
+        logs = identify.load_logs(self.store, parse_rows(self.missions))
         refined, handling = None, None
         with console.progress(total=1.0, label="identify", unit="") as progress:
             report = _Stages(progress, refines=self.model == "twin", handles=not self.no_handling)
-            found = identify(
+            found = identify.identify(
                 logs,
                 nominal,
                 parameters=self.parameters or None,
@@ -170,15 +159,11 @@ class Identify(JsonOption):
                 progress=report.of("fit"),
             )
             if self.model == "twin":
-                from twin.identify import refine
-
-                refined = refine(logs, found, progress=report.of("refine"))
+                refined = identify.refine(logs, found, progress=report.of("refine"))
                 found = refined.identification
             if not self.no_handling:
-                from twin.identify import handle
-
                 proof = self.out is not None
-                handling = handle(logs, found, proof=proof, progress=report.of("handle"))
+                handling = identify.handle(logs, found, proof=proof, progress=report.of("handle"))
                 found = handling.identification
         self._say(console, found, len(logs) - len(found.powered), refined)
         if found.powered:
@@ -187,7 +172,7 @@ class Identify(JsonOption):
                 f"left out: {len(found.powered)} of {len(logs)} missions ran their thruster, so "
                 f"that their speed is no glide's ({rows})"
             )
-        for text in confused(found):
+        for text in identify.confused(found):
             console.warn(text)
         if handling is not None:
             _say_handling(console, handling)
@@ -201,7 +186,7 @@ class Identify(JsonOption):
                     told = "a log of glides tells nothing of such a motion"
                     console.warn(f"{decay.text(one)}; {told}")
         if self.export is not None:
-            kind = write_figures(found.calibration, self.export)
+            kind = identify.write_figures(found.calibration, self.export)
             console.say(f"figures of {kind}: {self.export}")
         if self.plot is not None:
             from twin.records import whole_file
@@ -215,18 +200,10 @@ class Identify(JsonOption):
         return 0
 
     def _driven(self, console: Console, vehicle: Vehicle) -> int:
-        """The same of a propelled vehicle."""
+        """Fit, report and write a propelled vehicle."""
+        from twin import identify
         from twin.cli.options import parse_numbers, parse_rows
         from twin.errors import InputError
-        from twin.identify import (
-            UNSURE,
-            confused,
-            cruise_of,
-            driven_failures,
-            identify_driven,
-            judge,
-            load_runs,
-        )
 
         for option, given in (
             ("export", self.export),
@@ -243,26 +220,26 @@ class Identify(JsonOption):
                     "out, or give a glider with --vehicle"
                 )
         known = parse_numbers("known", self.known, "a parameter and its value, such as Xuu=1.1")
-        runs = load_runs(self.store, vehicle, parse_rows(self.missions))
+        runs = identify.load_runs(self.store, vehicle, parse_rows(self.missions))
         unseen = []
         if self.unseen:
             rows = parse_rows(self.unseen)
-            unseen = load_runs(self.store, vehicle, rows)
+            unseen = identify.load_runs(self.store, vehicle, rows)
             runs = [run for run in runs if run.index not in (rows or ())]
             if not runs:
                 raise InputError(f"--unseen {self.unseen} leaves no run to fit")
         with console.progress(total=1.0, label="identify", unit="") as progress:
             report = _Stages(progress, refines=False, handles=False).of("fit")
-            found = identify_driven(
+            found = identify.identify_driven(
                 runs,
                 vehicle,
                 parameters=self.parameters or None,
                 known=known,
-                unsure=UNSURE if self.dimensions else 1.0,
+                unsure=identify.UNSURE if self.dimensions else 1.0,
                 progress=report,
             )
         self._say(console, found, len(runs), None)
-        for text in confused(found):
+        for text in identify.confused(found):
             console.warn(text)
         for part in runs[0].silent:
             console.warn(f"the runs have no position of {part}: it is flown at rest")
@@ -272,11 +249,13 @@ class Identify(JsonOption):
                 "and largest rate make of them"
             )
         if unseen:
-            _say_unseen(console, judge(unseen, found.calibration), judge(unseen, found.nominal))
+            both = (identify.judge(unseen, one) for one in (found.calibration, found.nominal))
+            _say_unseen(console, *both)
         if self.out is not None:
             failures: tuple[str, ...] = ()
             if not self.no_handling:
-                failures = driven_failures(found.calibration, cruise_of(runs, vehicle))
+                cruise = identify.cruise_of(runs, vehicle)
+                failures = identify.driven_failures(found.calibration, cruise)
             console.answer(failures=list(failures))
             self._write(console, found, failures, "under guidance", counted=False)
         return 0
@@ -408,7 +387,7 @@ class Identify(JsonOption):
 
 
 def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> None:
-    """How the identified vehicle flies the runs that it was not fitted to, beside the first one."""
+    """Report errors on runs that were not fitted, beside those of the first vehicle."""
     console.table(
         [
             {
@@ -435,7 +414,7 @@ class _Stages:
         self._whole = sum(STAGES[name] for name in self._names)
 
     def of(self, stage: str) -> Callable[[float], None]:
-        """What is called with the part of a stage that is done, 0 to 1."""
+        """Function that takes the part of a stage that is done, 0 to 1."""
         before = sum(STAGES[name] for name in self._names[: self._names.index(stage)])
 
         def report(part: float) -> None:

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 ALL = "all"
 FLIGHT_FIGURES = ("w_section", "w_histogram", "map")
-"""Of a file of `twin flight`; the first by default"""
+"""Figures of a file of `twin flight`; the first by default"""
 CHOICES = (
     f"{', '.join((*FIGURES, f'or {ALL}'))} [default: {OVERVIEW}]; of a file of `twin flight` "
     f"{', '.join((*FLIGHT_FIGURES, f'or {ALL}'))} [default: {FLIGHT_FIGURES[0]}]"
 )
-"""What --figure takes"""
+"""Names that --figure takes"""
 PRINT_DPI = 300  # [pixel/in] of a .png, as journals ask for
 
 

@@ -96,8 +96,10 @@ class Render(JsonOption):
 
     def run(self, console: Console) -> int:
         """Draw and write the file."""
+        import time
+
         from twin.show.render import STILL_FORMATS, VIDEO_FORMATS, Shot
-        from twin.show.web import ENDINGS
+        from twin.show.web import ENDINGS, save_page
 
         out = self._target()
         suffix = out.suffix.lower()
@@ -109,13 +111,35 @@ class Render(JsonOption):
         given = {name: getattr(self, name) for name in OF_A_SHOT}
         shot = Shot(width=width, height=height, fps=fps, **given)
         if suffix in ENDINGS:
-            self._check_page()
+            idle = {
+                "--size": self.size is not None,
+                "--fps": self.fps is not None,
+                "--no-hud": not self.hud,
+                "--no-inset": not self.inset,
+                "--workers": self.workers is not None,
+            }
+            if odd := [name for name, here in idle.items() if here]:
+                raise InputError(
+                    f"{', '.join(odd)}: not for a page, which fills its window and draws in the "
+                    "browser; --camera, --time, --start, --end, --speed-up, --colour, --tracks, "
+                    "--exaggeration and --floor are"
+                )
         elif self.time is not None and suffix not in STILL_FORMATS:
             raise InputError("--time is for a .png or a page; for a video give --start and --end")
-        subject = self._subject(console)
+        subject, begun = self._subject(console), time.perf_counter()
         if suffix in ENDINGS:
-            return self._write_page(console, out, subject, shot)
-        return self._draw(console, out, subject, shot)
+            answer = {"bytes": save_page(out, subject, shot, self.time)}
+            told, then = "", "; open it in a browser"
+        else:
+            answer = {"frames": self._draw(console, out, subject, shot)}
+            answer |= {"width": width, "height": height, "bytes": out.stat().st_size}
+            frames, then = answer["frames"], ""
+            many = f"{frames} frames, {frames / shot.fps:.1f} s of video, " if frames > 1 else ""
+            told = f"{many}{width}x{height}, "
+        seconds = time.perf_counter() - begun
+        console.say(f"{out}: {told}{answer['bytes'] / 1e6:.2f} MB, made in {seconds:.1f} s{then}")
+        console.answer(out=out, **answer, seconds=seconds)
+        return 0
 
     def _target(self) -> Path:
         """The file to write."""
@@ -127,24 +151,8 @@ class Render(JsonOption):
             raise InputError(f"--html {self.html}: the ending must be .html")
         return self.html
 
-    def _check_page(self) -> None:
-        """Refuse options that a page has no use for."""
-        unused = {
-            "--size": self.size is not None,
-            "--fps": self.fps is not None,
-            "--no-hud": not self.hud,
-            "--no-inset": not self.inset,
-            "--workers": self.workers is not None,
-        }
-        if given := [name for name, here in unused.items() if here]:
-            raise InputError(
-                f"{', '.join(given)}: not for a page, which fills its window and draws in the "
-                "browser; --camera, --time, --start, --end, --speed-up, --colour, --tracks, "
-                "--exaggeration and --floor are"
-            )
-
     def _subject(self, console: Console) -> Subject:
-        """What is drawn, with notes about what it lacks."""
+        """Read the subject, with notes about what it lacks."""
         from twin.show.render import OTHER_TRACKS, read_subject
 
         read = functools.partial(
@@ -172,41 +180,17 @@ class Render(JsonOption):
             console.note(f"without a flight model, by the log's own track: {unflown}")
         return subject
 
-    def _write_page(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
-        import time
-
-        from twin.show.web import save_page
-
-        begun = time.perf_counter()
-        size = save_page(out, subject, shot, self.time)
-        seconds = time.perf_counter() - begun
-        console.say(f"{out}: {size / 1e6:.2f} MB, made in {seconds:.1f} s; open it in a browser")
-        console.answer(out=out, bytes=size, seconds=seconds)
-        return 0
-
     def _draw(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
-        import time
-
+        """Write a picture or a video; returns the number of its frames."""
         from twin.show.render import STILL_FORMATS, default_workers, save_still, save_video
 
-        begun = time.perf_counter()
         if out.suffix.lower() in STILL_FORMATS:
             save_still(out, subject, shot, self.time)
-            frames = 1
-        else:
-            total = len(shot.frame_times(subject.trajectory.time))
-            workers = default_workers() if self.workers is None else self.workers
-            with console.progress(total=total, label="render", unit="frames") as progress:
-                frames = save_video(out, subject, shot, workers=workers, progress=progress.update)
-        seconds = time.perf_counter() - begun
-        size = out.stat().st_size
-        width, height = shot.width, shot.height
-        many = f"{frames} frames, {frames / shot.fps:.1f} s of video, " if frames > 1 else ""
-        console.say(f"{out}: {many}{width}x{height}, {size / 1e6:.2f} MB, made in {seconds:.1f} s")
-        console.answer(
-            out=out, frames=frames, width=width, height=height, bytes=size, seconds=seconds
-        )
-        return 0
+            return 1
+        total = len(shot.frame_times(subject.trajectory.time))
+        workers = default_workers() if self.workers is None else self.workers
+        with console.progress(total=total, label="render", unit="frames") as progress:
+            return save_video(out, subject, shot, workers=workers, progress=progress.update)
 
     def _missions(self) -> list[int] | None:
         """The dives that --missions names; None without it."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from functools import partial
 
 from twin.errors import InputError
 from twin.identify.calibration import Calibration
@@ -94,7 +95,7 @@ def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownPar
             f"{BodyAxes.kind!r} is identified; start from remus or tethys (--vehicle)"
         )
     factors = [
-        _factor(name, what, spread, lambda v, n=name: _derivatives(v)[n], _set_derivative(name))
+        _factor(name, what, spread, partial(_derivative, name), partial(_set_derivative, name))
         for name, (what, spread) in DERIVATIVES.items()
         if dict(law.derivatives).get(name)
     ]
@@ -103,8 +104,8 @@ def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownPar
             f"added_mass_{name}",
             f"added {what}",
             spread,
-            lambda v, k=k: float(v.added_mass[k, k]),
-            _set_added_mass(k),
+            partial(_added_mass, k),
+            partial(_set_added_mass, k),
         )
         for k, name, what, spread in ADDED_MASSES
         if vehicle.added_mass[k, k] > 0.0
@@ -169,28 +170,27 @@ def _factor(
     )
 
 
-def _derivatives(vehicle: Vehicle) -> dict[str, float]:
+def _derivative(name: str, vehicle: Vehicle) -> float:
     assert isinstance(vehicle.law, BodyAxes)
-    return dict(vehicle.law.derivatives)
+    return dict(vehicle.law.derivatives)[name]
 
 
-def _set_derivative(name: str) -> Callable[[Calibration, float], Calibration]:
-    def put(calibration: Calibration, value: float) -> Calibration:
-        numbers = _derivatives(calibration.vehicle) | {name: value}
-        return calibration.with_vehicle(derivatives=tuple(numbers.items()))
-
-    return put
+def _set_derivative(name: str, calibration: Calibration, value: float) -> Calibration:
+    assert isinstance(calibration.vehicle.law, BodyAxes)
+    numbers = dict(calibration.vehicle.law.derivatives) | {name: value}
+    return calibration.with_vehicle(derivatives=tuple(numbers.items()))
 
 
-def _set_added_mass(k: int) -> Callable[[Calibration, float], Calibration]:
-    def put(calibration: Calibration, value: float) -> Calibration:
-        matrix, law = calibration.vehicle.added_mass.copy(), calibration.vehicle.law
-        matrix[k, k] = value
-        assert isinstance(law, BodyAxes)
-        coupled = {"coupling": added_mass_coupling(matrix)} if law.coupling else {}
-        return calibration.with_vehicle(added_mass=matrix, **coupled)
+def _added_mass(k: int, vehicle: Vehicle) -> float:
+    return float(vehicle.added_mass[k, k])
 
-    return put
+
+def _set_added_mass(k: int, calibration: Calibration, value: float) -> Calibration:
+    matrix, law = calibration.vehicle.added_mass.copy(), calibration.vehicle.law
+    matrix[k, k] = value
+    assert isinstance(law, BodyAxes)
+    coupled = {"coupling": added_mass_coupling(matrix)} if law.coupling else {}
+    return calibration.with_vehicle(added_mass=matrix, **coupled)
 
 
 def _of_part(part: Part, field: str, what: str, spread: float) -> UnknownParameter:

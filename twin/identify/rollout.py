@@ -148,7 +148,9 @@ def refine(
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
     return Refinement(
-        identification=_merged(flight, final, parameters, np.linalg.inv(hessian)),
+        identification=_merged(
+            flight, final, parameters, np.asarray(np.linalg.inv(hessian), float)
+        ),
         flight=flight,
         depth_rate_rmse=rms(np.concatenate(rates)),
         pitch_rmse=pitch_rmse,

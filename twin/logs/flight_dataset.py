@@ -198,7 +198,7 @@ def _series(one: MissionFlight, store: MissionStore) -> dict[str, Array]:
     """Variables of one mission, each (time,)."""
     dive, count = one.dive, len(one.dive.depth)
     latitude, longitude = one.place.degrees(*one.position.T)
-    found = {
+    found: dict[str, Array] = {
         "north": one.position[:, 0],
         "east": one.position[:, 1],
         "latitude": latitude,
@@ -214,7 +214,9 @@ def _series(one: MissionFlight, store: MissionStore) -> dict[str, Array]:
     if dive.ctd is not None:
         found |= {name: getattr(dive.ctd, name) for name in OF_CTD}
     copied = {name: stored for stored, name in COPIED.items() if stored in store}
-    return found | {n: store.row(stored, dive.mission)[:count] for n, stored in copied.items()}
+    for name, stored in copied.items():
+        found[name] = np.asarray(store.row(stored, dive.mission)[:count])
+    return found
 
 
 FIX_ATTRIBUTES = {

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CM, HOUR = 100.0, 3600.0
-MOST_POINTS = 20000  # of a section; more than its pixels
+MOST_POINTS = 20000  # points of a section; more than its pixels
 BINS = 60
 UNFLOWN = "no vertical water velocity to draw: no dive that the model can fly"
 COVERED = 98, 99.5  # percentiles of the speed that colours and the histogram's axis reach
@@ -50,7 +50,7 @@ PRINT_DPI = 200  # [pixel/in]
 
 
 def read_flight(path: str | Path) -> xr.Dataset:
-    """What `twin flight` wrote, in memory.
+    """Read into memory a file that `twin flight` wrote.
 
     Raises:
       StoreError: something else, or it cannot be read.
@@ -119,7 +119,7 @@ def section(flight: xr.Dataset) -> Figure:
 
 
 def histogram(flight: xr.Dataset) -> Figure:
-    """How often which vertical velocity was found, in dives and in climbs."""
+    """Histogram of the vertical velocity of the water, in dives and in climbs."""
     w = CM * flight[W_WATER].values.ravel()
     known = np.isfinite(w)
     if not known.any():

@@ -160,7 +160,7 @@ UNITS = {
     "heading_sd_deg": "heading about its target [deg]",
     "heading_bias_deg": "heading less its target, mean [deg]",
 }
-"""How people read the figures"""
+"""Labels of the figures"""
 
 
 def log_check_rows(found: LogCheck) -> list[dict[str, object]]:

@@ -51,36 +51,18 @@ GROUND = "#C9B48A"
 SEQUENTIAL_MAP = "cividis"
 
 _RC: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 8.0,
-    "axes.titlesize": 8.5,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "axes.labelsize": 8.0,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.prop_cycle": cycler(color=list(PALETTE.values())),
-    "grid.color": "#DDE1E6",
-    "grid.linewidth": 0.5,
-    "lines.linewidth": 1.2,
-    "lines.solid_capstyle": "round",
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "legend.fontsize": 7.5,
-    "legend.frameon": False,
-    "legend.handlelength": 1.6,
-    "figure.constrained_layout.use": True,
-    "figure.constrained_layout.h_pad": 0.05,
-    "figure.dpi": 150.0,
-    "savefig.dpi": 200.0,
-    "image.cmap": SEQUENTIAL_MAP,
-    "axes.formatter.useoffset": False,
-}
+    "font.family": "DejaVu Sans", "font.size": 8.0, "figure.dpi": 150.0, "savefig.dpi": 200.0,
+    "axes.titlesize": 8.5, "axes.titlelocation": "left", "axes.titleweight": "bold",
+    "axes.labelsize": 8.0, "axes.linewidth": 0.7, "axes.formatter.useoffset": False,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
+    "axes.prop_cycle": cycler(color=list(PALETTE.values())), "image.cmap": SEQUENTIAL_MAP,
+    "grid.color": "#DDE1E6", "grid.linewidth": 0.5,
+    "lines.linewidth": 1.2, "lines.solid_capstyle": "round",
+    "xtick.labelsize": 7.5, "xtick.major.width": 0.7,
+    "ytick.labelsize": 7.5, "ytick.major.width": 0.7,
+    "legend.fontsize": 7.5, "legend.frameon": False, "legend.handlelength": 1.6,
+    "figure.constrained_layout.use": True, "figure.constrained_layout.h_pad": 0.05,
+}  # fmt: skip
 TIME_UNITS = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"), (0.0, 1.0, "s"))
 """Longest duration first: (from this duration [s], seconds per unit, unit)."""
 OTHER_COLOURS = tuple(c for name, c in PALETTE.items() if name not in ("blue", "black"))

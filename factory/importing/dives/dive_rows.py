@@ -116,8 +116,6 @@ OF_ROWS: Mapping[str, Mapping[str, Any]] = {
     },
 }
 """CF attributes of the axes and the per-row variables"""
-
-
 _STANDARD_NAMES = {
     "dac_north": "northward_sea_water_velocity",
     "dac_east": "eastward_sea_water_velocity",
@@ -231,6 +229,7 @@ def _where_and_when(rows: Sequence[DiveRow], longest: int, period: float) -> dic
         for row, latitude in zip(rows, latitudes, strict=True)
     ]
     longitudes = [row.positions.longitude for row in rows]
+    arrays: dict[str, Sequence[NDArray[Any]]]
     arrays = {DATETIME: times, LATITUDE: latitudes, LONGITUDE: longitudes}
     whole = {name: padded(name, values, longest) for name, values in arrays.items()}
     return sample_variables(whole, LOGGED, (MISSION, TIME))

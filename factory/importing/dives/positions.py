@@ -172,8 +172,9 @@ def row_positions(
     from twin.logs.track import Fixes
 
     def pair(name: str) -> Array | None:
-        both = [signals.get(f"{name}_{axis}") for axis in ("north", "east")]
-        return None if any(one is None for one in both) else np.stack(both, axis=1)
+        names = [f"{name}_north", f"{name}_east"]
+        there = set(names) <= set(signals)
+        return np.stack([signals[one] for one in names], axis=1) if there else None
 
     nothing = np.full(len(signals["measured_gap"]), np.nan)
     nowhere = Positions(nothing, nothing, "unknown")
@@ -194,8 +195,7 @@ def row_positions(
     if method == "straight_line":
         track[: sample[0]], track[sample[-1] + 1 :] = np.nan, np.nan
     latitude, longitude = position(track[:, 0], track[:, 1], *origin)
-    places = (rounded_degrees(one) for one in (latitude, wrap_longitude(longitude)))
-    return Positions(*places, method=method)
+    return Positions(rounded_degrees(latitude), rounded_degrees(wrap_longitude(longitude)), method)
 
 
 def put_fixes(

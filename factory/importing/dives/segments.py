@@ -15,13 +15,9 @@ from factory.importing.tally import Tally
 from twin.geodesy import offset
 
 Array = NDArray[np.float64]
-
-
 DESCENT, CLIMB, LEVEL, SURFACE = 1, 2, 3, 0
 PHASES = {SURFACE: "surface", DESCENT: "descent", CLIMB: "climb", LEVEL: "inflection_or_level"}
 """Flags of `measured_phase`."""
-
-
 NOWHERE = (float("nan"), float("nan"))
 """A place, a displacement or a drift that nobody knows"""
 
@@ -260,8 +256,6 @@ _AFLOAT = 3.0
 """[m] Upright at the surface, a glider's pressure sensor is so deep at most."""
 _DIVING = 0.5
 """[m] Below the depth at the fix: waves are smaller, a dive is not."""
-
-
 _AT_REST = 10.0
 """[s] Floating is told from diving by the depth's change over so long."""
 

@@ -198,10 +198,12 @@ def seaglider_batteries(
     volts = [dives[name] for name in ("10V_V", "24V_V") if name in dives]
     series: dict[str, list[tuple[Array, Array]]] = {}
     if all(gauges):
-        series["measured_charge"] = [(start, sum(gauges[0])), (end, sum(gauges[1]))]
+        series["measured_charge"] = [
+            (when, np.sum(both, axis=0)) for when, both in zip((start, end), gauges, strict=True)
+        ]
         leave_out(["log_10V_AH", "log_24V_AH"], "the fuel gauges measure the charge", tally)
     elif reckoned:
-        series["measured_charge"] = [(end, sum(reckoned))]
+        series["measured_charge"] = [(end, np.sum(reckoned, axis=0))]
     if volts:
         series["measured_voltage"] = [(end, np.mean(volts, axis=0))]
     if "log_INTERNAL_PRESSURE" in dives:
@@ -228,20 +230,12 @@ def seaglider_batteries(
 
 START, END = "gps2_time", "gpsE_time"
 """Times of the last fix before a dive and the first after it"""
-
-
 START, END = "gps2_time", "gpsE_time"
 """Times of the last fix before a dive and the first after it"""
-
-
 PUMPED = ("gc_st_secs", "gc_pitch_secs", "gc_vbd_secs", "gc_vbd_i", "gc_vbd_volts")
 """Of a move: its begin and the seconds of pitch and pump [s]; current [A] and voltage [V]"""
-
-
 GAUGES = ("log_FG_AHR_10V", "log_FG_AHR_24V", "log_FG_AHR_10Vo", "log_FG_AHR_24Vo")
 """[A h] A Seaglider's fuel gauges before and after the dive"""
-
-
 RECKONED = ("log_10V_AH", "log_24V_AH")
 """Texts of the lowest voltage [V] and the charge [A h] that the vehicle reckons it has taken"""
 

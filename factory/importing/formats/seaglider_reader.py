@@ -88,8 +88,6 @@ SAMPLE_COLUMNS = (
     "sal_psu", "rho_insitu",
 )  # fmt: skip
 """Columns of a table of samples that are read; `rotation_deg` comes from netCDF files only."""
-
-
 _READ = {
     "samples": (*SAMPLE_COLUMNS, "glider"),
     "dives": (

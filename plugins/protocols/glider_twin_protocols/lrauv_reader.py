@@ -225,7 +225,8 @@ def _log(
         channels["measured_heading"] = Channel(one.time, turned)
     fixes = NO_FIXES
     if {"latitude_fix", "longitude_fix"} <= set(series):
-        fixes = _fixes(*(raw(f"{axis}_fix", "degree") for axis in ("latitude", "longitude")), tally)
+        latitude, longitude = (raw(name, "degree") for name in ("latitude_fix", "longitude_fix"))
+        fixes = _fixes(latitude, longitude, tally)
     depth = channels.get("measured_depth") or channels["measured_pressure"]
     if "sea_water_temperature" in series:
         warm = channel("measured_temperature", "sea_water_temperature", "degree_Celsius")

@@ -154,7 +154,7 @@ def _tables(
         why = f"{path.name}: messages that no {kinds[topic]} are: {whys[0]}"
         tally.add("removed", topic, len(whys), why)
     tables = {}
-    units = {signal.column: signal.unit for signal in reversed(mapping.signals.values())}
+    units = {signal.column: signal.unit for signal in reversed(list(mapping.signals.values()))}
     for topic, some in rows.items():
         values = np.array(some, float).reshape(len(some), -1)
         found = dict(zip(raw[topic], values.T, strict=True))

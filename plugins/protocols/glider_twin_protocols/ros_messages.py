@@ -21,19 +21,11 @@ Array = NDArray[np.float64]
 
 GROUPS = {"truth": "true", "measured": "measured", "commanded": "commanded"}
 """First word of our own topics, and of the signals that they become"""
-
-
 SI = {"degree": "rad", "cm3": "m3", "dbar": "Pa"}
 """Unit of a bare number where it is not the store's"""
-
-
 GAUGE = "fluid_pressure.gauge"
 """Field made here: a FluidPressure without the air's part, which stores do not have"""
-
-
 ANGLES = {"roll": 0, "pitch": 1, "yaw": 2}
-
-
 _ROUNDED = 0.01
 """Rounding to three digits takes a quaternion less away from length 1"""
 
@@ -68,8 +60,6 @@ def _twist(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
 
 
 _BARE = frozenset(f"std_msgs/msg/{name}" for name in ("Float64", "Float32", "Int32", "UInt8"))
-
-
 _KINDS: dict[str, list[tuple[str, str, str, dict[str, Any]]]] = {
     "sensor_msgs/msg/Imu": [
         *_pose("")[3:],
@@ -97,21 +87,13 @@ _KINDS: dict[str, list[tuple[str, str, str, dict[str, Any]]]] = {
 }
 """Fields of standard messages: signal without its first word, field, unit, and how it
 differs. Of two sources of a signal the earlier kind is taken."""
-
-
 _POSES = {"nav_msgs/msg/Odometry": "pose.pose.", "geometry_msgs/msg/PoseStamped": "pose."}
 """Messages of a pose in a frame that they name, and where it is in them"""
-
-
 _IMU = "sensor_msgs/msg/Imu"
-
-
 NED = {kind: _pose_ned(prefix) for kind, prefix in _POSES.items()} | {
     _IMU: [(signal, field, unit, {"frame": "FRD"}) for signal, field, unit, _ in _KINDS[_IMU]]
 }
 """The fields in frames that are north, east, down"""
-
-
 NO_MEASUREMENT = frozenset({"orientation_covariance.0", "angular_velocity_covariance.0",
                  "linear_acceleration_covariance.0", "status.status"})  # fmt: skip
 """Fields that say that others are no measurement, where a message has them"""

@@ -202,20 +202,12 @@ def _pose(samples: Samples, group: str) -> Iterator[Topic]:
             samples, f"/{GROUPS[group]}/velocity_through_water", "geometry_msgs/msg/TwistStamped",
             {"twist": twist}, water, frame=child,
         )  # fmt: skip
-    transform = {
-        "header": {"stamp": _stamp(samples.time), "frame_id": MAP},
-        "child_frame_id": child,
-        "transform": {"translation": _xyz(place), "rotation": _xyzw(turn)},
-    }
     known = np.isfinite(np.concatenate([place, turn], axis=1)).all(axis=1)
-    yield _transforms("/tf", transform, known)
+    yield _transform(samples, "/tf", (MAP, child), place, _xyzw(turn), known)
     offset = body(*(np.full(samples.count, x) for x in samples.imu_position))
-    fixed = {
-        "header": {"stamp": _stamp(samples.time), "frame_id": child},
-        "child_frame_id": IMU if measured else IMU + TRUE,
-        "transform": {"translation": _xyz(offset), "rotation": {"w": 1.0}},
-    }
-    yield _transforms("/tf_static", fixed, np.arange(samples.count) == 0)
+    sensor = IMU if measured else IMU + TRUE
+    first = np.arange(samples.count) == 0
+    yield _transform(samples, "/tf_static", (child, sensor), offset, {"w": 1.0}, first)
 
 
 def _doppler(samples: Samples) -> Iterator[Topic]:
@@ -305,11 +297,19 @@ def _stamped(
     )  # fmt: skip
 
 
-def _transforms(name: str, transform: Mapping[str, Any], known: NDArray[np.bool_]) -> Topic:
-    child = str(transform["child_frame_id"])
+def _transform(
+    samples: Samples, name: str, frames: tuple[str, str], place: Array, turn: Mapping[str, Any],
+    known: NDArray[np.bool_],
+) -> Topic:  # fmt: skip
+    """Where the second of two frames is in the first."""
+    transform = {
+        "header": {"stamp": _stamp(samples.time), "frame_id": frames[0]},
+        "child_frame_id": frames[1],
+        "transform": {"translation": _xyz(place), "rotation": turn},
+    }
     return Topic(
         name=name, type="tf2_msgs/msg/TFMessage", values={"transforms": [transform]}, known=known,
-        signals=(), frame=child,
+        signals=(), frame=frames[1],
     )  # fmt: skip
 
 

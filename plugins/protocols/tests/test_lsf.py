@@ -93,9 +93,7 @@ def test_a_doppler_log_of_two_references(whole):
     np.testing.assert_allclose(surge[water], STATE["surge"][water] + 0.1, atol=2e-3)
 
 
-def test_the_track_keeps_going_where_the_origin_moves(
-    whole,
-):
+def test_the_track_keeps_going_where_the_origin_moves(whole):
     dataset, _ = whole
     for axis, expected in zip(("north", "east"), track_of(TIME, STATE), strict=True):
         found = values(dataset, f"measured_onboard_{axis}")
@@ -105,9 +103,7 @@ def test_the_track_keeps_going_where_the_origin_moves(
     assert np.ptp(track_of(TIME, STATE)[0]) > 50.0
 
 
-def test_one_sender_of_each_is_read_and_the_others_are_named(
-    whole,
-):
+def test_one_sender_of_each_is_read_and_the_others_are_named(whole):
     _, report = whole
     names = report.names["IMC log"]
     assert {"Temperature/CTD", "Voltage/Batteries", "ServoPosition/2"} <= set(names["read"])

@@ -111,9 +111,7 @@ def exported(field_store, tmp_path_factory):
     return run, export_og1(run, 0, tmp_path_factory.mktemp("og1"))
 
 
-def test_og1_files_of_our_own_come_back_sample_for_sample(
-    exported,
-):
+def test_og1_files_of_our_own_come_back_sample_for_sample(exported):
     run, path = exported
     dataset, report = import_logs("og1", [path], period=0.5)
     assert report.count("note", path.name) == 1  # it says that it is simulated
@@ -161,9 +159,7 @@ def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path):
     refused(r"HEADING is magnetic .*no position is there", "og1", [path])
 
 
-def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_own(
-    tmp_path,
-):
+def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_own(tmp_path):
     """As converters of Seaglider files write it: integer nanoseconds since an odd moment."""
     import netCDF4
 

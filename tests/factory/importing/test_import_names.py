@@ -15,8 +15,7 @@ def test_a_name_that_is_read_makes_a_difference(column, tmp_path):
     """What the report calls read is in the store: without it something is missing or otherwise."""
     dataset, report = slocum(tmp_path, FLIGHT)
     assert column in report.names["flight table"]["read"]
-    paths = write_slocum(tmp_path, FLIGHT, **{column: None})
-    without, _ = import_logs("slocum", paths)
+    without, _ = slocum(tmp_path, FLIGHT, **{column: None})
     same = all(
         name in without and np.array_equal(dataset[name], without[name], equal_nan=True)
         for name in report.channels
@@ -24,18 +23,15 @@ def test_a_name_that_is_read_makes_a_difference(column, tmp_path):
     assert not same or column == "m_depth"  # it only tells the unit of the pressure
 
 
-def test_what_is_known_and_not_used_is_left_out_and_what_is_empty_is_missing(
-    tmp_path,
-):
+def test_what_is_known_and_not_used_is_left_out_and_what_is_empty_is_missing(tmp_path):
     count = len(FLIGHT.time)
-    paths = write_slocum(
+    _, report = slocum(
         tmp_path,
         FLIGHT,
         m_de_oil_vol=np.zeros(count),  # of a pump that this vehicle has not
         c_battpos=np.full(count, np.nan),
         sci_bird_count=np.ones(count),
     )
-    _, report = import_logs("slocum", paths)
     names = report.names["flight table"]
     assert names["left out"] == ("m_de_oil_vol",)
     assert names["missing"] == ("c_battpos",)
@@ -53,8 +49,7 @@ def test_of_two_pumps_the_one_that_moves_is_taken(rows, tmp_path):
     ballast = np.zeros(len(oil))
     if rows == "one":
         ballast[1:] = np.nan
-    paths = write_slocum(tmp_path, FLIGHT, m_ballast_pumped=ballast, m_de_oil_vol=oil)
-    dataset, report = import_logs("slocum", paths)
+    dataset, report = slocum(tmp_path, FLIGHT, m_ballast_pumped=ballast, m_de_oil_vol=oil)
     pump = dataset["measured_pump"].values
     assert np.nanmin(pump) == pytest.approx(-170.0)
     assert np.nanmax(pump) == pytest.approx(290.0)

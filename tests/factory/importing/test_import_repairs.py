@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from logs import (
     Flight,
+    part,
     refused,
+    slocum,
     slocum_columns,
     write_basestation,
     write_csv,
@@ -46,10 +48,10 @@ def with_sentinels(columns, share):
 
 @pytest.mark.parametrize("factor", [1.0, 180.0 / np.pi])
 def test_sentinels_neither_turn_the_unit_nor_leave_depth_behind(tmp_path, factor):
-    right, whole = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    right, whole = slocum(tmp_path, FLIGHT)
     changed = with_sentinels(slocum_columns(FLIGHT), 0.05)
     changed["m_pitch"] = np.where(changed["m_pitch"] == -999.0, -999.0, changed["m_pitch"] * factor)
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
+    dataset, report = slocum(tmp_path, FLIGHT, **changed)
     bad = int((changed["m_pitch"] == -999.0).sum())
     assert bad > 20
     assert report.count("removed", "m_pitch") == report.count("removed", "m_pressure") == bad
@@ -70,8 +72,7 @@ def test_runs_of_impossible_depth_go_and_the_dive_stays(tmp_path):
     run = slice(90, 102)
     pressure[run] = 40.0
     depth[run] = 400.0
-    paths = write_slocum(tmp_path, FLIGHT, m_depth=depth, m_pressure=pressure)
-    dataset, report = import_logs("slocum", paths)
+    dataset, report = slocum(tmp_path, FLIGHT, m_depth=depth, m_pressure=pressure)
     assert report.count("removed", "m_pressure") == 12
     assert float(np.nanmax(dataset["measured_depth"])) < FLIGHT.depth + 1.0
     assert report.rows == FLIGHT.dives
@@ -91,7 +92,7 @@ def test_only_the_run_is_out_of_reach(start, length, value):
 def test_a_roll_in_degrees_is_not_taken_for_radian(tmp_path):
     """A few degrees of roll would be half a turn in radian; they are in no other angle's unit."""
     wobble = 3.0 + 2.0 * np.sin(FLIGHT.time / 50.0)
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_roll=wobble))
+    dataset, report = slocum(tmp_path, FLIGHT, m_roll=wobble)
     assert report.count("repaired", "m_roll") == report.count("repaired") == len(wobble)
     assert np.nanmax(np.abs(dataset["measured_roll"])) == pytest.approx(5.0, abs=0.1)
 
@@ -101,11 +102,11 @@ def test_a_slight_roll_follows_the_unit_of_pitch_and_heading(tmp_path):
     either = 0.3 + 0.2 * np.sin(FLIGHT.time / 50.0)
     assert in_degrees("roll", either) is None
     columns = slocum_columns(FLIGHT)
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_roll=either))
+    dataset, report = slocum(tmp_path, FLIGHT, m_roll=either)
     assert report.count("repaired") == 0
     assert np.nanmax(dataset["measured_roll"]) == pytest.approx(np.degrees(0.5), abs=0.1)
     whole = {n: np.degrees(columns[n]) for n in ("m_pitch", "m_heading")}
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_roll=either, **whole))
+    dataset, report = slocum(tmp_path, FLIGHT, m_roll=either, **whole)
     assert report.count("repaired", "m_roll") == len(either)
     assert np.nanmax(dataset["measured_roll"]) == pytest.approx(0.5, abs=0.01)
 
@@ -113,7 +114,7 @@ def test_a_slight_roll_follows_the_unit_of_pitch_and_heading(tmp_path):
 def test_a_heading_sentinel_is_no_heading(tmp_path):
     heading = slocum_columns(FLIGHT)["m_heading"]
     heading[30:34] = -999.0
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_heading=heading))
+    dataset, report = slocum(tmp_path, FLIGHT, m_heading=heading)
     assert report.count("removed", "m_heading") == 4
     assert np.allclose(
         dataset["measured_heading"].values[np.isfinite(dataset["measured_heading"].values)],
@@ -146,12 +147,12 @@ def test_a_sensor_that_stands_still_for_a_dive_is_suspect(tmp_path, column, subj
     for name in ("m_heading", "m_pitch"):
         moving[name] = moving[name] + 1e-3 * np.sin(FLIGHT.time)
     both = {name: moving[name] for name in ("m_heading", "m_pitch")}
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **both))
+    _, report = slocum(tmp_path, FLIGHT, **both)
     assert report.count("suspect") == 0
     start, end = FLIGHT.dive_times(1)
     stuck = (FLIGHT.time > start - 10.0) & (FLIGHT.time < end + 10.0)
     both[column] = np.where(stuck, 0.3, both[column])
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **both))
+    _, report = slocum(tmp_path, FLIGHT, **both)
     assert report.count("suspect", subject) == 1
     assert "same value for a whole dive" in details(report, "suspect")[subject]
 
@@ -162,8 +163,7 @@ def test_a_depth_that_stands_still_while_pitched_is_suspect(tmp_path):
     start, _ = flight.dive_times(1)
     stuck = (flight.time > start + 200.0) & (flight.time < start + 550.0)
     depth[stuck] = depth[np.argmax(stuck)]
-    paths = write_slocum(tmp_path, flight, m_depth=depth, m_pressure=None)
-    _, report = import_logs("slocum", paths)
+    _, report = slocum(tmp_path, flight, m_depth=depth, m_pressure=None)
     said = " ".join(e.detail for e in report.entries if e.subject == "measured_depth")
     assert "one depth for more than 300 s" in said
 
@@ -172,10 +172,7 @@ def test_a_depth_that_stands_still_while_pitched_is_suspect(tmp_path):
 def test_the_batterys_unit_is_told_by_its_travel(tmp_path, factor, unit):
     """0.8 inch of travel; in cm only with three times as much, since 2 cm could be 2 inches."""
     inches = slocum_columns(FLIGHT)["m_battpos"]
-    dataset, report = import_logs(
-        "slocum",
-        write_slocum(tmp_path, FLIGHT, m_battpos=factor * inches, c_battpos=factor * inches),
-    )
+    dataset, report = slocum(tmp_path, FLIGHT, m_battpos=factor * inches, c_battpos=factor * inches)
     assert f"was in {unit}" in details(report, "repaired")["m_battpos"]
     size = 0.4 * 0.0254 * (3.0 if unit == "cm" else 1.0)
     for name in ("measured_shift", "commanded_shift"):
@@ -184,7 +181,7 @@ def test_the_batterys_unit_is_told_by_its_travel(tmp_path, factor, unit):
 
 def test_a_batterys_travel_that_is_no_gliders_is_suspect(tmp_path):
     counts = 4000.0 * slocum_columns(FLIGHT)["m_battpos"]
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_battpos=counts))
+    _, report = slocum(tmp_path, FLIGHT, m_battpos=counts)
     assert "in no unit" in details(report, "suspect")["measured_shift"]
 
 
@@ -195,7 +192,7 @@ def test_what_is_not_read_is_named_and_what_is_missing_looked_for(tmp_path):
         "m_tot_num_inflections": columns["m_roll"],
         "m_pitch": None,
     }
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **renamed))
+    _, report = slocum(tmp_path, FLIGHT, **renamed)
     assert details(report, "not read")["flight table"] == "m_tot_num_inflections, pitch"
     assert report.count("not read", "flight table") == 2
     assert "is it 'pitch', which is not read?" in details(report, "missing")["measured_pitch"]
@@ -215,20 +212,17 @@ def test_a_deployment_without_a_dive_does_not_vanish(tmp_path):
 
 
 def test_samples_outside_rows_are_split_by_where_they_were(tmp_path):
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    _, report = slocum(tmp_path, FLIGHT)
     why = [e.detail for e in report.entries if e.subject == "depth samples"]
     assert why == ["at the surface between dives (above 1.5 m)"]
 
 
 def test_rows_that_repeat_a_time_are_kept_apart_from_those_that_contradict(tmp_path):
-    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
-    columns = slocum_columns(FLIGHT)
+    right, _ = slocum(tmp_path, FLIGHT)
     rows = np.concatenate([np.arange(len(FLIGHT.time)), [60, 61, 62, 63]])
-    doubled = {name: values[rows] for name, values in columns.items()}
+    doubled = part(slocum_columns(FLIGHT), rows)
     doubled["m_pitch"][-2:] = 0.9  # the last two say something else
-    paths = write_slocum(tmp_path, FLIGHT)
-    write_csv(paths[0], doubled)
-    dataset, report = import_logs("slocum", paths)
+    dataset, report = slocum(tmp_path, FLIGHT, **doubled)
     assert report.count("repeated", "unit1_flight.csv") == 2
     assert report.count("removed", "unit1_flight.csv") == 2
     assert np.allclose(dataset["measured_pitch"], right["measured_pitch"], equal_nan=True)
@@ -246,7 +240,7 @@ def test_contradicting_rows_are_not_mixed():
 
 
 def test_the_index_that_pandas_writes_is_no_column(tmp_path):
-    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    right, _ = slocum(tmp_path, FLIGHT)
     paths = write_slocum(tmp_path, FLIGHT)
     lines = paths[0].read_text().splitlines()
     numbered = [f"{k - 1 if k else ''},{line}" for k, line in enumerate(lines)]
@@ -285,7 +279,7 @@ def test_cells_of_every_kind(tmp_path):
 
 
 def test_a_log_of_one_sample_says_so(tmp_path):
-    one = {name: values[60:61] for name, values in slocum_columns(FLIGHT).items()}
+    one = part(slocum_columns(FLIGHT), slice(60, 61))
     path = write_csv(tmp_path / "unit1_flight.csv", one)
     refused("holds 1 sample", "slocum", [path], variation_deg=0.0)
 

@@ -10,6 +10,7 @@ from logs import (
     Flight,
     gps_columns,
     refused,
+    slocum,
     slocum_columns,
     write_csv,
     write_slocum,
@@ -68,7 +69,7 @@ def test_data_as_text_are_read_whatever_they_are_called(tmp_path, name):
     dataset, report = import_logs("slocum", [path])
     assert report.deployments == ("unit7",)
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
-    tables, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    tables, _ = slocum(tmp_path, FLIGHT)
     for signal in ("measured_depth", "measured_pitch", "measured_heading", "measured_pump"):
         np.testing.assert_allclose(dataset[signal], tables[signal], atol=1e-4)
     whole = path.read_text()
@@ -83,7 +84,7 @@ def test_data_as_text_are_read_whatever_they_are_called(tmp_path, name):
 
 
 def test_a_saw_tooth_comes_back_with_its_dives_displacements_and_units(tmp_path):
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    dataset, report = slocum(tmp_path, FLIGHT)
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
     for dive in range(FLIGHT.dives):
         begins, ends = FLIGHT.dive_times(dive)
@@ -125,7 +126,7 @@ def test_a_saw_tooth_comes_back_with_its_dives_displacements_and_units(tmp_path)
 
 
 def test_phases_follow_the_dive(tmp_path):
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    dataset, _ = slocum(tmp_path, FLIGHT)
     phase = dataset["measured_phase"].values[0, : int(dataset["n_samples"][0])]
     time = float(seconds(dataset)[0]) + dataset["time"].values[: len(phase)]
     truth = FLIGHT.state(time)
@@ -136,13 +137,10 @@ def test_phases_follow_the_dive(tmp_path):
     assert phase[0] == phase[-1] == 0.0
 
 
-def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(
-    tmp_path,
-):
-    columns = slocum_columns(FLIGHT)
-    clean, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
-    n = len(columns["time"])
-    broken = {name: values.copy() for name, values in columns.items()}
+def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(tmp_path):
+    clean, _ = slocum(tmp_path, FLIGHT)
+    broken = slocum_columns(FLIGHT)
+    n = len(broken["time"])
     spike = int(np.argmax(broken["m_depth"] > 30.0))
     broken["m_pressure"][spike] = 90.0
     broken["m_pitch"][spike + 5] = 9.0
@@ -151,12 +149,7 @@ def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(
     order = np.arange(n)
     order[[20, 40]] = order[[40, 20]]
     rows = np.concatenate([order[keep], [50, 51, 52]])
-    broken = {name: values[rows] for name, values in broken.items()}
-    folder = tmp_path / "broken"
-    folder.mkdir()
-    write_csv(folder / "unit1_flight.csv", broken)
-    write_csv(folder / "unit1_gps.csv", gps_columns(FLIGHT))
-    dataset, report = import_logs("slocum", [folder])
+    dataset, report = slocum(tmp_path, FLIGHT, rows=rows, **broken)
     assert report.count("removed", "m_pressure") == 1
     assert report.count("removed", "m_pitch") == 1
     assert report.count("repeated", "unit1_flight.csv") == 3
@@ -181,9 +174,9 @@ def test_disorder_repeats_gaps_spikes_and_sentinels_are_repaired_and_counted(
     ],
 )
 def test_swapped_units_are_repaired_and_counted(tmp_path, column, factor, why):
-    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    right, _ = slocum(tmp_path, FLIGHT)
     changed = {column: slocum_columns(FLIGHT)[column] * factor}
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
+    dataset, report = slocum(tmp_path, FLIGHT, **changed)
     repaired = [e for e in report.entries if e.action == "repaired"]
     assert len(repaired) == 1
     assert why in repaired[0].detail
@@ -193,10 +186,9 @@ def test_swapped_units_are_repaired_and_counted(tmp_path, column, factor, why):
 
 
 def test_a_pressure_alone_is_scaled_by_the_speed_that_it_gives(tmp_path):
-    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT, m_depth=None))
+    right, _ = slocum(tmp_path, FLIGHT, m_depth=None)
     dbar = slocum_columns(FLIGHT)["m_pressure"] * 10.0
-    paths = write_slocum(tmp_path, FLIGHT, m_depth=None, m_pressure=dbar)
-    dataset, report = import_logs("slocum", paths)
+    dataset, report = slocum(tmp_path, FLIGHT, m_depth=None, m_pressure=dbar)
     assert report.count("repaired", "pressure") == len(FLIGHT.time)
     assert np.allclose(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
 
@@ -209,31 +201,30 @@ def test_a_sign_that_contradicts_the_dives_is_suspect(tmp_path, column, subject)
     columns = slocum_columns(FLIGHT)
     # a heading that never changes is suspect by itself
     wobble = {"m_heading": columns["m_heading"] + 1e-3 * np.sin(FLIGHT.time)}
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **wobble))
+    _, report = slocum(tmp_path, FLIGHT, **wobble)
     assert report.count("suspect") == 0
     changed = {**wobble, column: -columns[column]}
-    _, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT, **changed))
+    _, report = slocum(tmp_path, FLIGHT, **changed)
     assert report.count("suspect", subject) == report.count("suspect") == len(FLIGHT.time)
 
 
 def test_litres_infinities_and_swapped_positions(tmp_path):
-    right, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    right, _ = slocum(tmp_path, FLIGHT)
     columns = slocum_columns(FLIGHT)
     latitude, longitude = FLIGHT.position(FLIGHT.time)
     roll = columns["m_roll"].copy()
     roll[7] = np.inf
-    paths = write_slocum(
+    gps = gps_columns(FLIGHT)
+    gps["lat"], gps["lon"] = gps["lon"], gps["lat"]
+    dataset, report = slocum(
         tmp_path,
         FLIGHT,
+        gps=gps,
         m_ballast_pumped=columns["m_ballast_pumped"] / 1000.0,
         m_roll=roll,
         m_lat=latitude,
         m_lon=longitude,
     )
-    gps = gps_columns(FLIGHT)
-    gps["lat"], gps["lon"] = gps["lon"], gps["lat"]
-    write_csv(paths[1], gps)
-    dataset, report = import_logs("slocum", paths)
     assert report.count("repaired", "m_ballast_pumped") == len(FLIGHT.time)
     assert report.count("removed", "m_roll") == 1
     assert report.count("repaired", "unit1_gps.csv") == len(gps["time"])
@@ -259,7 +250,6 @@ def test_a_log_without_gps_is_split_by_its_depth(tmp_path):
 
 
 def test_bad_and_stray_fixes_are_counted(tmp_path):
-    flight_table, _ = write_slocum(tmp_path, FLIGHT)
     gps = gps_columns(FLIGHT)
     gps["status"][3] = 2.0
     gps["lat"][10] += 0.1  # 11 km away for one fix
@@ -269,8 +259,7 @@ def test_bad_and_stray_fixes_are_counted(tmp_path):
         "mag_var_rad": gps["mag_var_rad"][0],
     }  # fmt: skip
     gps = {name: np.append(values, late[name]) for name, values in gps.items()}
-    path = write_csv(tmp_path / "unit1_gps.csv", gps)
-    _, report = import_logs("slocum", [flight_table, path])
+    _, report = slocum(tmp_path, FLIGHT, gps=gps)
     fixes = [e for e in report.entries if e.subject == "GPS fixes"]
     removed = {e.detail: e.count for e in fixes if e.action == "removed"}
     assert removed == {
@@ -329,7 +318,7 @@ def test_another_vehicles_gps_is_refused(tmp_path):
 
 
 def test_a_store_of_logs_opens_like_a_store_of_missions(tmp_path):
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT))
+    dataset, report = slocum(tmp_path, FLIGHT)
     path = write_store(dataset, tmp_path / "real.zarr")
     stored = open_store(path)
     assert stored.attrs["title"] == "Underwater glider logs"

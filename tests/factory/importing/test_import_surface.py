@@ -6,6 +6,7 @@ from logs import (
     SHARED,
     Flight,
     gps_columns,
+    part,
     slocum,
     slocum_columns,
     write_csv,
@@ -33,6 +34,17 @@ def why(report, action, word):
     return sum(e.count for e in report.entries if e.action == action and word in e.detail)  # type: ignore[attr-defined]
 
 
+def fixes_when(flight, use):
+    """The fixes whose time since the stay at the surface began is used [s]."""
+    gps = gps_columns(flight)
+    return part(gps, use((gps["time"] - gps["time"][0]) % flight.cycle))
+
+
+def at_both_ends(flight):
+    """Fixes when it comes up and before it dives."""
+    return fixes_when(flight, lambda t: (t < 200.0) | (t > flight.surface - 200.0))
+
+
 def with_late_fixes(flight, dive, speed, count):
     """Fixes that a receiver goes on with, north at `speed`, after the glider has dived."""
     gps = gps_columns(flight)
@@ -52,9 +64,7 @@ def with_late_fixes(flight, dive, speed, count):
 
 def test_a_receiver_that_races_on_under_water_gives_no_fix(tmp_path):
     right, _ = slocum(tmp_path, FLIGHT)
-    flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
-    write_csv(gps_table, with_late_fixes(FLIGHT, 1, 5.7, 5))
-    dataset, report = import_logs("slocum", [flight_table, gps_table])
+    dataset, report = slocum(tmp_path, FLIGHT, gps=with_late_fixes(FLIGHT, 1, 5.7, 5))
     assert why(report, "removed", "constant velocity") == 5
     assert report.rows == FLIGHT.dives
     for name in ("displacement_north", "displacement_east", "surface_drift_north"):
@@ -63,15 +73,14 @@ def test_a_receiver_that_races_on_under_water_gives_no_fix(tmp_path):
 
 
 def test_a_slow_receiver_under_water_is_counted_or_refused(tmp_path):
-    flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
-    write_csv(gps_table, with_late_fixes(FLIGHT, 1, 0.5, 6))
-    dataset, report = import_logs("slocum", [flight_table, gps_table])
+    paths = write_slocum(tmp_path, FLIGHT, gps=with_late_fixes(FLIGHT, 1, 0.5, 6))
+    dataset, report = import_logs("slocum", paths)
     start, _ = FLIGHT.dive_times(1)
     assert float(dataset["start_time"][1]) > start
     # 0.175 m/s downward: the last four are deeper than 2 m
     kept = why(report, "note", "kept")
     assert 1 <= kept <= 6
-    strict, report = import_logs("slocum", [flight_table, gps_table], rules=DiveRules(coast=0.0))
+    strict, report = import_logs("slocum", paths, rules=DiveRules(coast=0.0))
     assert why(report, "removed", "under water") == kept
     assert float(strict["measured_depth"][1, 0]) <= 2.0
     assert report.rows == FLIGHT.dives
@@ -79,15 +88,10 @@ def test_a_slow_receiver_under_water_is_counted_or_refused(tmp_path):
 
 def test_most_fixes_under_water_mean_another_clock(tmp_path):
     flight = Flight(dives=12)
-    flight_table, gps_table = write_slocum(tmp_path, flight)
-    gps = gps_columns(flight)
     # keep short stays only, so that an hour puts them under water
-    since = (gps["time"] - gps["time"][0]) % flight.cycle
-    use = (since > 20.0) & (since < 60.0)
-    gps = {name: values[use] for name, values in gps.items()}
+    gps = fixes_when(flight, lambda since: (since > 20.0) & (since < 60.0))
     gps["time"] = gps["time"] + 3600.0
-    write_csv(gps_table, gps)
-    _, report = import_logs("slocum", [flight_table, gps_table])
+    _, report = slocum(tmp_path, flight, gps=gps)
     assert report.count("suspect", "GPS fixes") > 0
     assert why(report, "suspect", "Fixes 1 h earlier would fit") > 0
 
@@ -96,8 +100,7 @@ def test_most_fixes_under_water_mean_another_clock(tmp_path):
 def test_an_offset_at_the_surface_is_taken_off(tmp_path, offset):
     right, _ = slocum(tmp_path, FLIGHT, m_pressure=None)
     depth = slocum_columns(FLIGHT)["m_depth"] + offset
-    paths = write_slocum(tmp_path, FLIGHT, m_pressure=None, m_depth=depth)
-    dataset, report = import_logs("slocum", paths)
+    dataset, report = slocum(tmp_path, FLIGHT, m_pressure=None, m_depth=depth)
     assert why(report, "repaired", "depth offset") == len(FLIGHT.time)
     assert report.rows == FLIGHT.dives
     for name in ("measured_depth", "measured_pressure", "measured_phase", "displacement_north"):
@@ -109,14 +112,12 @@ def test_an_offset_that_drifts_is_followed_and_a_wild_one_is_left(tmp_path):
     time = flight.time
     depth = slocum_columns(flight)["m_depth"]
     slow = 1.0 + 0.6 * (time - time[0]) / np.ptp(time)
-    paths = write_slocum(tmp_path, flight, m_pressure=None, m_depth=depth + slow)
-    dataset, report = import_logs("slocum", paths)
+    dataset, report = slocum(tmp_path, flight, m_pressure=None, m_depth=depth + slow)
     assert why(report, "repaired", "depth offset") == len(time)
     assert np.nanmax(np.abs(dataset["measured_depth"].values[:, 0])) < 0.2
     cycle = flight.state(time)["dive"]
     wild = np.random.default_rng(2).uniform(-2.0, 2.0, 20)[cycle.astype(int)]
-    paths = write_slocum(tmp_path, flight, m_pressure=None, m_depth=depth + wild)
-    _, report = import_logs("slocum", paths)
+    _, report = slocum(tmp_path, flight, m_pressure=None, m_depth=depth + wild)
     assert why(report, "repaired", "depth offset") == 0
 
 
@@ -161,11 +162,10 @@ def test_holes_of_the_ctd_are_filled_from_the_vehicles_own_pressure(tmp_path):
     true = columns["m_pressure"]
     ctd = np.where(columns["m_depth"] > 5.0, true, np.nan)
     coarse = true + 0.3 + 0.01 * rng.standard_normal(len(true))
-    paths = write_slocum(
+    dataset, report = slocum(
         tmp_path, FLIGHT, sci_water_pressure=ctd, m_pressure=coarse,
         m_depth=None, sci_water_temp=np.full(len(true), 8.0),
     )  # fmt: skip
-    dataset, report = import_logs("slocum", paths)
     assert why(report, "note", "where sci_water_pressure was silent") > 100
     assert report.rows == FLIGHT.dives
     for row in range(FLIGHT.dives):
@@ -177,27 +177,25 @@ def test_holes_of_the_ctd_are_filled_from_the_vehicles_own_pressure(tmp_path):
 
 
 def test_a_carried_glider_has_no_drift(tmp_path):
-    flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
     gps = gps_columns(FLIGHT)
     start, _ = FLIGHT.dive_times(0)
     first = gps["time"] < start
     carried = gps["lat"] + np.where(first, 2.8 * (gps["time"] - start) * METRES, 0.0)
-    write_csv(gps_table, {**gps, "lat": carried})
-    dataset, report = import_logs("slocum", [flight_table, gps_table])
+    dataset, report = slocum(tmp_path, FLIGHT, gps={**gps, "lat": carried})
     assert report.count("left out", "surface drift") == 1
     assert np.isnan(dataset["surface_drift_north"].values[0])
     assert dataset["surface_drift_north"].values[1:] == pytest.approx(FLIGHT.north, abs=1e-3)
 
 
 def test_a_log_that_pauses_for_days_says_so(tmp_path):
-    flight_table, gps_table = write_slocum(tmp_path, FLIGHT)
+    paths = write_slocum(tmp_path, FLIGHT)
     pause = 3.0 * 86400.0
     after = FLIGHT.dive_times(1)[0] - 150.0
-    for path in (flight_table, gps_table):
+    for path in paths:
         table = dict(read_table(path).columns)
         table["time"] = np.where(table["time"] > after, table["time"] + pause, table["time"])
         write_csv(path, table)
-    dataset, report = import_logs("slocum", [flight_table, gps_table])
+    dataset, report = import_logs("slocum", paths)
     assert why(report, "note", "silent for 3.0 days") == 1
     # the stay before the second dive began after the pause
     assert float(dataset["surface_duration"][1]) < 300.0
@@ -220,18 +218,12 @@ def test_the_current_between_fixes_is_what_the_flight_does_not_explain(tmp_path)
 
 
 def test_a_log_that_ends_below_says_so_and_has_no_current(tmp_path):
-    columns = slocum_columns(FLIGHT)
     start, end = FLIGHT.dive_times(1)
-    keep = (columns["time"] < start + 0.4 * (end - start)) | (columns["time"] > end + 1.0)
-    paths = write_slocum(tmp_path, FLIGHT)
-    write_csv(paths[0], {name: values[keep] for name, values in columns.items()})
-    table = {n: v[v.size * [True]] for n, v in gps_columns(FLIGHT).items()}
-    late = (table["time"] > end) | (table["time"] < start)
-    write_csv(paths[1], {n: v[late] for n, v in table.items()})
+    gps = gps_columns(FLIGHT)
+    gps = part(gps, (gps["time"] > end) | (gps["time"] < start))
     # the rest of the log is gone too, so that the depth is held to the fix
-    kept = columns["time"] < start + 0.4 * (end - start)
-    write_csv(paths[0], {name: values[kept] for name, values in columns.items()})
-    dataset, report = import_logs("slocum", paths)
+    kept = FLIGHT.time < start + 0.4 * (end - start)
+    dataset, report = slocum(tmp_path, FLIGHT, rows=kept, gps=gps)
     assert report.count("note", "incomplete dives") == 1
     assert why(report, "note", ": log ends at") == 1
     assert np.isnan(dataset["dac_north"].values[1])
@@ -289,18 +281,14 @@ def test_stays_at_the_surface_are_no_dives_whatever_the_vehicles_own_sensor_show
     columns, time = slocum_columns(flight), flight.time
     noise = np.random.default_rng(5).normal(0.0, 0.05, len(time))
     drift = np.interp(time, time[[0, -1]], zero)
-    paths = write_slocum(
+    dataset, report = slocum(
         tmp_path,
         flight,
+        gps=at_both_ends(flight),
         m_depth=None,
         m_pressure=columns["m_pressure"] + 0.1 * (drift + noise),
         sci_water_pressure=np.where(columns["m_depth"] > 5.0, columns["m_pressure"], np.nan),
     )
-    gps = gps_columns(flight)
-    since = (gps["time"] - gps["time"][0]) % flight.cycle
-    few = (since < 200.0) | (since > flight.surface - 200.0)  # when it comes up and before it dives
-    write_csv(paths[1], {name: values[few] for name, values in gps.items()})
-    dataset, report = import_logs("slocum", paths)
     assert report.rows == report.rows_with_fixes == flight.dives
     assert dataset["dive_duration"].values == pytest.approx(2.0 * flight.leg, abs=20.0)
     assert np.abs(dataset["measured_depth"].values[:, 0]).max() < 2.0
@@ -325,13 +313,7 @@ def test_what_a_restarted_sensor_writes_first_is_removed_and_so_are_spikes(again
     pressure = np.where(np.abs(time - bottom) <= 2.0, first, columns["m_pressure"])
     spike = np.flatnonzero(columns["m_depth"] > 50.0)[3]
     pressure[spike] += 9.0
-    broken = {**columns, "m_pressure": pressure}
-    del broken["m_depth"]
-    folder = tmp_path / "broken"
-    folder.mkdir()
-    write_csv(folder / "unit1_flight.csv", {n: v[keep] for n, v in broken.items()})
-    write_csv(folder / "unit1_gps.csv", gps_columns(flight))
-    dataset, report = import_logs("slocum", [folder])
+    dataset, report = slocum(tmp_path, flight, rows=keep, m_pressure=pressure, m_depth=None)
     assert report.count("suspect", "m_pressure") == 0
     assert why(report, "removed", word) == 1
     assert why(report, "removed", "changes faster") == 1
@@ -343,19 +325,13 @@ def test_what_a_restarted_sensor_writes_first_is_removed_and_so_are_spikes(again
     assert np.nanmax(off[2]) < 30.0  # the hole is bridged, not filled with the surface
 
 
-def test_a_log_that_is_silent_for_hours_between_two_fixes_is_no_dive_of_hours(
-    tmp_path,
-):
+def test_a_log_that_is_silent_for_hours_between_two_fixes_is_no_dive_of_hours(tmp_path):
     """Files are missing: nobody knows whether it surfaced, and one row of all is no dive."""
     flight = Flight(dives=12, depth=90.0)
     start, end = flight.dive_times(2)[0] + 200.0, flight.dive_times(9)[0] + 200.0
-    columns = slocum_columns(flight)
-    keep = (columns["time"] < start) | (columns["time"] > end)
-    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
     gps = gps_columns(flight)
-    keep = (gps["time"] < start) | (gps["time"] > end)
-    write_csv(tmp_path / "unit1_gps.csv", {n: v[keep] for n, v in gps.items()})
-    dataset, report = import_logs("slocum", [tmp_path])
+    keep, fixes = ((time < start) | (time > end) for time in (flight.time, gps["time"]))
+    dataset, report = slocum(tmp_path, flight, rows=keep, gps=part(gps, fixes))
     assert float(dataset["dive_duration"].max()) < 1.1 * flight.cycle
     assert report.rows_with_fixes == 4
     assert report.rows == 6
@@ -368,14 +344,11 @@ def test_regular_sparse_sampling_at_depth_is_no_gap_and_a_hole_is_one(tmp_path):
     since = (columns["time"] - columns["time"][0]).astype(int)
     deep = columns["m_depth"] > 40.0
     keep = ~deep | (since % 60 == 0)
-    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
-    write_csv(tmp_path / "unit1_gps.csv", gps_columns(flight))
-    dataset, _ = import_logs("slocum", [tmp_path])
+    dataset, _ = slocum(tmp_path, flight, rows=keep)
     assert np.nanmean(dataset["measured_gap"]) < 0.02
     middle = flight.dive_times(1)[0] + 0.6 * flight.leg
     keep &= np.abs(columns["time"] - middle) > 200.0
-    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in columns.items()})
-    dataset, _ = import_logs("slocum", [tmp_path])
+    dataset, _ = slocum(tmp_path, flight, rows=keep)
     assert np.nansum(dataset["measured_gap"][0]) < 12
     assert 120 < np.nansum(dataset["measured_gap"][1]) < 260
 
@@ -428,12 +401,9 @@ def test_single_depths_of_a_noisy_sensor_at_the_surface_are_no_dive(tmp_path):
         start, _ = flight.dive_times(dive)
         at = np.searchsorted(flight.time, start - 1000.0)
         depth[[at, at + 40, at + 41, at + 42, at + 80]] = 11.0, 6.0, 11.0, 7.0, 5.5
-    paths = write_slocum(tmp_path, flight, m_pressure=None, m_depth=depth)
-    gps = gps_columns(flight)
-    since = (gps["time"] - gps["time"][0]) % flight.cycle
-    few = (since < 200.0) | (since > flight.surface - 200.0)
-    write_csv(paths[1], {name: values[few] for name, values in gps.items()})
-    dataset, report = import_logs("slocum", paths)
+    dataset, report = slocum(
+        tmp_path, flight, gps=at_both_ends(flight), m_pressure=None, m_depth=depth
+    )
     assert report.rows == report.rows_with_fixes == flight.dives
     assert dataset["dive_duration"].values == pytest.approx(2.0 * flight.leg, abs=20.0)
     assert why(report, "left out", "deeper than 5 m for less than 30 s") == 5 * flight.dives
@@ -452,9 +422,7 @@ def test_two_depths_of_a_restarted_sensor_are_no_dive():
     assert longest_stretch(Channel(rare, np.where(rare == 300.0, 12.0, 0.0)), 5.0) == 60.0
 
 
-def test_dives_without_science_are_filled_from_the_depth_of_a_satellite_file(
-    tmp_path,
-):
+def test_dives_without_science_are_filled_from_the_depth_of_a_satellite_file(tmp_path):
     """It has no pressure of the vehicle's own; the CTD wakes once and shows what it had last."""
     flight = Flight(dives=12)
     columns = slocum_columns(flight)
@@ -462,11 +430,10 @@ def test_dives_without_science_are_filled_from_the_depth_of_a_satellite_file(
     off = (flight.time > start - 100.0) & (flight.time < end + 100.0)
     ctd = np.where(off, np.nan, columns["m_pressure"])
     ctd[np.searchsorted(flight.time, start + 100.0)] = 0.4
-    paths = write_slocum(
+    dataset, report = slocum(
         tmp_path, flight, sci_water_pressure=ctd, m_pressure=None,
         sci_water_temp=np.where(off, np.nan, 8.0),
     )  # fmt: skip
-    dataset, report = import_logs("slocum", paths)
     assert why(report, "note", "from m_depth where sci_water_pressure was silent") > 100
     assert report.rows == flight.dives
     n = int(dataset["n_samples"][1])
@@ -479,16 +446,11 @@ def test_dives_without_science_are_filled_from_the_depth_of_a_satellite_file(
 def test_one_wrong_sample_beside_a_step_takes_no_days_with_it(tmp_path):
     """A spike that the sample after it can reach parted the log: the shorter part was removed."""
     flight = Flight(dives=6, depth=60.0, surface=600.0)
-    columns = slocum_columns(flight)
-    depth = columns["m_depth"].copy()
+    depth = slocum_columns(flight)["m_depth"].copy()
     start, _ = flight.dive_times(4)
     at = int(np.searchsorted(flight.time, start - 300.0))
     depth[at] = 13.0  # 4 m + 2 m/s cannot reach it in 4 s ...
     keep = (flight.time <= flight.time[at]) | (flight.time > flight.time[at] + 40.0)  # ... or can
-    broken = {**columns, "m_depth": depth}
-    del broken["m_pressure"]
-    write_csv(tmp_path / "unit1_flight.csv", {n: v[keep] for n, v in broken.items()})
-    write_csv(tmp_path / "unit1_gps.csv", gps_columns(flight))
-    _, report = import_logs("slocum", [tmp_path])
+    _, report = slocum(tmp_path, flight, rows=keep, m_depth=depth, m_pressure=None)
     assert report.count("removed", "m_depth") == 1
     assert report.rows == flight.dives

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_dbd, write_seaexplorer
+from logs import START, Flight, slocum, slocum_columns, write_csv, write_dbd, write_seaexplorer
 
 from factory.importing import TRUNCATED, import_logs
 from factory.importing.deployment_log import Channel
@@ -147,12 +147,9 @@ def test_a_navigation_log_that_ends_early_holds_nothing(tmp_path):
 def test_a_depth_that_ends_deep_rises_to_the_fix(tmp_path):
     """Nobody knows the way; the fix knows the depth."""
     flight = Flight(dives=1, depth=100.0, surface=600.0)
-    columns = slocum_columns(flight)
     begin, end = flight.dive_times(0)
-    flown = (columns["time"] < begin + 0.6 * (end - begin)) | (columns["time"] > end + 120.0)
-    write_csv(tmp_path / "unit1_flight.csv", {n: v[flown] for n, v in columns.items()})
-    write_csv(tmp_path / "unit1_gps.csv", gps_columns(flight))
-    dataset, _ = import_logs("slocum", [tmp_path])
+    flown = (flight.time < begin + 0.6 * (end - begin)) | (flight.time > end + 120.0)
+    dataset, _ = slocum(tmp_path, flight, rows=flown)
     time, depth = row(dataset, "measured_depth")
     last = begin + 0.6 * (end - begin)
     half = 0.5 * (last + time[-1])

@@ -44,9 +44,16 @@ def currents(tmp_path, **reported):
     )
     tally = Tally()
     log = within_limits(log, tally)
-    log = dataclasses.replace(log, doubts=tuple(tally.doubts))
-    rows, _ = rows_of(log, period=4.0, rules=DiveRules(), tally=Tally())
-    return [row.suspect for row in rows]
+    return whys(dataclasses.replace(log, doubts=tuple(tally.doubts)))
+
+
+def rows_by(log):
+    return rows_of(log, period=4.0, rules=DiveRules(), tally=Tally())[0]
+
+
+def whys(log, **changes):
+    """Why each row of a log is suspect."""
+    return [row.suspect for row in rows_by(dataclasses.replace(log, **changes))]
 
 
 def plain_log():
@@ -82,15 +89,12 @@ def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path):
         },
     )
     log = within_limits(log, tally := Tally())
-    log = dataclasses.replace(log, doubts=tuple(tally.doubts))
-    rows, _ = rows_of(log, period=4.0, rules=DiveRules(), tally=Tally())
-    assert [bool(row.suspect) for row in rows] == [False, True, False]
+    assert [bool(one) for one in whys(log, doubts=tuple(tally.doubts))] == [False, True, False]
 
 
 def plain_ends():
     """Times at which the rows of `plain_log` end."""
-    rows, _ = rows_of(plain_log(), period=4.0, rules=DiveRules(), tally=Tally())
-    return np.array([row.segment.end for row in rows])
+    return np.array([row.segment.end for row in rows_by(plain_log())])
 
 
 def test_what_is_made_of_channels_is_within_limits_too():
@@ -141,10 +145,7 @@ def test_a_pitch_that_cannot_make_the_sinking_is_suspect(tmp_path):
     radian = np.radians(FLIGHT.state(FLIGHT.time)["pitch"])
     log = plain_log()
     channels = {**log.channels, "measured_pitch": Channel(FLIGHT.time, radian)}
-    rows, _ = rows_of(
-        dataclasses.replace(log, channels=channels), period=4.0, rules=DiveRules(), tally=Tally()
-    )
-    assert all("measured_pitch: below 2 degree" in row.suspect for row in rows)
+    assert all("measured_pitch: below 2 degree" in one for one in whys(log, channels=channels))
 
 
 def test_fixes_far_from_the_waypoint_and_from_the_own_track_are_suspect():
@@ -155,16 +156,9 @@ def test_fixes_far_from_the_waypoint_and_from_the_own_track_are_suspect():
     here = {n: Channel(FLIGHT.time, one) for n, one in zip(names, track, strict=True)}
     sent = {f"waypoint_{name}": channel for name, channel in here.items()}
     for auxiliary, what in ((here, "its own track"), (sent, "its waypoint")):
-        rows, _ = rows_of(
-            dataclasses.replace(log, fixes=far, auxiliary=auxiliary),
-            period=4.0, rules=DiveRules(), tally=Tally(),
-        )  # fmt: skip
-        assert all(f"more than 1000 km from {what}" in row.suspect for row in rows)
-        rows, _ = rows_of(
-            dataclasses.replace(log, auxiliary=auxiliary),
-            period=4.0, rules=DiveRules(), tally=Tally(),
-        )  # fmt: skip
-        assert not any(row.suspect for row in rows)
+        found = whys(log, fixes=far, auxiliary=auxiliary)
+        assert all(f"more than 1000 km from {what}" in one for one in found)
+        assert not any(whys(log, auxiliary=auxiliary))
 
 
 def test_a_doubt_of_a_reader_marks_the_rows_of_its_time_alone():
@@ -172,11 +166,8 @@ def test_a_doubt_of_a_reader_marks_the_rows_of_its_time_alone():
     tally = Tally()
     start, end = FLIGHT.dive_times(1)
     tally.doubt("measured_depth", "two sensors disagree", deployment="d", start=start, end=end)
-    rows, _ = rows_of(
-        dataclasses.replace(log, doubts=tuple(tally.doubts)),
-        period=4.0, rules=DiveRules(), tally=tally,
-    )  # fmt: skip
-    assert [row.suspect for row in rows] == ["", "measured_depth: two sensors disagree", ""]
+    found = whys(log, doubts=tuple(tally.doubts))
+    assert found == ["", "measured_depth: two sensors disagree", ""]
 
 
 def test_a_store_with_a_suspect_row_is_not_sound(tmp_path, capsys):

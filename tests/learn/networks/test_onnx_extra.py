@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from learn.commands.export import ExportNetwork
+from learn.commands.trained import ExportNetwork
 from twin.cli.console import Console
 from twin.errors import InputError
 

@@ -14,7 +14,7 @@ import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -36,6 +36,13 @@ from twin.cli.text_table import (
 )
 from twin.errors import InputError, NoSteadyState
 
+PROGRAMS = {program.name: program for program in (TWIN, FACTORY, LEARN)}
+every_program = pytest.mark.parametrize("program", PROGRAMS.values(), ids=PROGRAMS)
+every_command = pytest.mark.parametrize(
+    ("program", "command"),
+    [(program, command) for program in PROGRAMS.values() for command in program.commands],
+    ids=lambda thing: thing.name,
+)
 HEAVY = ("numpy", "scipy", "mujoco", "torch", "matplotlib", "xarray", "zarr", "numba", "dm_control")
 """Libraries too slow to import for a help text."""
 
@@ -109,60 +116,41 @@ def program(monkeypatch: pytest.MonkeyPatch) -> Program:
     return Program(
         name="swim",
         summary="A program for these tests.",
-        commands=(
-            ProgramCommand(name="glide", summary="glides", loader="unused"),
-            ProgramCommand(name="mute", summary="says nothing", loader="unused"),
-        ),
+        commands=tuple(ProgramCommand(name=n, summary=n, loader="unused") for n in commands),
     )
 
 
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (["glide", "--net-mass", "0.3"], 0, ""),
-        (["glide", "--net-mass", "-0.3"], 0, ""),
-        (["glide", "--net-mass", "0.3", "--fail", "failed"], 1, ""),
-        ([], 2, "swim: error: no command given"),
-        (["glid"], 2, "unknown command 'glid': did you mean 'glide'?"),
-        (["--json"], 2, "unknown option '--json' before the command"),
-        (["glide"], 2, "missing --net-mass (see swim glide --help)"),
-        (
-            ["glide", "--net-mas", "0.3"],
-            2,
-            "option --net-mas: did you mean --net-mass (Net ",
-        ),
-        (["glide", "--net-mass=1", "--qqq"], 2, "unknown option --qqq: allowed: --fail, --json"),
-        (["glide", "--net-mass", "1", "x"], 2, "unexpected argument 'x'"),
-        (["glide", "--net-mass"], 2, "--net-mass"),
-        (["glide", "--net-mass", "much"], 2, "needs a number, got 'much': Net buoyancy mass [kg]"),
-        (
-            ["glide", "--net-mass", "1", "--json", "yes"],
-            2,
-            "--json takes no value: leave 'yes' out",
-        ),
-        (["render"], 2, "swim has no command 'render': it is `twin render`"),
-        (["plot"], 2, "it is `twin plot` or `factory plot`"),
-        (["glide", "--net-mass", "1", "--model", "fosen"], 2, "did you mean 'fossen'?"),
-        (["glide", "--net-mass", "11"], 2, "error: net mass 11.0 kg is too large: at most 10 kg"),
-        (["glide", "--net-mass", "1", "--fail", "steady"], 1, "error: no steady glide at all"),
-        (["glide", "--net-mass", "1", "--fail", "bug"], 1, "ZeroDivisionError: division by zero"),
-        (
-            ["glide", "--net-mass", "1", "--fail", "interrupt"],
-            130,
-            "error: interrupted: continue with --resume",
-        ),
-        (["glide", "--net-mass", "1", "--fail", "missing"], 2, "m.toml: No such file"),
-        (["glide", "--net-mass", "1", "--fail", "full"], 1, "run.zarr: No space left"),
+        ("glide --net-mass 0.3", 0, ""),
+        ("glide --net-mass -0.3", 0, ""),
+        ("glide --net-mass 0.3 --fail failed", 1, ""),
+        ("", 2, "swim: error: no command given"),
+        ("glid", 2, "unknown command 'glid': did you mean 'glide'?"),
+        ("--json", 2, "unknown option '--json' before the command"),
+        ("glide", 2, "missing --net-mass (see swim glide --help)"),
+        ("glide --net-mas 0.3", 2, "option --net-mas: did you mean --net-mass (Net "),
+        ("glide --net-mass=1 --qqq", 2, "unknown option --qqq: allowed: --fail, --json"),
+        ("glide --net-mass 1 x", 2, "unexpected argument 'x'"),
+        ("glide --net-mass", 2, "--net-mass"),
+        ("glide --net-mass much", 2, "needs a number, got 'much': Net buoyancy mass [kg]"),
+        ("glide --net-mass 1 --json yes", 2, "--json takes no value: leave 'yes' out"),
+        ("render", 2, "swim has no command 'render': it is `twin render`"),
+        ("plot", 2, "it is `twin plot` or `factory plot`"),
+        ("glide --net-mass 1 --model fosen", 2, "did you mean 'fossen'?"),
+        ("glide --net-mass 11", 2, "error: net mass 11.0 kg is too large: at most 10 kg"),
+        ("glide --net-mass 1 --fail steady", 1, "error: no steady glide at all"),
+        ("glide --net-mass 1 --fail bug", 1, "ZeroDivisionError: division by zero"),
+        ("glide --net-mass 1 --fail interrupt", 130, "interrupted: continue with --resume"),
+        ("glide --net-mass 1 --fail missing", 2, "m.toml: No such file"),
+        ("glide --net-mass 1 --fail full", 1, "run.zarr: No space left"),
     ],
 )
 def test_exit_code_and_one_line_message(
-    program: Program,
-    capsys: pytest.CaptureFixture[str],
-    words: list[str],
-    code: int,
-    message: str,
+    program: Program, capsys: pytest.CaptureFixture[str], words: str, code: int, message: str
 ) -> None:
-    assert program.main(words) == code
+    assert program.main(words.split()) == code
     error = capsys.readouterr().err
     assert message in error
     assert "Traceback" not in error
@@ -240,7 +228,7 @@ def test_help_of_an_option_that_may_be_absent_names_its_kind_only(
 
 @pytest.mark.parametrize(
     ("command", "columns"),
-    [(c, w) for p in (TWIN, FACTORY, LEARN) for c in p.commands for w in ("80", "140")][::3],
+    [(c, w) for p in PROGRAMS.values() for c in p.commands for w in ("80", "140")][::3],
     ids=lambda value: value if isinstance(value, str) else value.name,
 )
 def test_help_is_no_wider_than_the_terminal(
@@ -257,11 +245,7 @@ def test_help_is_no_wider_than_the_terminal(
     assert "(default: )" not in text
 
 
-@pytest.mark.parametrize(
-    ("program", "command"),
-    [(program, command) for program in (TWIN, FACTORY, LEARN) for command in program.commands],
-    ids=lambda thing: thing.name,
-)
+@every_command
 def test_help_of_every_command_has_an_example_that_its_parser_takes(
     program: Program, command: ProgramCommand, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -288,7 +272,7 @@ def test_help_of_an_option_is_wrapped_to_its_box_and_not_at_the_lines_of_the_sou
     assert lines[begin + 1].startswith("hull is), constant, thermocline")
 
 
-@pytest.mark.parametrize("program", [TWIN, FACTORY, LEARN], ids=lambda program: program.name)
+@every_program
 def test_every_number_is_asked_for_in_plain_words(
     program: Program, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -329,8 +313,7 @@ def test_a_misspelt_option_leads_to_the_nearest(
     words: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     name, *rest = words.split()
-    program = next(one for one in (TWIN, FACTORY, LEARN) if one.name == name)
-    assert program.main(rest) == 2
+    assert PROGRAMS[name].main(rest) == 2
     assert message in capsys.readouterr().err
 
 
@@ -343,19 +326,13 @@ def test_names_that_leave_no_room_are_broken_and_nothing_is_lost() -> None:
 
 
 def test_option_names_include_nested_ones() -> None:
-    assert list(option_names(Glide)) == [
-        "--json",
-        "--net-mass",
-        "--model",
-        "--water.density",
-        "--plot",
-        "--fail",
-    ]
+    expected = "--json --net-mass --model --water.density --plot --fail"
+    assert list(option_names(Glide)) == expected.split()
 
 
-@pytest.mark.parametrize("program", [TWIN, FACTORY, LEARN], ids=lambda program: program.name)
+@every_program
 def test_help_of_the_program_imports_nothing_heavy(program: Program) -> None:
-    loaded, text = _modules_after(program.name, ["--help"])
+    loaded, text = _modules_after(program.name, "--help")
     assert not loaded & {*HEAVY, "tyro"}
     assert text.startswith(f"usage: {program.name} COMMAND")
     for command in program.commands:
@@ -363,72 +340,64 @@ def test_help_of_the_program_imports_nothing_heavy(program: Program) -> None:
         assert command.summary in text
 
 
-@pytest.mark.parametrize(
-    ("program", "command"),
-    [(program, command) for program in (TWIN, FACTORY, LEARN) for command in program.commands],
-    ids=lambda thing: thing.name,
-)
+@every_command
 def test_help_of_a_command_imports_nothing_heavy(program: Program, command: ProgramCommand) -> None:
-    loaded, text = _modules_after(program.name, [command.name, "--help"])
+    loaded, text = _modules_after(program.name, command.name, "--help")
     assert not loaded & set(HEAVY)
     assert text.startswith(f"usage: {program.name} {command.name}")
     first = (command.load().__doc__ or "").split(".")[0].split("\n")[0]
     assert first in " ".join(text.split())
 
 
-@pytest.mark.parametrize("program", [TWIN, FACTORY, LEARN], ids=lambda program: program.name)
+@every_program
 def test_commands_have_unique_names_and_short_summaries(program: Program) -> None:
     names = [command.name for command in program.commands]
     assert len(set(names)) == len(names)
     assert all(0 < len(command.summary) <= 80 for command in program.commands)
 
 
-def test_python_dash_m_is_the_same_program() -> None:
-    for name in ("twin", "factory", "learn"):
-        done = subprocess.run(
-            [sys.executable, "-m", name, "--version"], capture_output=True, text=True, check=True
-        )
-        assert done.stdout.startswith(f"{name} ")
+def process(*words: str, stdout: Any = subprocess.PIPE, stderr: Any = subprocess.PIPE):
+    """A process of Python's that ended."""
+    return subprocess.run([sys.executable, *words], stdout=stdout, stderr=stderr, text=True)
 
 
-@pytest.mark.parametrize("words", [["--help"], ["trim", "--help"], ["vehicles"]])
-def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_python_dash_m_is_the_same_program(name: str) -> None:
+    done = process("-m", name, "--version")
+    assert (done.returncode, done.stdout.split()[0]) == (0, name)
+
+
+@pytest.mark.parametrize("words", ["--help", "trim --help", "vehicles"])
+def test_a_reader_that_goes_away_is_no_error(words: str) -> None:
     # Nobody holds the reading end when the program writes, as after `| head -0`.
     reading, writing = os.pipe()
     os.close(reading)
-    done = subprocess.run(
-        [sys.executable, "-m", "twin", *words], stdout=writing, stderr=subprocess.PIPE, text=True
-    )
+    done = process("-m", "twin", *words.split(), stdout=writing)
     os.close(writing)
-    assert done.returncode == 0
-    assert done.stderr == ""
+    assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("words", [["vehicles", "--json"], ["vehicles"], ["--help"]])
-def test_a_full_disk_is_one_line_and_a_failure(words: list[str]) -> None:
-    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
-        done = subprocess.run(
-            [sys.executable, "-m", "twin", *words], stdout=full, stderr=subprocess.PIPE, text=True
-        )
+@pytest.mark.parametrize("words", ["vehicles --json", "vehicles", "--help"])
+def test_a_full_disk_is_one_line_and_a_failure(words: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = process("-m", "twin", *words.split(), stdout=full)
     assert (done.returncode, done.stderr) == (1, "twin: error: No space left on device\n")
 
 
 def test_a_full_disk_for_messages_leaves_the_exit_code() -> None:
-    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
-        done = subprocess.run([sys.executable, "-m", "twin", "nonsense"], stderr=full)
-    assert done.returncode == 2
+    with Path("/dev/full").open("w") as full:
+        assert process("-m", "twin", "nonsense", stderr=full).returncode == 2
 
 
-def _modules_after(program: str, words: list[str]) -> tuple[set[str], str]:
+def _modules_after(program: str, *words: str) -> tuple[set[str], str]:
     """Top-level modules loaded by the end of a program in a process of its own, and its output."""
     code = (
         f"import sys\nfrom {program}.__main__ import main\ncode = main()\n"
         "print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)\n"
         "sys.exit(code)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True
-    )
+    done = process("-c", code, *words)
+    assert done.returncode == 0
     return set(done.stderr.split()), done.stdout
 
 
@@ -447,16 +416,11 @@ def test_to_json_knows_numpy_paths_and_dataclasses() -> None:
         "ok": np.bool_(True),
         "none": None,
     }
-    expected = {
-        "speed": 0.5,
-        "track": [[1.0, None], [2.0, None]],
-        "out": "demo/run.zarr",
-        "water": {"density": 1025.0},
-        "steps": 3,
-        "ok": True,
-        "none": None,
-    }
-    assert json.loads(json.dumps(to_json(value), allow_nan=False)) == expected
+    expected = (
+        '{"speed": 0.5, "track": [[1.0, null], [2.0, null]], "out": "demo/run.zarr", '
+        '"water": {"density": 1025.0}, "steps": 3, "ok": true, "none": null}'
+    )
+    assert json.dumps(to_json(value), allow_nan=False) == expected
     with pytest.raises(TypeError, match="no JSON form for object"):
         to_json(object())
 
@@ -526,18 +490,17 @@ def test_a_wide_table_folds_its_titles_and_then_its_text_to_100_columns() -> Non
 @pytest.mark.parametrize(
     "words",
     [
-        ["twin", "vehicles"],
-        ["twin", "trim"],
-        ["factory", "distributions", "--preset", "field"],
-        ["factory", "distributions", "--vehicle", "tethys"],
+        "twin vehicles",
+        "twin trim",
+        "factory distributions --preset field",
+        "factory distributions --vehicle tethys",
     ],
-    ids=" ".join,
 )
 def test_tables_that_commands_print_fit_100_columns(
-    words: list[str], capsys: pytest.CaptureFixture[str]
+    words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    program = {"twin": TWIN, "factory": FACTORY}[words[0]]
-    assert program.main(words[1:]) == 0
+    name, *rest = words.split()
+    assert PROGRAMS[name].main(rest) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) > 5
     assert [line for line in lines if len(line) > WIDEST] == []
@@ -588,11 +551,8 @@ def test_the_name_of_a_value_that_has_none_is_no_option(capsys: pytest.CaptureFi
 
 
 def test_a_single_thing_has_no_plural():
-    assert [counted(count, "mission") for count in (0, 1, 2)] == [
-        "0 missions",
-        "1 mission",
-        "2 missions",
-    ]
+    told = [counted(count, "mission") for count in (0, 1, 2)]
+    assert told == ["0 missions", "1 mission", "2 missions"]
 
 
 HOSTILE = "a\x1b]0;title\x07b\x9b31mc\u202ed\u200fe\u2028f\x00g\x7fh\udcffi\r"

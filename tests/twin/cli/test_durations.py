@@ -37,11 +37,11 @@ def test_what_is_none_is_refused(text: str) -> None:
 )  # fmt: skip
 def test_options_take_both(command: type, option: str, hour: float, bare: float) -> None:
     for word, expected in (("60min", hour), ("90", bare)):
-        found = parse_options(command, prog="x", words=[f"--{option}", word, *NEEDED[command]])
+        found = parse_options(command, prog="x", words=[f"--{option}", word])
         assert found is not None
         assert dataclasses.asdict(found)[option] == expected
     with pytest.raises(InputError, match=rf"--{option}.*'6 weeks'"):
-        parse_options(command, prog="x", words=[f"--{option}", "6 weeks", *NEEDED[command]])
+        parse_options(command, prog="x", words=[f"--{option}", "6 weeks"])
 
 
 @pytest.mark.parametrize(
@@ -67,6 +67,3 @@ def test_a_mission_may_stand_behind_a_duration() -> None:
     found = parse_options(Simulate, prog="x", words=["--seed", "6", "weeks"])
     assert found is not None
     assert found.mission == "weeks"
-
-
-NEEDED: dict[type, list[str]] = {Simulate: [], ForecastSurfacings: [], Generate: []}

@@ -20,6 +20,7 @@ from physics import (
 )
 
 from twin.fossen import FossenModel
+from twin.fossen.equations import mass_distribution, rigid_body_mass
 from twin.physics.mujoco_model import INTEGRATORS
 from twin.physics.native.install import install, uninstall
 from twin.physics.simulation import simulate
@@ -133,29 +134,16 @@ def test_added_mass_does_no_net_work():
 
 def kinetic_and_potential(vehicle, trajectory):
     """Energy [J] of the locked composite with added mass, from the logged signals."""
-    mass = np.zeros((6, 6))
-    for m, r, inertia in (
-        (vehicle.static_mass, vehicle.static_cg, vehicle.static_inertia),
-        (vehicle.battery.mass, vehicle.battery.position(0.0, 0.0), vehicle.battery.inertia),
-    ):
-        x, y, z = r
-        s = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        mass[:3, :3] += m * np.eye(3)
-        mass[:3, 3:] -= m * s
-        mass[3:, :3] += m * s
-        mass[3:, 3:] += inertia - m * s @ s
-    mass += vehicle.added_mass
+    total, moment, inertia = mass_distribution(FossenModel(vehicle).parameters, np.zeros(3))
+    mass = rigid_body_mass(total, moment / total, inertia) + vehicle.added_mass
     rates = np.stack([trajectory[f"true_{n}_rate"] for n in ("roll", "pitch", "yaw")], -1)
     twist = np.concatenate([trajectory.v_rel, rates], axis=1)
     kinetic = 0.5 * np.einsum("ti,ij,tj->t", twist, mass, twist)
-    first_moment = vehicle.static_mass * vehicle.static_cg + vehicle.battery.mass * (
-        vehicle.battery.position(0.0, 0.0)
-    )
     roll, pitch = (np.deg2rad(trajectory[f"true_{n}"]) for n in ("roll", "pitch"))
     down = np.stack(
         [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], -1
     )
-    return kinetic - vehicle.gravity * down @ first_moment
+    return kinetic - vehicle.gravity * down @ moment
 
 
 def test_munk_moment_has_the_right_sign_and_size():

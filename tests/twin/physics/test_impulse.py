@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fossen_terms import quaternion_rate, rotation
+from scipy.integrate import solve_ivp
 
 from twin.fossen.equations import (
     acceleration,
@@ -99,19 +100,15 @@ def rate(program: Any, account: str, t: float, y: Any) -> Any:
 
 @functools.cache
 def track(current: str, account: str) -> Any:
-    """Places (n, 3) of a turning glide by RK4."""
+    """Places (n, 3) of a turning glide."""
     program = parse_current(current).compile(2.0 * DURATION)
     y = np.zeros(13)
     y[2], y[3:7], y[7:10] = 20.0, euler_to_quaternion(0.0, -0.57, 0.4), (0.47, 0.0, 0.012)
-    places = [y[:3]]
-    for t in np.arange(1.0, DURATION, STEP):
-        k1 = rate(program, account, t, y)
-        k2 = rate(program, account, t + 0.5 * STEP, y + 0.5 * STEP * k1)
-        k3 = rate(program, account, t + 0.5 * STEP, y + 0.5 * STEP * k2)
-        k4 = rate(program, account, t + STEP, y + STEP * k3)
-        y = y + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        places.append(y[:3])
-    return np.array(places)
+    times = np.arange(1.0, DURATION, STEP)
+    found = solve_ivp(
+        lambda t, y: rate(program, account, t, y), (1.0, DURATION), y, t_eval=times, rtol=1e-9
+    )
+    return found.y[:3].T
 
 
 def apart(current: str, account: str) -> float:

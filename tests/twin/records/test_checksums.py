@@ -112,12 +112,6 @@ def test_sums_that_are_known_are_not_read_again(plain):
     assert read_checksums(plain)["two.txt"] == file_sum(plain / "two.txt")
 
 
-def test_the_same_files_have_the_same_list(plain, tmp_path):
-    before = (plain / LIST).read_bytes()
-    write_checksums(plain)
-    assert (plain / LIST).read_bytes() == before
-
-
 @pytest.mark.parametrize("consolidated", [None, True, False])
 def test_zarr_opens_a_store_with_a_list_without_a_warning(store, consolidated):
     with warnings.catch_warnings():
@@ -153,8 +147,6 @@ def test_a_large_file_is_read_in_pieces(tmp_path):
 
 def test_a_changed_chunk_of_any_store_fails_where_it_is_read(tmp_path):
     """Readers that know nothing of the list of checksums are warned too."""
-
-    from twin.records.store import write_zarr
 
     values = np.random.default_rng(0).normal(15.0, 2.0, (3, 400)).astype(np.float32)
     words = xr.DataArray(np.array(["a", "b", "c"], object), dims="mission")

@@ -37,7 +37,7 @@ class FigureKind:
     """whether `draw` has the option `tracks`: dead-reckoned tracks beside the true one"""
 
     def flaw(self, name: str) -> str:
-        """What is wrong with it."""
+        """A flaw of the kind as a clause; empty where there is none."""
         if not callable(self.draw):
             return "`draw` must be a function of a trajectory that returns a Figure"
         first, *options = inspect.signature(self.draw).parameters.values()

@@ -12,15 +12,8 @@ from numpy.typing import NDArray
 from twin.records.schema import variable
 from twin.records.trajectory import Trajectory
 from twin.show import style
+from twin.show.figures import signals
 from twin.show.figures.base import FigureKind
-from twin.show.figures.signals import (
-    STACK_HEIGHT,
-    centred_line,
-    circular_mean,
-    draw_lines,
-    thinned_time,
-    unit_text,
-)
 
 Array = NDArray[np.float64]
 GAP_COLOUR = "#F3E3B5"
@@ -88,9 +81,9 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
     ]
     rows = -(-(len(shown) + 1) // 2)
     with style.styled():
-        height = 0.45 + DEPTH_HEIGHT + STACK_HEIGHT * rows
+        height = 0.45 + DEPTH_HEIGHT + signals.STACK_HEIGHT * rows
         figure = style.new_figure(style.PAGE_WIDTH, height)
-        ratios = [DEPTH_HEIGHT, *[STACK_HEIGHT] * rows]
+        ratios = [DEPTH_HEIGHT, *[signals.STACK_HEIGHT] * rows]
         grid = figure.add_gridspec(rows + 1, 2, height_ratios=ratios)
         top = figure.add_subplot(grid[0, :])
         _depth(top, trajectory, beside)
@@ -99,9 +92,13 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
         _vertical_speed(places[0], trajectory, beside)
         for place, panel in zip(places[1:], shown, strict=True):
             _draw(place, trajectory, panel, beside)
-        _, seconds, unit = thinned_time(trajectory)
-        for place in (top, *places):
-            _shade_gaps(place, trajectory, seconds)
+        _, seconds, unit = signals.thinned_time(trajectory)
+        time, gap = trajectory.time, trajectory.signals.get("measured_gap", np.zeros(0))
+        half = 0.5 * float(np.median(np.diff(time))) if len(gap) > 1 else 0.0
+        for first, last in gap_spans(gap):
+            ends = (time[first] - half) / seconds, (time[last] + half) / seconds
+            for place in (top, *places):
+                place.axvspan(*ends, color=GAP_COLOUR, lw=0, zorder=0)
         for place in places[:-2]:
             place.tick_params(labelbottom=False)
         for place in (top, *places[-2:]):  # the wide panel has a time axis of its own length
@@ -113,12 +110,16 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
 def _other_parts(trajectory: Trajectory) -> list[Panel]:
     """A panel for each part of the vehicle, measured and commanded, that PANELS does not know."""
     known = {panel.signal for panel in PANELS} | {"measured_depth"}
-    return [
-        Panel(name, variable(name).long_name.partition(",")[0], unit_text(variable(name).units))
+    found = [
+        variable(name)
         for name in trajectory
         if name.startswith("measured_")
         and name not in known
         and name.replace("measured_", "commanded_", 1) in trajectory
+    ]
+    return [
+        Panel(one.name, one.long_name.partition(",")[0], signals.unit_text(one.units))
+        for one in found
     ]
 
 
@@ -163,11 +164,11 @@ def _draw(axes: Axes, trajectory: Trajectory, panel: Panel, beside: Trajectory |
     if command != panel.signal and not panel.circular and has_values(trajectory, command):
         entries.append((command, "command", style.COMMAND))
     if entries:
-        draw_lines(axes, trajectory, entries, factor=panel.factor, unwrap=panel.circular)
+        signals.draw_lines(axes, trajectory, entries, factor=panel.factor, unwrap=panel.circular)
     if beside is not None and has_values(beside, panel.signal):
         values = panel.factor * beside[panel.signal]
         if panel.circular and entries:
-            values = centred_line(values, circular_mean(trajectory[panel.signal]))
+            values = signals.centred_line(values, signals.circular_mean(trajectory[panel.signal]))
         _draw_beside(axes, trajectory, beside, values)
     if panel.circular:
         style.pad_limits(axes, least=panel.least)
@@ -194,7 +195,7 @@ def _draw_beside(axes: Axes, log: Trajectory, beside: Trajectory, values: Array)
 
 def _vertical_speed(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
     """Rate of the measured depth, positive down, over a moving window."""
-    time, seconds, _ = thinned_time(trajectory)
+    time, seconds, _ = signals.thinned_time(trajectory)
     (shown,) = style.thin(100.0 * _depth_rate(trajectory))
     axes.plot(time / seconds, shown, color=style.TRUTH, label=LOG)
     if beside is not None:
@@ -217,18 +218,8 @@ def _depth_rate(trajectory: Trajectory) -> Array:
     return rate
 
 
-def _shade_gaps(axes: Axes, trajectory: Trajectory, seconds: float) -> None:
-    time, gap = trajectory.time, trajectory.signals.get("measured_gap")
-    if gap is None:
-        return
-    half = 0.5 * float(np.median(np.diff(time))) if len(gap) > 1 else 0.0
-    for first, last in gap_spans(gap):
-        ends = (time[first] - half) / seconds, (time[last] + half) / seconds
-        axes.axvspan(*ends, color=GAP_COLOUR, lw=0, zorder=0)
-
-
 def _depth(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
-    time, seconds, _ = thinned_time(trajectory)
+    time, seconds, _ = signals.thinned_time(trajectory)
     (depth,) = style.thin(trajectory["measured_depth"])
     deepest = float(np.nanmax(depth))
     phase = trajectory.signals.get("measured_phase")

@@ -17,19 +17,8 @@ from twin.records.coordinates import NOMINAL
 from twin.records.logged import AVERAGED, source_of
 from twin.records.trajectory import Trajectory
 from twin.show import style
+from twin.show.figures import map_ground as ground
 from twin.show.figures.base import FigureKind
-from twin.show.figures.map_ground import (
-    COAST_NOTE,
-    SHORE,
-    Box,
-    box_around,
-    coast_within,
-    cosine,
-    draw_graticule,
-    draw_land,
-    draw_scale_bar,
-    land_in_view,
-)
 
 Array = NDArray[np.float64]
 
@@ -46,7 +35,7 @@ ARROW: dict[str, Any] = {"angles": "uv", "scale_units": "inches", "width": 0.011
 LOCATOR, LOCATOR_LEAST, LOCATOR_MOST = 16.0, 8.0, 90.0
 """Times the map's span that the small map beside it shows at least, and [degree of latitude] that
 it shows at least, and at most where no coast is nearer"""
-LETTERS = 24  # of a line of a name in the key
+LETTERS = 24  # letters of a line in the key
 LOCATOR_ID, KEY_ID = "locator", "key"  # names of the axes beside a map, whose numbers need no unit
 
 
@@ -60,17 +49,17 @@ class Currents(NamedTuple):
     east: Array
     """[m/s]"""
     name: str
-    """What they are, for the key"""
+    """Name for the key"""
     colour: str = style.TRUTH
 
 
 class MapContent(NamedTuple):
-    """What a map shows; positions in degrees."""
+    """Content of a map; positions in degrees."""
 
     tracks: tuple[tuple[Array, Array], ...]
     """Latitude and longitude of each track, each (time,)"""
     name: str
-    """What the tracks are"""
+    """Name of the tracks"""
     fixes: tuple[Array, Array] | None = None
     """Latitude and longitude of the fixes"""
     currents: tuple[Currents, ...] = ()
@@ -86,7 +75,7 @@ def map_figure(trajectory: Trajectory) -> Figure:
 
 
 def content_of(trajectory: Trajectory) -> MapContent:
-    """What the map of a trajectory shows; raises InputError without a place on Earth."""
+    """Content of a trajectory's map; raises InputError without a place on Earth."""
     try:
         latitude, longitude = trajectory.geographic_position()
     except InputError as error:
@@ -170,7 +159,7 @@ def draw_content(content: MapContent) -> Figure:
     latitude, longitude = (np.concatenate([place[k] for place in places]) for k in (0, 1))
     if not (np.isfinite(latitude) & np.isfinite(longitude)).any():
         raise InputError("no position on Earth is known: there is nothing to put on a map")
-    box = box_around(latitude, longitude, SHAPE)
+    box = ground.box_around(latitude, longitude, SHAPE)
     with style.styled():
         figure = style.new_figure(*SIZE)
         grid = figure.add_gridspec(2, 2, width_ratios=[2.55, 1.0], height_ratios=[1.0, 1.25])
@@ -186,16 +175,16 @@ def draw_content(content: MapContent) -> Figure:
     return figure
 
 
-def draw_base(axes: Axes, box: Box) -> None:
+def draw_base(axes: Axes, box: ground.Box) -> None:
     """Sea, land, graticule and scale bar of an empty map."""
     axes.set_facecolor(SEA)
-    draw_land(axes, box)
-    draw_graticule(axes, box)
-    draw_scale_bar(axes, box)
-    if land_in_view(*box):
+    ground.draw_land(axes, box)
+    ground.draw_graticule(axes, box)
+    ground.draw_scale_bar(axes, box)
+    if ground.land_in_view(*box):
         axes.text(
-            0.99, 0.01, COAST_NOTE, transform=axes.transAxes, ha="right", va="bottom",
-            fontsize=5.5, color=SHORE, zorder=5,
+            0.99, 0.01, ground.COAST_NOTE, transform=axes.transAxes, ha="right", va="bottom",
+            fontsize=5.5, color=ground.SHORE, zorder=5,
         )  # fmt: skip
 
 
@@ -230,19 +219,19 @@ def draw_arrows(axes: Axes, one: Currents, scale: float) -> None:
     arrows.set_in_layout(False)
 
 
-def draw_locator(axes: Axes, box: Box) -> None:
+def draw_locator(axes: Axes, box: ground.Box) -> None:
     """A small map of the wider surroundings, with the place of the large one."""
     west, east, south, north = box
     middle = 0.5 * (south + north), 0.5 * (west + east)
     tall = max(LOCATOR * (north - south), LOCATOR_LEAST)
     around = _around(middle, tall)
-    while not coast_within(*around) and tall < LOCATOR_MOST:  # the open ocean: look farther
+    while not ground.coast_within(*around) and tall < LOCATOR_MOST:  # the open ocean: look farther
         tall *= 1.5
         around = _around(middle, tall)
     axes.set_gid(LOCATOR_ID)
     axes.set_facecolor(SEA)
-    draw_land(axes, around, linewidth=0.4)
-    draw_graticule(axes, around, lines=2)
+    ground.draw_land(axes, around, linewidth=0.4)
+    ground.draw_graticule(axes, around, lines=2)
     axes.plot([west, east, east, west, west], [south, south, north, north, south],
               color=style.ESTIMATE, lw=1.0, zorder=4)  # fmt: skip
     axes.plot(middle[1], middle[0], "o", ms=3.0, color=style.ESTIMATE, zorder=4)
@@ -251,11 +240,11 @@ def draw_locator(axes: Axes, box: Box) -> None:
     axes.set_ylabel("")
 
 
-def _around(middle: tuple[float, float], tall: float) -> Box:
+def _around(middle: tuple[float, float], tall: float) -> ground.Box:
     """A square box so high [degree] about a place (latitude, longitude)."""
     half = 0.5 * min(tall, LOCATOR_MOST)
     low, high = max(middle[0] - half, -89.5), min(middle[0] + half, 89.5)
-    wide = min(half / cosine(middle[0]), 180.0)
+    wide = min(half / ground.cosine(middle[0]), 180.0)
     return (middle[1] - wide, middle[1] + wide, low, high)
 
 

@@ -58,19 +58,15 @@ def rings() -> tuple[Array, ...]:
     for start, length in zip(starts, lengths, strict=True):
         part = steps[first : first + length - 1].astype(np.int64)
         grid = np.concatenate([start[None], start + np.cumsum(part, axis=0)])
-        found.append(_unrolled(grid * scale + offset))
+        ring = grid * scale + offset
+        ring[:, 0] = np.unwrap(ring[:, 0], period=360.0)  # no jumps at the date line
+        ring[:, 0] -= 360.0 * np.round(ring[:, 0].mean() / 360.0)
+        if abs(ring[-1, 0] - ring[0, 0]) >= 180.0:
+            pole = np.array([[ring[-1, 0], -90.0], [ring[0, 0], -90.0], ring[0]])
+            ring = np.concatenate([ring, pole])
+        found.append(ring)
         first += length - 1
     return tuple(found)
-
-
-def _unrolled(ring: Array) -> Array:
-    """A ring without jumps of longitude at the date line."""
-    ring[:, 0] = np.unwrap(ring[:, 0], period=360.0)
-    ring[:, 0] -= 360.0 * np.round(ring[:, 0].mean() / 360.0)
-    if abs(ring[-1, 0] - ring[0, 0]) < 180.0:
-        return ring
-    pole = np.array([[ring[-1, 0], -90.0], [ring[0, 0], -90.0], ring[0]])
-    return np.concatenate([ring, pole])
 
 
 def land_within(west: float, east: float, south: float, north: float) -> list[Array]:

@@ -33,12 +33,11 @@ LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks
 
 
 class Colour(NamedTuple):
-    """What a section can be coloured by."""
+    """A quantity that can colour a section."""
 
     label: str
     unit: str
-    source: str
-    """The signal that says, in logs, what it is"""
+    source: str  # the signal that says, in logs, what it is
     values: Callable[[Trajectory], Array]
 
 
@@ -54,7 +53,7 @@ COLOURS = {
     "net_mass": Colour("net buoyancy mass", "kg", "true_net_mass", lambda t: t["true_net_mass"]),
     "pitch": Colour("pitch", "°", "true_pitch", lambda t: t["true_pitch"]),
 }  # fmt: skip
-"""What a section can be coloured by, by name"""
+"""Quantities that can colour a section, by name"""
 
 
 def section_figure(trajectory: Trajectory, colour: str = "speed") -> Figure:

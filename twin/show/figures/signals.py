@@ -33,16 +33,16 @@ UNIT_TEXT = {
     "degree": "°", "m s-1": "m/s", "m s-2": "m/s²", "rad s-1": "rad/s", "cm3": "cm³",
     "kg m-3": "kg/m³", "degree_Celsius": "°C",
 }  # fmt: skip
-"""How figures write the schema's units."""
+"""Units of the schema as figures write them."""
 WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}  # words of signals as titles write them
 DEFAULT = (
     *("pitch", "roll", "heading", "depth", "yaw_rate", "specific_force_x", "temperature"),
     *("dvl_surge", "onboard_north", "onboard_east"),
 )
 """Signals shown when none are named, those that the trajectory has."""
-MOST_SHOWN = 6  # of the others, where it has none of them
+MOST_SHOWN = 6  # signals shown where the trajectory has none of these
 ABOVE_TITLE = 1.2
-"""Of the first axes' height, where in a narrow figure title and legend have no room side by side"""
+"""Share of the first axes' height: in a narrow figure the legend goes above the title"""
 ATTITUDE = ("pitch", "heading")
 
 

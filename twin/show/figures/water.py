@@ -40,14 +40,11 @@ SHOWN_PERCENTILES = 1.0, 99.0  # percentiles that the colours cover
 
 
 class Water(NamedTuple):
-    """What the water was along the way, each (time,), NaN where it is not known."""
+    """Water along the way, each (time,), NaN where it is not known."""
 
-    temperature: Array
-    """[degree_Celsius] in situ"""
-    salinity: Array
-    """practical"""
-    words: dict[str, str]
-    """What temperature and salinity are: true, measured, or corrected"""
+    temperature: Array  # [degree_Celsius] in situ
+    salinity: Array  # practical
+    words: dict[str, str]  # sources of temperature and salinity: true, measured, corrected
 
 
 def water_of(trajectory: Trajectory) -> Water:
@@ -241,40 +238,30 @@ def draw_sections(trajectory: Trajectory, along: Array, label: str) -> Figure:
       InputError: the mission has neither.
     """
     water, depth = water_of(trajectory), _depth(trajectory)
+    known = depth[np.isfinite(depth)]  # profiles pass half of the greatest depth
+    profiles = int(np.count_nonzero(np.diff(known > 0.5 * known.max(initial=0.0))))
+    side = float(np.clip(0.8 * 72.0 * 0.8 * WIDTH / max(profiles, 1), NARROW, WIDE))
     with style.styled():
         figure = style.new_figure(WIDTH, 0.4 + PANEL_HEIGHT * len(PANELS))
         panels = figure.subplots(len(PANELS), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (quantity, unit) in zip(panels, PANELS, strict=True):
-            _draw(axes, along, depth, water, quantity, unit)
+            values = getattr(water, quantity)
+            axes.plot(*style.thin(along, depth), color=style.GUIDE, lw=0.4, zorder=1)
+            x, y, shown = style.thin(along, depth, values, most=MOST_POINTS)
+            seen = np.isfinite(shown) & np.isfinite(y)
+            y = np.maximum(y, 0.0)  # waves and a transducer's zero lift it above the surface
+            low, high = (float(v) for v in np.percentile(shown[seen], SHOWN_PERCENTILES))
+            dots = axes.scatter(
+                x[seen], y[seen], c=shown[seen], s=side**2, marker="s", linewidths=0,
+                cmap=ocean_map(quantity), vmin=low, vmax=max(high, low + 1e-3), zorder=2,
+                rasterized=True,
+            )  # fmt: skip
+            axes.set_xlim(float(np.nanmin(along)), float(np.nanmax(along)))
+            style.depth_axis(axes, float(np.nanmax(depth)))
+            axes.set_title(f"{quantity} ({water.words[quantity]})")
+            style.colour_bar(axes, dots, f"{quantity} {unit}", pad=0.015, aspect=18)
         panels[-1].set_xlabel(label)
     return figure
-
-
-def _draw(axes: Axes, along: Array, depth: Array, water: Water, quantity: str, unit: str) -> None:
-    values = getattr(water, quantity)
-    axes.plot(*style.thin(along, depth), color=style.GUIDE, lw=0.4, zorder=1)
-    x, y, shown = style.thin(along, depth, values, most=MOST_POINTS)
-    known = np.isfinite(shown) & np.isfinite(y)
-    y = np.maximum(y, 0.0)  # waves and a transducer's zero lift a vehicle above the surface
-    room = 72.0 * 0.8 * WIDTH / max(profiles(depth), 1)
-    low, high = (float(v) for v in np.percentile(shown[known], SHOWN_PERCENTILES))
-    dots = axes.scatter(
-        x[known], y[known], c=shown[known], s=float(np.clip(0.8 * room, NARROW, WIDE)) ** 2,
-        marker="s", linewidths=0, cmap=ocean_map(quantity), vmin=low, vmax=max(high, low + 1e-3),
-        zorder=2, rasterized=True,
-    )  # fmt: skip
-    axes.set_xlim(float(np.nanmin(along)), float(np.nanmax(along)))
-    style.depth_axis(axes, float(np.nanmax(depth)))
-    axes.set_title(f"{quantity} ({water.words[quantity]})")
-    style.colour_bar(axes, dots, f"{quantity} {unit}", pad=0.015, aspect=18)
-
-
-def profiles(depth: Array) -> int:
-    """How often a vehicle passed half of its greatest depth: its profiles."""
-    known = depth[np.isfinite(depth)]
-    if not known.size:
-        return 0
-    return int(np.abs(np.diff((known > 0.5 * known.max()).astype(int))).sum())
 
 
 HYDROGRAPHY = FigureKind(

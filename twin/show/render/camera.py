@@ -52,10 +52,9 @@ INSET_HALF, INSET_DISTANCE = math.radians(13.0), 4.4  # half the field of view; 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Frame:
-    """What framing keeps free, as parts of the picture's height and width."""
+    """Margins that framing keeps free, as parts of the picture's height and width."""
 
-    aspect: float
-    """Width over height of the picture"""
+    aspect: float  # width over height of the picture
     bottom: float = SIDE_SHARE
     top: float = SIDE_SHARE
     left: float = SIDE_SHARE
@@ -74,16 +73,11 @@ class SceneLayout:
     The block's axes: x along `azimuth` (from north towards east), y to its right, z down.
     """
 
-    azimuth: float
-    """[rad]"""
-    low: Array
-    """[m] least x, y of the block and 0, shape (3,)"""
-    high: Array
-    """[m] largest x, y of the block and its depth, shape (3,)"""
-    scale: float
-    """Display units per metre, horizontally"""
-    exaggeration: float
-    """Vertical over horizontal scale"""
+    azimuth: float  # [rad]
+    low: Array  # [m] least x, y of the block and 0, shape (3,)
+    high: Array  # [m] largest x, y of the block and its depth, shape (3,)
+    scale: float  # display units per metre, horizontally
+    exaggeration: float  # vertical over horizontal scale
 
     @property
     def centre(self) -> Array:
@@ -210,14 +204,11 @@ def nice_step(rough: float) -> float:
 class View:
     """A camera in display units, z up, as MuJoCo's renderer takes it."""
 
-    position: Array
-    """Shape (3,)"""
-    forward: Array
-    """Unit, shape (3,)"""
-    up: Array
-    """Unit, across `forward`, shape (3,)"""
+    position: Array  # shape (3,)
+    forward: Array  # unit, shape (3,)
+    up: Array  # unit, across `forward`, shape (3,)
     half_height: float
-    """Of the part of the picture that framing fills: tangent of the angle, or units if parallel"""
+    """Half height of the part that framing fills: tangent of the angle, or units if parallel"""
     frame: Frame
     parallel: bool = False
     near: float = 0.05

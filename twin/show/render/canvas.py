@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from twin.show.render.camera import Frame
-from twin.show.render.subject import Shot
+from twin.show.render import subject
+from twin.show.render.camera import Array, Frame
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 Wide = NDArray[np.uint16]
 Colour = tuple[int, int, int]
@@ -29,8 +28,8 @@ BASE_WIDTH, BASE_HEIGHT = 1280, 720
 """[pixel] of the picture in which sizes are given; they grow with the picture"""
 STRIP = 85  # height of the strip of readouts [pixel of the base picture]
 FREE = {"bottom": 42, "top": 72, "left": 0.075, "right": 0.245}
-"""What framing keeps free for the display: pixels of the base picture above the strip for the
-distances, and above for the title; parts of the width for depths, and for close-up and legend"""
+"""Margins that framing keeps free for the display: pixels of the base picture above the strip for
+the distances, and for the title; parts of the width for depths, and for close-up and legend"""
 INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
 """Width of the close-up over the picture's, and its width over its height"""
 CURVE_SHARE = 0.22  # width of the depth curve over the picture's
@@ -71,10 +70,8 @@ OVERHANG = 2  # [pixel] by which a letter may reach over its width
 class Canvas:
     """A picture's size, and lengths that suit it."""
 
-    width: int
-    """[pixel]"""
-    height: int
-    """[pixel]"""
+    width: int  # [pixel]
+    height: int  # [pixel]
 
     @property
     def unit(self) -> float:
@@ -109,7 +106,7 @@ class Canvas:
 
     @property
     def frame(self) -> Frame:
-        """What framing keeps free for all this."""
+        """Margins that framing keeps free for all this."""
         free_below = FREE["bottom"] * self.unit / self.height
         return Frame(
             aspect=self.width / self.height,
@@ -135,8 +132,8 @@ class Canvas:
         return max(SMALLEST_FONT, round(size * self.unit))
 
 
-def frame_of(shot: Shot) -> Frame:
-    """What framing keeps free in a shot's pictures."""
+def frame_of(shot: subject.Shot) -> Frame:
+    """Margins that framing keeps free in a shot's pictures."""
     if shot.hud:
         return Canvas(width=shot.width, height=shot.height).frame
     return Frame(aspect=shot.width / shot.height)
@@ -171,7 +168,7 @@ def box(frame: Pixels, place: tuple[int, int, int, int], colour: Colour, rim: Co
 
 
 def layer(picture: Pixels) -> tuple[Wide, Wide]:
-    """What an RGBA picture adds to a frame, and the part (..., 1) that it keeps, both by 255."""
+    """Colours that an RGBA picture adds to a frame, and the part (..., 1) kept, both by 255."""
     alpha = picture[..., 3:].astype(np.uint16)
     return picture[..., :3] * alpha, 255 - alpha
 
@@ -219,7 +216,7 @@ def text_width(text: str, size: int, bold: bool = False) -> int:
 def word(
     text: str, size: int, colour: Colour, bold: bool = False, halo: Colour | None = None
 ) -> tuple[Wide, Wide]:
-    """What a word adds to a frame and keeps of it, as `layer`.
+    """Layer of a word, as `layer` has it.
 
     Its box is the font's line height, so that words of one size align by their top; a halo, a rim
     that keeps text readable on any ground, makes it larger on each side alike.

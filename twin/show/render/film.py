@@ -27,14 +27,13 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError, TwinError
 from twin.extras import require
-from twin.numbers import processors
+from twin.numbers import Array, processors
 from twin.records.storage.whole import check_file_target, whole_file
 from twin.records.trajectory import Trajectory
+from twin.show.render import playback
 from twin.show.render.painter import Painter
-from twin.show.render.playback import POSITION
 from twin.show.render.subject import Shot, Subject
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 VIDEO_FORMATS, STILL_FORMATS = (".mp4", ".gif"), (".png",)
@@ -56,7 +55,7 @@ def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
 
 def known_samples(trajectory: Trajectory) -> NDArray[np.bool_]:
     """Samples at which the place is known and measured, (time,)."""
-    known = np.isfinite([trajectory[f"true_{name}"] for name in POSITION]).all(axis=0)
+    known = np.isfinite([trajectory[f"true_{name}"] for name in playback.POSITION]).all(axis=0)
     if GAP in trajectory:
         known &= ~(trajectory[GAP] > 0.0)
     return np.asarray(known)
@@ -144,18 +143,18 @@ def _begin(*shown: Any) -> None:
     _painter = functools.cache(lambda: Painter(*shown))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["LP_NUM_THREADS"] = "1"  # each has a core, where Mesa would start a thread per core
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
-    multiprocessing.connection.wait([parent.sentinel])
-    os._exit(1)
+
+    def end_with_parent() -> None:
+        multiprocessing.connection.wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 _painter: Callable[[], Painter]
-"""Of this worker's film"""
+"""Painter of this worker's film"""
 
 
 def _paint(index: int) -> Pixels:
@@ -168,7 +167,7 @@ class EncodeError(TwinError):
 
 @contextlib.contextmanager
 def encoder(path: Path, shot: Shot) -> Iterator[Callable[[Pixels], None]]:
-    """What adds a frame (height, width, 3) to a video file; until it ends well, the file is cut.
+    """Function that adds a frame (height, width, 3) to a video file, which is cut until it ends.
 
     Raises:
       InputError: a size that the format cannot hold, or no imageio-ffmpeg.
@@ -211,7 +210,7 @@ def encoder(path: Path, shot: Shot) -> Iterator[Callable[[Pixels], None]]:
             raise
         finally:
             process.wait()
-            with contextlib.suppress(BrokenPipeError):  # what was buffered has nowhere to go
+            with contextlib.suppress(BrokenPipeError):  # buffered bytes have nowhere to go
                 pipe.close()
 
 

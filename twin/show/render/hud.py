@@ -10,17 +10,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from twin.show.render import camera, tags
 from twin.show.render import canvas as palette
-from twin.show.render import tags
-from twin.show.render.camera import View
-from twin.show.render.canvas import LEGEND, NAME, NAME_TOP, NOTES_TOP, TITLE, VALUE, Canvas
+from twin.show.render.canvas import LEGEND, NAME, NAME_TOP, NOTES_TOP, TITLE, VALUE, Canvas, Pixels
 from twin.show.render.playback import Poses, spins, turns
 from twin.show.render.stage import Stage
-
-Pixels = NDArray[np.uint8]
 
 STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
 BAR, ROW = (190, 11), 20
@@ -154,7 +150,7 @@ class Hud:
         self._rows = np.flatnonzero(panel[..., 3].any(axis=1))
         self._panel = palette.layer(panel[self._rows])
 
-    def draw(self, frame: Pixels, index: int, view: View) -> None:
+    def draw(self, frame: Pixels, index: int, view: camera.View) -> None:
         """Draw over frame `index` (height, width, 3), in place."""
         canvas, stage = self._canvas, self._stage
         if stage.chase:
@@ -206,8 +202,7 @@ class Readout(NamedTuple):
 
     name: str
     value: str
-    widest: str
-    """A value at least as long as all others: it keeps the columns where they are"""
+    widest: str  # A value at least as long as all others: it keeps the columns where they are
 
 
 def readouts(poses: Poses, index: int) -> list[Readout]:
@@ -239,7 +234,7 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
 
 
 def _parts(poses: Poses, index: int) -> list[Readout]:
-    """What slides, turns and spins; what is pumped shows as net buoyancy.
+    """Readouts of sliding, turning and spinning parts; a pump shows as net buoyancy.
 
     Two share a readout, as a glider's battery has them; of more each has its own.
     """

@@ -7,26 +7,19 @@ from typing import Self
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.records.logged import source_of
-from twin.show.render import camera, sea, shapes
-from twin.show.render.camera import View
-from twin.show.render.canvas import Canvas, border, frame_of
-from twin.show.render.context import new_context, release
-from twin.show.render.hud import Hud
+from twin.show.render import camera, context, hud, ribbon, sea, shapes
+from twin.show.render.camera import Array, View
+from twin.show.render.canvas import Canvas, Pixels, border, frame_of
 from twin.show.render.playback import Poses, poses
-from twin.show.render.ribbon import LADDER_STEP, ladder_arrow
-from twin.show.render.shapes import GLIDER_GROUPS, Shape
+from twin.show.render.shapes import Shape
 from twin.show.render.stage import Stage, build
 from twin.show.render.subject import Shot, Subject
 from twin.water.floor.lookup import floor_depth
 
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
-
 INSET_EDGE = (150, 200, 220)
-MOST_GEOMS = 4000  # of a scene: a mission of many days has some hundred ribbon chunks
+MOST_GEOMS = 4000  # geoms of a scene: a mission of many days has some hundred ribbon chunks
 OFF = ("SHADOW", "SKYBOX", "HAZE", "REFLECTION")  # effects that the stage does not use
 TAIL = 0.47
 """Where the ribbon ends behind the glider's middle, chase camera, over the hull's length"""
@@ -55,12 +48,12 @@ class Painter:
         canvas = Canvas(width=shot.width, height=shot.height)
         self._frame = frame_of(shot)
         self._inset = canvas.inset if shot.inset and not self.stage.chase else None
-        self.option = shown(shapes.BACKDROP_GROUP, *GLIDER_GROUPS, shapes.WATER_GROUP)
-        self._close_up = shown(shapes.CLOSE_UP_GROUP, *GLIDER_GROUPS)
+        self.option = shown(shapes.BACKDROP_GROUP, shapes.WATER_GROUP)
+        self._close_up = shown(shapes.CLOSE_UP_GROUP)
         self._bearing = camera.follow(np.deg2rad(self.poses.heading), shot.fps)
         self._drift = self._drifts()
         notes = self._notes(subject)
-        self._hud = Hud(self.stage, self.poses, canvas, notes) if shot.hud else None
+        self._hud = hud.Hud(self.stage, self.poses, canvas, notes) if shot.hud else None
         self.model = self.stage.model
         self.data, self.scene = mujoco.MjData(self.model), mujoco.MjvScene(self.model, MOST_GEOMS)
         for name in OFF:
@@ -68,7 +61,7 @@ class Painter:
         self._perturb, self._camera = mujoco.MjvPerturb(), mujoco.MjvCamera()
         self._whole = mujoco.MjrRect(0, 0, shot.width, shot.height)
         self._buffer = np.zeros((shot.height, shot.width, 3), np.uint8)
-        self._context = new_context(shot.width, shot.height)
+        self._context = context.new_context(shot.width, shot.height)
         self._renderer = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._motion = Motion(self.stage, self.data, self._reshape)
@@ -109,7 +102,7 @@ class Painter:
     def __exit__(self, *_: object) -> None:
         self._context.make_current()
         self._renderer.free()
-        release(self._context)
+        context.release(self._context)
 
     def _draw(
         self, view: View, option: mujoco.MjvOption, box: tuple[int, int, int, int] | None = None
@@ -179,10 +172,10 @@ def aim(scene: mujoco.MjvScene, view: View) -> None:
 
 
 def shown(*groups: int) -> mujoco.MjvOption:
-    """Visualisation options that show these geom groups and no sites."""
+    """Visualisation options that show the glider, these geom groups and no sites."""
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
-    option.geomgroup[list(groups)] = 1
+    option.geomgroup[[*shapes.GLIDER_GROUPS, *groups]] = 1
     option.sitegroup[:] = 0
     return option
 
@@ -273,10 +266,10 @@ class Motion:
         model.geom_rgba[slots, 3] = 0.0
         for depth, start, vector in self._stage.ladder(poses, index) if slots else ():
             if np.linalg.norm(vector) > SHORTEST_ARROW:
-                geom = slots[round(depth / LADDER_STEP) % len(slots)]
+                geom = slots[round(depth / ribbon.LADDER_STEP) % len(slots)]
                 model.geom_rgba[geom, 3] = 1.0
                 model.geom_pos[geom] = start
-                self._reshape(int(model.geom_dataid[geom]), ladder_arrow(vector))
+                self._reshape(int(model.geom_dataid[geom]), ribbon.ladder_arrow(vector))
 
 
 def drift_of(moved: Array, glider: Array) -> Array:

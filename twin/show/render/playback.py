@@ -16,9 +16,7 @@ from twin.records.logged import source_of
 from twin.records.schema import VARIABLES, variable
 from twin.records.tracks import NamedTrack
 from twin.records.trajectory import Trajectory, actuator_names
-from twin.show.render.camera import nice_step
-
-Array = NDArray[np.float64]
+from twin.show.render.camera import Array, nice_step
 
 SLIDES, TURNS, SPINS = "m", "degree", "rad s-1"
 """Units of what moves on a rail, about an axis, and round and round"""
@@ -39,29 +37,21 @@ LEAST_RANGE = 0.02  # [m/s] of a colour scale: less would colour noise
 class Poses:
     """Where the glider is at some times, NED and FRD; angles in degrees as in stores."""
 
-    time: Array
-    """[s], shape (n,)"""
-    position: Array
-    """North, east, depth [m], shape (n, 3)"""
-    quaternion: Array
-    """Hull to MuJoCo's world (w, x, y, z), shape (n, 4)"""
+    time: Array  # [s], shape (n,)
+    position: Array  # north, east, depth [m], shape (n, 3)
+    quaternion: Array  # hull to MuJoCo's world (w, x, y, z), shape (n, 4)
     joints: tuple[str, ...]
     """The parts that slide, turn or spin, as the vehicle's joints and bodies are called"""
-    parts: Array
-    """Their positions [m], [rad] or [rad/s], shape (n, number of joints)"""
+    parts: Array  # their positions [m], [rad] or [rad/s], shape (n, number of joints)
     angles: Array
     """Angle [rad] through which each has turned, the integral of a spinning one's rate; 0 for what
     slides. Shape (n, number of joints)"""
     roll: Array
     pitch: Array
-    heading: Array
-    """[degree], shape (n,)"""
-    speed: Array
-    """[m/s] through the water, shape (n,); NaN where unknown"""
-    net_mass: Array
-    """[kg], positive is heavy, shape (n,); NaN where unknown"""
-    current: Array
-    """North, east [m/s], shape (n, 2); NaN where unknown"""
+    heading: Array  # [degree], shape (n,)
+    speed: Array  # [m/s] through the water, shape (n,); NaN where unknown
+    net_mass: Array  # [kg], positive is heavy, shape (n,); NaN where unknown
+    current: Array  # north, east [m/s], shape (n, 2); NaN where unknown
     pumped: Array | None = None
     """[cm3] of a log, whose net mass nobody knows, shape (n,); NaN where unknown"""
     bridged: NDArray[np.bool_] | None = None
@@ -134,7 +124,7 @@ def _unknown(trajectory: Trajectory) -> frozenset[str]:
 
 
 def _volume(trajectory: Trajectory) -> Array:
-    """What all parts together displace by moving oil or water [cm3], (time,); NaN where unknown."""
+    """Volume that all parts together displace by oil or water [cm3], (time,); NaN: unknown."""
     parts = [name for name in actuator_names(VARIABLES) if _unit(name) == DISPLACES]
     moved = [values for name in parts if np.isfinite(values := told(trajectory, name)).any()]
     return np.asarray(np.sum(moved, axis=0)) if moved else np.full(len(trajectory.time), np.nan)

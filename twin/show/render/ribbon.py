@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 
 from twin.show.figures.water import mean_profile
 from twin.show.render import canvas, shapes
-from twin.show.render.camera import SceneLayout, nice_step
+from twin.show.render.camera import Array, SceneLayout, nice_step
 from twin.show.render.shapes import WORLD, Props, Shape, tube
-
-Array = NDArray[np.float64]
 
 CHUNK, SIDES = 24, 7  # segments per chunk, and around the tube
 MOST_NODES = 3600  # nodes of one track; the tolerance grows until they suffice
 TEXELS = 4096  # samples of the colour along the track
-ARROWS = 11  # of a mast, about
+ARROWS = 11  # arrows of a mast, about
 LENGTH_SHARE = 0.11  # length of the strongest current's arrow over the block's length
 THICKNESS_SHARE = 0.0028  # radius of an arrow's shaft over the block's length
 LADDER_LENGTH, LADDER_RADIUS = 1.0, 0.03
@@ -42,13 +40,10 @@ STILL = 1e-4  # [m/s] below which water counts as still
 class Ribbon:
     """A track in display units, ready to be meshed."""
 
-    time: Array
-    """[s] of each node, increasing, shape (n,)"""
-    nodes: Array
-    """Shape (n, 3)"""
+    time: Array  # [s] of each node, increasing, shape (n,)
+    nodes: Array  # shape (n, 3)
     radius: float
-    span: tuple[float, float]
-    """[s] that the colour texture covers"""
+    span: tuple[float, float]  # [s] that the colour texture covers
 
     def along(self, time: Array) -> Array:
         """Texture coordinate of mission times [s]."""
@@ -138,10 +133,8 @@ def _douglas_peucker(points: Array, tolerance: float) -> NDArray[np.int64]:
 class ArrowProfile:
     """Mean current against depth, over the shown part of a mission."""
 
-    depth: Array
-    """[m], increasing, shape (n,)"""
-    velocity: Array
-    """North, east [m/s], shape (n, 2)"""
+    depth: Array  # [m], increasing, shape (n,)
+    velocity: Array  # north, east [m/s], shape (n, 2)
 
     @property
     def strongest(self) -> float:

@@ -11,15 +11,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.show.render import canvas, shapes
-from twin.show.render.camera import SceneLayout, nice_step, ticks
-from twin.show.render.ribbon import simplify
+from twin.show.render import canvas, ribbon, shapes
+from twin.show.render.camera import Array, SceneLayout, nice_step, ticks
 from twin.show.render.shapes import DRIFT, LEVEL, SEABED, SUN, WORLD, Props, Shape
 from twin.water.floor.lookup import floor_depths
-
-Array = NDArray[np.float64]
 
 OPEN_BANDS, BANDS, WALL_BANDS = 256, 96, 96
 """Steps of the colour gradients of open water, of the backdrop around a block and behind the
@@ -270,7 +266,7 @@ def shadow(layout: SceneLayout, path: Array, height: Array | float) -> Shape | N
     """The projection of a path (n, 3) at display heights (n,), a band; None if it goes nowhere."""
     nodes = layout.display(path)
     nodes[:, 2] = height
-    nodes = nodes[simplify(nodes, SHADOW_WIDTH / 2)]
+    nodes = nodes[ribbon.simplify(nodes, SHADOW_WIDTH / 2)]
     if np.ptp(nodes[:, :2], axis=0).max() < SHADOW_WIDTH:
         return None
     half = SHADOW_WIDTH / 2 * shapes.tube_frame(nodes)[0]
@@ -329,7 +325,7 @@ def _terrain(cells: int, *, seed: int, rough: float = 0.55) -> Array:
 
 
 def clearness(altitude: float) -> float:
-    """How much of the floor is seen from an altitude [m], 0 to 1."""
+    """Visibility of the floor from an altitude [m], 0 to 1."""
     return float(np.clip(1.0 - altitude / SEEN_FROM, 0.0, 1.0))
 
 

@@ -33,14 +33,10 @@ SLICES, STACKS = 24, 6
 class Shape:
     """One mesh."""
 
-    vertices: Array
-    """Shape (n, 3)"""
-    faces: Integers
-    """Shape (m, 3), indices of vertices"""
-    normals: Array
-    """Unit, shape (n, 3)"""
-    coordinates: Array | None = None
-    """Texture coordinates, shape (n, 2)"""
+    vertices: Array  # shape (n, 3)
+    faces: Integers  # shape (m, 3), indices of vertices
+    normals: Array  # unit, shape (n, 3)
+    coordinates: Array | None = None  # texture coordinates, shape (n, 2)
 
 
 def tube(nodes: Array, radius: float, sides: int, along: Array | None = None) -> Shape:
@@ -54,15 +50,28 @@ def tube(nodes: Array, radius: float, sides: int, along: Array | None = None) ->
     side, up = (across[:, None] for across in tube_frame(nodes))
     c, s = _circle(sides).T[..., None]
     ring = c * side + s * up
-    vertices = (nodes[:, None] + radius * ring).reshape(-1, 3)
-    firsts = sides * np.arange(len(nodes) - 1)
+    shape = loft(nodes[:, None] + radius * ring, ring)
+    if along is None:
+        return shape
+    repeated = np.repeat(along, sides)
+    coordinates = np.stack([repeated, np.full_like(repeated, 0.5)], axis=-1)
+    return dataclasses.replace(shape, coordinates=coordinates)
+
+
+def loft(rings: Array, normals: Array, *, inside: bool = False) -> Shape:
+    """The surface through closed rings of corners, seen from outside or `inside`.
+
+    Args:
+      rings: (rings, corners, 3).
+      normals: broadcast to that shape.
+    """
+    count, sides = rings.shape[:2]
+    firsts = sides * np.arange(count - 1)
     faces = (firsts[:, None, None] + strip_faces(sides, closed=True)).reshape(-1, 3)
-    coordinates = None
-    if along is not None:
-        repeated = np.repeat(along, sides)
-        coordinates = np.stack([repeated, np.full_like(repeated, 0.5)], axis=-1)
     return Shape(
-        vertices=vertices, faces=faces, normals=ring.reshape(-1, 3), coordinates=coordinates
+        vertices=rings.reshape(-1, 3),
+        faces=faces[:, ::-1] if inside else faces,
+        normals=np.broadcast_to(normals, rings.shape).reshape(-1, 3),
     )
 
 
@@ -136,12 +145,7 @@ def strip_faces(count: int, *, closed: bool = False) -> Integers:
 def ring(inner: float, outer: float, z: float, *, up: bool, slices: int = 48) -> Shape:
     """A flat horizontal ring about the z axis that is seen from above (`up`) or from below."""
     rims = [np.column_stack([r * _circle(slices), np.full(slices, z)]) for r in (inner, outer)]
-    way = 1 if up else -1
-    return Shape(
-        vertices=np.concatenate(rims),
-        faces=strip_faces(slices, closed=True)[:, ::way].copy(),
-        normals=np.tile([0.0, 0.0, way], (2 * slices, 1)),
-    )
+    return loft(np.stack(rims), np.array([0.0, 0.0, 1.0 if up else -1.0]), inside=not up)
 
 
 def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
@@ -150,9 +154,7 @@ def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
         radius * np.column_stack([np.cos(up) * _circle(slices), np.full(slices, np.sin(up))])
         for up in (low, high)
     ]
-    vertices = np.concatenate(rims)
-    faces = strip_faces(slices, closed=True)
-    return Shape(vertices=vertices, faces=faces, normals=-vertices / radius)
+    return loft(np.stack(rims), -np.stack(rims) / radius)
 
 
 def arrow(start: Array, end: Array, radius: float, sides: int = 10) -> Shape:
@@ -179,11 +181,7 @@ def cone(start: Array, end: Array, first: float, last: float, sides: int) -> Sha
     slope = (first - last) / np.linalg.norm(end - start)
     normals = circle + slope * direction
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return Shape(
-        vertices=np.concatenate([start + first * circle, end + last * circle]),
-        faces=strip_faces(sides, closed=True)[:, ::-1],
-        normals=np.concatenate([normals, normals]),
-    )
+    return loft(np.stack([start + first * circle, end + last * circle]), normals, inside=True)
 
 
 def grains(centres: Array, sizes: Array) -> Shape:

@@ -17,15 +17,12 @@ from twin.records.logged import source_of
 from twin.records.tracks import NamedTrack
 from twin.show.render import canvas, sea, shapes
 from twin.show.render import ribbon as arrows
-from twin.show.render.camera import SceneLayout, plan
-from twin.show.render.canvas import frame_of
+from twin.show.render.camera import Array, SceneLayout, plan
 from twin.show.render.playback import POSITION, Poses, Scale, optional, signal, track_values
 from twin.show.render.ribbon import TEXELS, ArrowProfile, Ribbon, simplify
 from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Props
 from twin.show.render.subject import Shot, Subject
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 RADIUS, CHASE_RADIUS = 0.055, 0.020  # [display units] of the true track; the glider's hull has 0.11
 OTHER_SHARE, FUTURE_SHARE = 0.6, 0.28
@@ -37,35 +34,27 @@ class Path(NamedTuple):
     """A track within the shown part."""
 
     name: str
-    time: Array
-    """[s], shape (n,)"""
-    points: Array
-    """North, east, depth [m], shape (n, 3)"""
-    colour: Array | None
-    """RGB; None for the true track, which its values colour"""
+    time: Array  # [s], shape (n,)
+    points: Array  # north, east, depth [m], shape (n, 3)
+    colour: Array | None  # RGB; None for the true track, which its values colour
 
 
 class TurnedBody(NamedTuple):
     """A body that is turned as the part of its name is."""
 
     body: int
-    rest: Array
-    """Its quaternion on the hull in the vehicle file, shape (4,)"""
-    axis: Array
-    """Unit vector, MuJoCo's hull axes, through the body's origin, shape (3,)"""
+    rest: Array  # its quaternion on the hull in the vehicle file, shape (4,)
+    axis: Array  # unit vector, MuJoCo's hull axes, through the body's origin, shape (3,)
 
 
 class Line(NamedTuple):
     """A track on the stage: its ribbon and the geoms that show it."""
 
     name: str
-    colour: Array | None
-    """RGB; None for the true track"""
+    colour: Array | None  # RGB; None for the true track
     ribbon: Ribbon
-    chunks: list[int]
-    """Geom ids, one per chunk"""
-    head: int
-    """Geom id of the end, whose mesh is given new vertices for each frame"""
+    chunks: list[int]  # geom ids, one per chunk
+    head: int  # geom id of the end, whose mesh is given new vertices for each frame
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,30 +64,21 @@ class Stage:
     model: mujoco.MjModel
     layout: SceneLayout
     chase: bool
-    lines: list[Line]
-    """The true track first"""
+    lines: list[Line]  # the true track first
     scale: Scale
     current: ArrowProfile
-    bands: list[int]
-    """Geom ids of the backdrop round the glider, from below to above"""
-    bands_follow: bool
-    """Their colour follows the glider's depth"""
-    snow: bool
-    """Particles are there"""
-    current_name: str
-    """What that current is, for the legend"""
-    floor: Array | None
-    """Table of the mission's sea floor; None: what is drawn is decoration"""
-    ground: list[int]
-    """Geom ids of the floor that follows the glider, chase camera"""
+    bands: list[int]  # geom ids of the backdrop round the glider, from below to above
+    bands_follow: bool  # their colour follows the glider's depth
+    snow: bool  # particles are there
+    current_name: str  # name of that current in the legend
+    floor: Array | None  # table of the mission's sea floor; None: what is drawn is decoration
+    ground: list[int]  # geom ids of the floor that follows the glider, chase camera
     arrows: list[int]
     """Geom ids of the current beside the glider, chase camera; their meshes are reshaped"""
-    hull_length: float
-    """[m]"""
+    hull_length: float  # [m]
     turned: dict[str, TurnedBody]
     """The fins and propellers that are drawn, by the names of their parts"""
-    gone: list[tuple[float, list[int]]]
-    """From which mission time [s] on which geoms are not there"""
+    gone: list[tuple[float, list[int]]]  # from which mission time [s] on which geoms are not there
 
     def ladder(self, poses: Poses, index: int) -> list[tuple[float, Array, Array]]:
         """The arrows beside the glider at one frame; see `arrows.ladder`."""
@@ -206,7 +186,7 @@ def lay_out(paths: list[Path], subject: Subject, shot: Shot, camera: str) -> Sce
             floor=bottom,
             exaggeration=shot.exaggeration,
             camera=camera,
-            frame=frame_of(shot),
+            frame=canvas.frame_of(shot),
         )
 
     layout = down_to(shot.floor)

@@ -18,6 +18,7 @@ from twin.errors import InputError, StoreError, VehicleError, quoted, unknown_na
 from twin.faults.base import Fault, fault_from_dict
 from twin.frames import flip_quaternion as flip
 from twin.frames import flip_vector, quaternion_to_euler
+from twin.numbers import Array
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
@@ -33,9 +34,6 @@ from twin.show.render import playback
 from twin.show.render.playback import POSITION, Poses, poses
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
-Array = NDArray[np.float64]
-
-
 CAMERAS = ("orbit", "side", "map", "chase")
 COLOURS = ("speed", "current", "depth", "error")
 DEFAULT_SECONDS = 20.0  # [s] of video when no speed-up is given
@@ -44,7 +42,7 @@ SMALLEST, LARGEST = 64, 7680  # [pixel] sides of a picture; the largest is 8K UH
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Subject:
-    """What a film is about."""
+    """Flight that a film or picture shows."""
 
     trajectory: Trajectory
     vehicle: Vehicle
@@ -54,12 +52,12 @@ class Subject:
     floor: Array | None = None
     """Table of the mission's sea floor; None: what is drawn is decoration"""
     faults: Sequence[Fault] = ()
-    """What is wrong with the vehicle: what is gone is not drawn from then on"""
+    """Faults of the vehicle: a lost part is not drawn from its moment on"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Shot:
-    """How a film or picture shows its subject: camera, size, speed and part of the mission."""
+    """Camera, size, speed and part of the mission of a film or picture."""
 
     camera: str = "orbit"
     """orbit (circles the track), side, map (from above) or chase (behind the glider)."""
@@ -254,7 +252,7 @@ def _floor(described: dict[str, Any]) -> Array | None:
 
 
 class RenderedFlight(Protocol):
-    """What a viewer shows; both kinds go back in time, a simulation by flying again."""
+    """Flight of a viewer; both kinds go back in time, a simulation by flying again."""
 
     def at(self, time: float) -> Poses:
         """One row: the pose at a mission time [s]."""

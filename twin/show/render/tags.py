@@ -7,16 +7,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from twin.show.render import canvas as palette
 from twin.show.render import sea
-from twin.show.render.camera import SceneLayout, View, nice_step, ticks
-from twin.show.render.canvas import LABEL, Canvas
-
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
+from twin.show.render.camera import Array, SceneLayout, View, nice_step, ticks
+from twin.show.render.canvas import LABEL, Canvas, Pixels
 
 KILO = 1000.0
 MINUS = "−"
@@ -29,12 +25,9 @@ class Mark(NamedTuple):
     """A text at a place in the picture."""
 
     text: str
-    x: float
-    """[pixel] from the left; NaN behind the camera"""
-    y: float
-    """[pixel] from the top"""
-    anchor: str
-    """As `palette.write` takes it"""
+    x: float  # [pixel] from the left; NaN behind the camera
+    y: float  # [pixel] from the top
+    anchor: str  # as `palette.write` takes it
 
 
 def block_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
@@ -134,7 +127,7 @@ def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
 
 @functools.lru_cache(maxsize=360)
 def _compass(size: int, angle: int) -> tuple[palette.Wide, palette.Wide]:
-    """What the compass adds and keeps, north at `angle` [degree] clockwise from up."""
+    """Layer of the compass, north at `angle` [degree] clockwise from up."""
     large = Image.new("RGBA", (OVERSAMPLING * size, OVERSAMPLING * size), (190, 214, 228, 0))
     draw = ImageDraw.Draw(large)
     middle, reach = OVERSAMPLING * size / 2, 0.39 * OVERSAMPLING * size

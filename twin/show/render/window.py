@@ -18,20 +18,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.extras import preload_triton
-from twin.show.render import camera, sea
-from twin.show.render.canvas import frame_of
-from twin.show.render.context import NoScreen
-from twin.show.render.hud import readouts
-from twin.show.render.painter import Motion, drift_of, shown, write_mesh
-from twin.show.render.playback import Poses
-from twin.show.render.shapes import BACKDROP_GROUP, GLIDER_GROUPS, WATER_GROUP, Shape
-from twin.show.render.stage import build
+from twin.show.render import camera, canvas, context, hud, painter, playback, sea, shapes, stage
 from twin.show.render.subject import RenderedFlight, Shot, Subject
-
-Array = NDArray[np.float64]
 
 SPACE, BACKSPACE, RIGHT, LEFT, MINUS, EQUAL = 32, 259, 262, 263, 45, 61  # key codes of GLFW
 VIEWS = {54: "orbit", 55: "side", 56: "map", 57: "follow"}  # keys 6 to 9 and what the camera does
@@ -69,10 +59,10 @@ class Window:
         """
         self._subject, self._flight, self._speed = subject, flight, speed_up
         self._shot = dataclasses.replace(shot, inset=False, hud=False, speed_up=speed_up)
-        self._stage = build(subject, self._shot)
+        self._stage = stage.build(subject, self._shot)
         self._first, self._last = self._shot.part(subject.trajectory.time)
         self._data = mujoco.MjData(self._stage.model)
-        self._motion = Motion(self._stage, self._data, self._reshape)
+        self._motion = painter.Motion(self._stage, self._data, self._reshape)
         self._keys: queue.SimpleQueue[int] = queue.SimpleQueue()
         self._changed: set[int] = set()
         self._time, self._paused, self._closing = self._first, False, False
@@ -94,8 +84,8 @@ class Window:
         """
         self._move(0.0)
         with self._open() as handle:
-            handle.opt.geomgroup[:] = shown(BACKDROP_GROUP, *GLIDER_GROUPS, WATER_GROUP).geomgroup
-            handle.opt.sitegroup[:] = 0
+            option = painter.shown(shapes.BACKDROP_GROUP, shapes.WATER_GROUP)
+            handle.opt.geomgroup[:], handle.opt.sitegroup[:] = option.geomgroup, 0
             self._aim(handle)
             begun = before = time.perf_counter()
             frames = 0
@@ -135,7 +125,7 @@ class Window:
                 show_right_ui=False,
             )
         except RuntimeError as error:  # on macOS it wants another interpreter, and says so
-            raise NoScreen(f"MuJoCo opens no window: {error}") from error
+            raise context.NoScreen(f"MuJoCo opens no window: {error}") from error
         drawing = [thread for thread in threading.enumerate() if thread not in before]
         try:
             with handle:
@@ -166,7 +156,7 @@ class Window:
                     self._mode = VIEWS[key]
                     self._aim(handle)
 
-    def _move(self, elapsed: float) -> Poses:
+    def _move(self, elapsed: float) -> playback.Poses:
         """Put everything where it is `elapsed` [s] later."""
         ahead = 0.0 if self._paused else elapsed * self._speed
         self._time = min(self._time + ahead, self._last)
@@ -174,22 +164,22 @@ class Window:
         if self._stage.snow:
             self._water[:2] += ahead * np.nan_to_num(row.current[0]) * [1.0, -1.0]
         here = self._stage.layout.display(row.position[0])
-        self._here = self._motion.place(row, 0, drift_of(self._water, here))
+        self._here = self._motion.place(row, 0, painter.drift_of(self._water, here))
         return row
 
-    def _reshape(self, mesh: int, shape: Shape) -> None:
+    def _reshape(self, mesh: int, shape: shapes.Shape) -> None:
         """Write a mesh; the viewer is told later, and only of what the eye would see."""
         model = self._stage.model
         first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
         before = model.mesh_vert[first : first + count]
         if np.abs(before - shape.vertices).max() > MOVED:
-            write_mesh(model, mesh, shape)
+            painter.write_mesh(model, mesh, shape)
             self._changed.add(mesh)
 
     def _aim(self, handle: Any) -> None:
         """Place the free camera as the mode wants it."""
         layout, mode, cam = self._stage.layout, self._mode, handle.cam
-        frame = frame_of(self._shot)
+        frame = canvas.frame_of(self._shot)
         self._heading = None
         with handle.lock():
             cam.type = mujoco.mjtCamera.mjCAMERA_FREE
@@ -211,7 +201,7 @@ class Window:
                 cam.lookat[:] = view.position + distance * view.forward
                 cam.distance = MARGIN * distance
 
-    def _follow(self, handle: Any, row: Poses) -> None:
+    def _follow(self, handle: Any, row: playback.Poses) -> None:
         """Keep the glider in the middle and turn with it; the mouse's own turns stay."""
         if self._mode != "follow":
             return
@@ -222,10 +212,10 @@ class Window:
             handle.cam.lookat[:] = self._here
             handle.cam.azimuth -= (turned + 180.0) % 360.0 - 180.0
 
-    def _texts(self, row: Poses) -> list[tuple[int, int, str, str]]:
+    def _texts(self, row: playback.Poses) -> list[tuple[int, int, str, str]]:
         """The title upper left, the readouts lower left, the keys lower right."""
         font, places = int(mujoco.mjtFontScale.mjFONTSCALE_100), mujoco.mjtGridPos
-        items = [(item.name, _plain(item.value)) for item in readouts(row, 0)]
+        items = [(item.name, _plain(item.value)) for item in hud.readouts(row, 0)]
         state = "paused" if self._paused else f"{self._speed:g} x real time"
         items.append(("SPEED-UP", state if self._time < self._last else "end"))
         return [

@@ -11,7 +11,6 @@ class Water {
     this.corners = [0, block.high[2]].flatMap(z => this.sides.map(([x, y]) => this.toWorld(x, y, z)));
     this.buildWalls();
     this.buildSheets();
-    this.buildLevels();
     this.ground = floor ? this.buildGround(unpack(floor.depths), floor.count) : null;
   }
 
@@ -41,11 +40,7 @@ class Water {
   // The bottom of the block, the map's ground, and the surface over the block and over open water.
   buildSheets() {
     const { low, high } = this.block, colours = this.palette.water;
-    const sheet = (corners, colour) => {
-      const shape = new Shape();
-      shape.quad(...corners, colour);
-      return shape.upload(this.renderer);
-    };
+    const sheet = (corners, colour) => new Shape().quad(...corners, colour).upload(this.renderer);
     const square = (half, z) => [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]];
     const [light, dark] = [2, 3].map(k => colours.at(k).slice(1));
     this.bottom = sheet(this.sides.map(([x, y]) => this.local(x, y, high[2])), [...colours.at(-1).slice(1), 1]);
@@ -53,11 +48,8 @@ class Water {
       [...light.map((c, k) => 0.4 * c + 0.6 * dark[k]), 1]);
     this.lid = sheet(this.sides.map(([x, y]) => this.local(x, y, 0)), [0.75, 0.93, 1, 0.2]);
     this.openLid = sheet(square(400, 0), [0.6, 0.85, 0.95, 0.35]);
-  }
-
-  // Rims of the surface, and lines round the block at round depths.
-  buildLevels() {
-    const deep = this.block.high[2], step = niceStep(deep / 4);
+    // Rims of the surface, and lines round the block at round depths.
+    const deep = high[2], step = niceStep(deep / 4);
     const line = (corners, d) => this.renderer.path({
       north: corners.map(c => c[0]), west: corners.map(c => c[1]), depth: corners.map(() => d) });
     this.edges = line([0, 1, 2, 3, 0].map(k => this.corners[k]), 0);
@@ -195,23 +187,18 @@ class CurrentArrows {
       west: [this.foot[1], this.foot[1]], depth: [0, high[2]] });
   }
 
-  // Again when a live mission has gone on.
-  arrange(channels) {
-    this.along = channels.current_north ? this.alongTrack(channels, 16) : [];
-  }
-
-  // Places and currents at equal distances along the track.
-  alongTrack({ north, east, depth, current_north: cn, current_east: ce }, count) {
-    const lengths = new Float64Array(north.length), found = [];
+  // Places and currents at 16 equal distances along the track; again when a live mission has gone on.
+  arrange({ north, east, depth, current_north: cn, current_east: ce }) {
+    const lengths = new Float64Array(north.length);
+    this.along = [];
     for (let i = 1; i < north.length; i++) {
       lengths[i] = lengths[i - 1] + Math.hypot(north[i] - north[i - 1], east[i] - east[i - 1]);
     }
-    for (let k = 0; k < count; k++) {
-      const where = locate(lengths, (k + 0.5) / count * lengths.at(-1));
+    for (let k = 0.5; cn && k < 16; k++) {
+      const where = locate(lengths, k / 16 * lengths.at(-1));
       const [n, e, d, u, v] = [north, east, depth, cn, ce].map(values => between(values, where));
-      if (Number.isFinite(u + v)) found.push({ place: [n, -e, -d], current: [u, v] });
+      if (Number.isFinite(u + v)) this.along.push({ place: [n, -e, -d], current: [u, v] });
     }
-    return found;
   }
 
   // North and east [m/s] of the mean profile.

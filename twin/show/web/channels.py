@@ -31,12 +31,9 @@ class Channels(NamedTuple):
     values: dict[str, Array]
     """By name, shape (n,): those of STEPS that something tells, and each moving part's; units of
     `Poses`, headings in [0, 360)"""
-    steps: dict[str, float]
-    """To what each is rounded"""
-    kept: Integers
-    """Index of each row among the samples of the mission, shape (n,)"""
-    samples: int
-    """How many the shown part of the mission has"""
+    steps: dict[str, float]  # to what each is rounded
+    kept: Integers  # index of each row among the samples of the mission, shape (n,)
+    samples: int  # samples of the shown part of the mission
     lost: dict[str, float]
     """Largest error [m] of straight lines between the kept samples, by depth and position; 0 where
     all are kept"""
@@ -76,7 +73,10 @@ def read_channels(
     if floor is not None:
         values["bottom"] = np.asarray(floor_depths(floor, *found.position[:, :2].T.copy()))
     parts = dict(zip(found.joints, found.parts.T, strict=True))
-    steps = {name: STEPS[name] for name in values} | {name: _part_step(name) for name in parts}
+    steps = {name: STEPS[name] for name in values} | {
+        name: SPIN_STEP if spins(name) else TURN_STEP if turns(name) else SLIDE_STEP
+        for name in parts
+    }
     return Channels(values | parts, steps, kept, len(inside), _lost(time, position, chosen))
 
 
@@ -120,15 +120,9 @@ def thin(depth: Array, most: int) -> Integers:
 
 
 def _lost(time: Array, position: Array, chosen: Integers) -> dict[str, float]:
-    """How far [m] from the samples the straight lines between the chosen ones are, at most."""
+    """Largest distances [m] of the samples from straight lines between the chosen ones."""
     if len(chosen) == len(time):
         return {"depth": 0.0, "position": 0.0}
     north, east, depth = (np.interp(time, time[chosen], p[chosen]) - p for p in position.T)
     largest = (float(np.nanmax(away)) for away in (np.abs(depth), np.hypot(north, east)))
     return dict(zip(("depth", "position"), largest, strict=True))
-
-
-def _part_step(part: str) -> float:
-    if spins(part):
-        return SPIN_STEP
-    return TURN_STEP if turns(part) else SLIDE_STEP

@@ -36,8 +36,7 @@ function buildTransport(page) {
   const speeds = [...new Set([1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 20000, 50000,
     ...(page.mission.opening.speed ? [wanted] : [])])].sort((a, b) => a - b);
   for (const speed of speeds) $("speed").add(new Option(`× ${speed}`, speed));
-  page.setSpeed(speeds.reduce(
-    (best, one) => Math.abs(Math.log(one / wanted)) < Math.abs(Math.log(best / wanted)) ? one : best));
+  page.setSpeed(nearest(speeds, wanted));
   $("speed").addEventListener("change", () => page.setSpeed(Number($("speed").value)));
   return speeds;
 }

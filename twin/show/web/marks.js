@@ -15,12 +15,12 @@ function fitCanvas(canvas, finest = 2, share = 1) {
 
 const css = colour => `rgb(${colour.map(c => Math.round(255 * c)).join(" ")})`;
 
+// The one of some numbers that is nearest to one in proportion.
+const nearest = (numbers, wanted) => numbers.reduce(
+  (best, one) => Math.abs(Math.log(one / wanted)) < Math.abs(Math.log(best / wanted)) ? one : best);
+
 // 1, 2 or 5 times a power of ten.
-function niceStep(rough) {
-  const power = 10 ** Math.floor(Math.log10(rough));
-  return [1, 2, 5, 10].map(m => m * power).reduce(
-    (best, one) => Math.abs(Math.log(one / rough)) < Math.abs(Math.log(best / rough)) ? one : best);
-}
+const niceStep = rough => nearest([1, 2, 5, 10].map(m => m * 10 ** Math.floor(Math.log10(rough))), rough);
 
 function text(context, words, x, y, align = "left", font = "13px") {
   context.font = `${font} system-ui, "DejaVu Sans", sans-serif`;
@@ -185,10 +185,6 @@ class FlatMap {
     this.others = page.mission.tracks.map(track => ({
       colour: css(track.colour), north: unpack(track.north), east: unpack(track.east) }));
   }
-
-  show() {}
-
-  extend() {}
 
   draw(state) {
     const { canvas, page } = this, { wide, high, ratio } = fitCanvas(canvas);

@@ -46,7 +46,7 @@ class Page {
     addEventListener("hashchange", () => this.obeyAddress());
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.strip.forget());
     this.seek(mission.opening.time ?? this.recording.first);
-    this.scene.show(mission.opening.camera);
+    this.scene.show?.(mission.opening.camera);
     this.obeyAddress();
     this.markButtons();
     requestAnimationFrame(now => this.frame(now));
@@ -112,7 +112,7 @@ class Page {
           this.recording.append(channels);
           // Who comes more than a second late joins the mission where it is.
           if (!begun && this.recording.last - this.time > this.speed) this.seek(this.recording.last);
-          this.scene.extend();
+          this.scene.extend?.();
           this.strip.forget();
         }
         this.live.running = running;
@@ -175,7 +175,7 @@ class Page {
   // --- choices -------------------------------------------------------------------------------
 
   chooseCamera(name) {
-    this.scene.show(name);
+    this.scene.show?.(name);
     this.markButtons();
   }
 

@@ -15,22 +15,13 @@ from numpy.typing import NDArray
 from twin.cli.text_table import printable
 from twin.errors import InputError
 from twin.geodesy import convergence, meridian_radius, normal_radius
-from twin.records.coordinates import (
-    NOMINAL,
-    START_LATITUDE,
-    START_LONGITUDE,
-    START_TIME,
-    unix_seconds,
-)
+from twin.records import coordinates
 from twin.records.logged import AVERAGED, LoggedTrajectory, source_of
 from twin.records.storage.whole import check_file_target, whole_file
 from twin.records.trajectory import Trajectory
-from twin.show.render import canvas, playback, sea
+from twin.show.render import canvas, film, playback, ribbon, sea, stage
 from twin.show.render.camera import SceneLayout
-from twin.show.render.film import known_samples
 from twin.show.render.playback import POSITION, Scale, optional, signal
-from twin.show.render.ribbon import STILL, free_place, mast_depths, profile
-from twin.show.render.stage import Path, lay_out, shown_paths
 from twin.show.render.subject import Shot, Subject
 from twin.show.web.channels import COLOURS, STEPS, Channels, read_channels, thin
 from twin.show.web.solid import Body, Packed, pack, read_solid
@@ -48,7 +39,7 @@ PLACE_STEP, NORMAL_STEP, DEPTH_STEP = 1e-4, 0.01, 0.1
 """Rounding of the vehicle's corners [m], of normals [1] and of the floor's depths [m]"""
 CURRENT = ("current_north", "current_east")
 ARROW_SHARE = 0.13  # length of the strongest current's arrow over the block's, as in scene.js
-TRACK_ROWS = 12_000  # of all dead-reckoned tracks together
+TRACK_ROWS = 12_000  # rows of all dead-reckoned tracks together
 
 
 def save_page(path: File, subject: Subject, shot: Shot, at: float | None = None) -> int:
@@ -120,9 +111,9 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
       InputError: the shot or the time does not fit the mission, or it has no positions.
     """
     trajectory, time = subject.trajectory, subject.trajectory.time
-    shown, paths = shown_paths(subject, shot)
+    shown, paths = stage.shown_paths(subject, shot)
     camera = "side" if shot.camera == "side" else "orbit"  # the chase needs no block of its own
-    layout = lay_out(paths, subject, shot, camera)
+    layout = stage.lay_out(paths, subject, shot, camera)
     values, scale = playback.track_values(trajectory, shot.colour, shown, subject.tracks)
     channels = read_channels(trajectory, shown, scale_share(values, scale), subject.floor, rows)
     current = _profile(trajectory, shown, layout, paths[0].points)
@@ -174,7 +165,7 @@ def _opening(shot: Shot, trajectory: Trajectory, at: float | None) -> float:
         return float(shot.still_time(trajectory.time, at)[0])
     first, last = shot.part(trajectory.time)
     inside = (trajectory.time >= first) & (trajectory.time <= last)
-    known = trajectory.time[inside & known_samples(trajectory)]
+    known = trajectory.time[inside & film.known_samples(trajectory)]
     return float(known[0]) if known.size else first
 
 
@@ -186,7 +177,7 @@ def _facts(trajectory: Trajectory) -> list[str]:
 
 
 def _notes(trajectory: Trajectory, channels: Channels, subject: Subject) -> list[str]:
-    """What a reader of the page must know about its figures."""
+    """Notes that a reader of the page needs about its figures."""
     kept, samples = len(channels.kept), channels.samples
     exact = f"All {samples} samples are in this page, with straight lines between them."
     if kept < samples:
@@ -206,24 +197,24 @@ def _notes(trajectory: Trajectory, channels: Channels, subject: Subject) -> list
 
 def _unix(trajectory: Trajectory) -> float | None:
     """Unix time [s] of mission time 0; None where the date is unknown or only nominal."""
-    if "date" in str(trajectory.provenance.get(NOMINAL, "")):
+    if "date" in str(trajectory.provenance.get(coordinates.NOMINAL, "")):
         return None
-    seconds = unix_seconds(trajectory.provenance.get(START_TIME))
+    seconds = coordinates.unix_seconds(trajectory.provenance.get(coordinates.START_TIME))
     return float(seconds) if np.isfinite(seconds) else None
 
 
 def _place(trajectory: Trajectory) -> dict[str, Any] | None:
-    """What the page makes latitudes and longitudes of, as `geographic_position` has them; None
+    """Constants for latitudes and longitudes, as `geographic_position` has them; None
     where the place is unknown or only nominal.
     """
     said = trajectory.provenance
-    if START_LATITUDE not in said or "place" in str(said.get(NOMINAL, "")):
+    if coordinates.START_LATITUDE not in said or "place" in str(said.get(coordinates.NOMINAL, "")):
         return None
-    latitude = float(said[START_LATITUDE])
+    latitude = float(said[coordinates.START_LATITUDE])
     logged = isinstance(trajectory, LoggedTrajectory)
     return {
         "latitude": latitude,
-        "longitude": float(said[START_LONGITUDE]),
+        "longitude": float(said[coordinates.START_LONGITUDE]),
         "meridian": meridian_radius(latitude),
         "normal": normal_radius(latitude),
         "convergence": None if logged else convergence(latitude),
@@ -283,16 +274,16 @@ def _profile(
     nobody knows it.
     """
     velocity = np.stack([optional(trajectory, name, 0.0)[shown] for name in CURRENT], axis=-1)
-    found = profile(signal(trajectory, "depth")[shown], velocity)
+    found = ribbon.profile(signal(trajectory, "depth")[shown], velocity)
     strongest = float(np.hypot(*velocity.T).max())
-    if strongest < STILL:
+    if strongest < ribbon.STILL:
         return None
     name = source_of(trajectory, "true_current_north", "current")
     return {
         "name": name,
         "averaged": name == AVERAGED,
-        "mast": [] if name == AVERAGED else mast_depths(found),
-        "foot": free_place(layout, path, ARROW_SHARE).tolist(),
+        "mast": [] if name == AVERAGED else ribbon.mast_depths(found),
+        "foot": ribbon.free_place(layout, path, ARROW_SHARE).tolist(),
         "strongest": strongest,
         "depth": found.depth.tolist(),
         "north": found.velocity[:, 0].tolist(),
@@ -300,7 +291,7 @@ def _profile(
     }
 
 
-def _tracks(paths: Sequence[Path]) -> list[dict[str, Any]]:
+def _tracks(paths: Sequence[stage.Path]) -> list[dict[str, Any]]:
     most = TRACK_ROWS // max(len(paths), 1)
     found = []
     for path in paths:

@@ -209,10 +209,8 @@ class Renderer {
     const gl = this.gl, made = gl.createTexture();
     gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(gl.TEXTURE_2D, made);
-    for (const [name, value] of [["MIN_FILTER", filter], ["MAG_FILTER", filter],
-      ["WRAP_S", gl.CLAMP_TO_EDGE], ["WRAP_T", gl.CLAMP_TO_EDGE]]) {
-      gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}`], value);
-    }
+    const look = { MIN_FILTER: filter, MAG_FILTER: filter, WRAP_S: gl.CLAMP_TO_EDGE, WRAP_T: gl.CLAMP_TO_EDGE };
+    for (const name in look) gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}`], look[name]);
     return made;
   }
 
@@ -223,8 +221,7 @@ class Renderer {
     const gl = this.gl, bytes = new Uint8Array(colours.length * 4);
     colours.forEach((c, i) => bytes.set([...c.map(x => Math.round(255 * x)), 255], 4 * i));
     this.texture(0, gl.LINEAR);
-    gl.texImage2D(
-      gl.TEXTURE_2D, 0, gl.RGBA, colours.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, colours.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
   }
 
   // Begin a frame: clear, and paint the water behind everything.
@@ -273,7 +270,8 @@ class Renderer {
     this.use(this.line, {
       clip: this.clip, eyeCoarse: [cx, cy], eyeFine: [x - cx, y - cy], eyeZ: z,
       size: [gl.drawingBufferWidth, gl.drawingBufferHeight], stretch: this.stretch, lift, wide,
-      points: 1, scale: 0, part, start: first, cut, future: future ? 1 : 0, onFloor: onFloor ? 1 : 0, byValue: colour ? 0 : 1,
+      points: 1, scale: 0, part, start: first, cut, future: future ? 1 : 0,
+      onFloor: onFloor ? 1 : 0, byValue: colour ? 0 : 1,
       hull: Vector.sub(hull, this.eye), clear, plain: colour || [1, 1, 1], fog: this.fog, murk: this.murk });
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, path.texture);
@@ -302,6 +300,7 @@ class Shape {
     const [p, q, r, s] = Array.isArray(colour[0]) ? colour : [colour, colour, colour, colour];
     this.triangle(a, b, c, [p, q, r]);
     this.triangle(a, c, d, [p, r, s]);
+    return this;
   }
 
   // An arrow of length 1 along x.

@@ -27,7 +27,7 @@ from twin.errors import InputError, SimulationUnstable
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.physics.scenario import Scenario
 from twin.records.trajectory import Trajectory
-from twin.show.render.playback import track_values
+from twin.show.render import playback
 from twin.show.render.subject import Shot, Subject, live_simulation
 from twin.show.web.channels import read_channels
 from twin.show.web.page import describe, pack_channels, scale_share
@@ -148,8 +148,8 @@ class _Handler(BaseHTTPRequestHandler):
     server: PageServer
 
     def setup(self) -> None:
-        self.timeout = SILENCE
         super().setup()
+        self.connection.settimeout(SILENCE)
 
     def do_GET(self) -> None:
         """The page; nothing changes by it."""
@@ -174,7 +174,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
 
     def _asked(self) -> str | None:
-        """What is asked for, behind the key; None when that has been answered already."""
+        """The path behind the key; None when the question has been answered already."""
         # A name that another site's address was bent to is not ours.
         host = (self.headers.get("Host") or "").rpartition(":")[0]
         try:
@@ -228,7 +228,8 @@ class LiveMission:
         self._subject, self._shot, self._speed = subject, shot, speed_up
         trajectory = subject.trajectory
         time = trajectory.time
-        self._scale = track_values(trajectory, shot.colour, np.ones(len(time), bool), ())[1]
+        whole = np.ones(len(time), bool)
+        _, self._scale = playback.track_values(trajectory, shot.colour, whole, ())
         self.mission = describe(subject, shot, len(time))
         """The page's mission: all of the scene, the first samples, and where it will end"""
         self._still = self.mission["profile"] is None
@@ -291,7 +292,7 @@ class LiveMission:
         """Samples `first` to `count` of a trajectory, packed."""
         shown: NDArray[np.bool_] = np.zeros(len(trajectory.time), bool)
         shown[first:count] = True
-        values, _ = track_values(trajectory, self._shot.colour, shown, ())
+        values, _ = playback.track_values(trajectory, self._shot.colour, shown, ())
         share = scale_share(values, self._scale)
         channels = read_channels(trajectory, shown, share, self._subject.floor, count)
         return pack_channels(channels, still=self._still)

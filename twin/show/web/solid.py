@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from twin.errors import InputError
 from twin.faults.base import Fault
+from twin.show.render import stage
 from twin.show.render.shapes import GLIDER_GROUPS
-from twin.show.render.stage import named_geoms, turned_bodies
 from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -36,33 +36,26 @@ WHOLES: tuple[type[np.signedinteger[Any]], ...] = (np.int8, np.int16, np.int32)
 class Body(NamedTuple):
     """One body of the vehicle; frames as MuJoCo has them, z up, metres."""
 
-    parent: int
-    """Index of the body that carries it; -1 for the hull"""
-    position: Array
-    """In the parent's frame, (3,)"""
-    quaternion: Array
-    """(w, x, y, z) to the parent's frame, (4,)"""
+    parent: int  # index of the body that carries it; -1 for the hull
+    position: Array  # in the parent's frame, (3,)
+    quaternion: Array  # (w, x, y, z) to the parent's frame, (4,)
     moves: list[dict[str, Any]]
     """For each part that moves it: {"part", "kind": slide or turn, "axis", "anchor"}, in order"""
-    corners: Array
-    """Of its triangles, (triangles, 3 corners, 3)"""
-    normals: Array
-    """Unit, as `corners`"""
-    colours: Array
-    """RGBA of its triangles, 0 to 1, (triangles, 4)"""
-    until: float = math.inf
-    """[s] mission time from when on it is gone"""
+    corners: Array  # corners of triangles, (triangles, 3 corners, 3)
+    normals: Array  # unit, as `corners`
+    colours: Array  # RGBA of its triangles, 0 to 1, (triangles, 4)
+    until: float = math.inf  # [s] mission time from when on it is gone
 
 
 def read_solid(vehicle: Vehicle, faults: Sequence[Fault] = ()) -> list[Body]:
     """The bodies of a vehicle, the hull first; what faults say is gone are bodies of their own."""
     model = mujoco.MjModel.from_xml_string(vehicle.xml)
     hull = model.body("hull").id
-    turned = turned_bodies(model, vehicle, "")
+    turned = stage.turned_bodies(model, vehicle, "")
     ids = np.flatnonzero(model.body_rootid == hull).tolist()  # the hull is the first of its tree
     until = np.full(model.ngeom, math.inf)
     for fault in faults:
-        lost = named_geoms(model, fault.gone)
+        lost = stage.named_geoms(model, fault.gone)
         until[lost] = np.minimum(until[lost], fault.start)
     found = [_body(model, b, ids, turned, _seen(model, b, until == math.inf)) for b in ids]
     for moment in np.unique(until[until < math.inf]).tolist():
@@ -108,7 +101,7 @@ def _body(
             )
     for name, found in turned.items():
         if found.body == body:
-            axis = np.zeros(3)  # of the hull; the body's own is needed
+            axis = np.zeros(3)  # the hull's axis; the body's own is needed
             mujoco.mju_rotVecQuat(axis, found.axis, found.rest * [1.0, -1.0, -1.0, -1.0])
             moves.append((name, "turn", axis, np.zeros(3)))
     described = [
@@ -170,7 +163,7 @@ def lathe(profile: Array) -> Array:
 
 
 def _unit_box() -> Array:
-    """Of half sides 1, (12, 3, 3)."""
+    """Triangles of a box with half sides of 1, (12, 3, 3)."""
     faces = []
     for axis in range(3):
         for sign in (1.0, -1.0):

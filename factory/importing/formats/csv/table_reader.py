@@ -138,12 +138,13 @@ def mapped_log(
     """
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
         has = np.isin(time, channels["measured_dvl_surge"].time)
-        channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has)
+        channels["measured_dvl_mode"] = Channel(time, LOCKS[mapping.dvl_lock] * has.astype(float))
         tally.add("note", "measured_dvl_mode", has, f"{mapping.dvl_lock}, says the mapping")
     channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
-    gps = [channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")]
-    fixes = _fixes(*gps, tally)
+    names = ("gps_latitude", "gps_longitude", "gps_fix")
+    latitude, longitude, valid = (channels.pop(name, EMPTY) for name in names)
+    fixes = _fixes(latitude, longitude, valid, tally)
     magnetic = [n for n in HEADINGS & set(channels) if mapping.signals[n].north != "true"]
     if magnetic and variation_deg is None and not len(variation):
         variation = reference_declination(places_for(fixes, channels), deployment, tally)

@@ -312,8 +312,6 @@ def _thruster(native: Mapping[str, Channel], voltage: Channel, tally: Tally) -> 
 
 THRUSTER = ("m_thruster_current", "m_thruster_power")
 """[A], [W] of a Slocum's thruster"""
-
-
 SLOCUM = {
     "measured_charge": (("m_coulomb_amphr_total", "m_coulomb_amphr"), 1.0),
     "measured_voltage": (("m_battery", "m_battery_inst"), 1.0),
@@ -321,8 +319,6 @@ SLOCUM = {
     "measured_vacuum": (("m_vacuum",), INCH_HG),
 }
 """Store's name, a Slocum's sensors by preference, and the store's units in one of theirs."""
-
-
 SLOCUM_UNITS = {
     **dict.fromkeys(SLOCUM["measured_charge"][0], "A h"),
     **dict.fromkeys(SLOCUM["measured_voltage"][0], "V"),
@@ -330,6 +326,4 @@ SLOCUM_UNITS = {
     "m_vacuum": "inHg",
 }  # fmt: skip
 """What these sensors are in"""
-
-
 SLOCUM_SENSORS = (*(name for names, _ in SLOCUM.values() for name in names), *THRUSTER)

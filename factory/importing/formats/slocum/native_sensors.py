@@ -127,8 +127,8 @@ def slocum_log(
     native = in_native_units(native, units, deployment, tally)
     sure = {name for name in units if is_declared(units[name])}
     if not len(fixes):
-        places = at_common_times(native, ("m_gps_lat", "m_gps_lon", "m_gps_status"))
-        fixes = gps_fixes(*places, tally=tally)
+        found = at_common_times(native, ("m_gps_lat", "m_gps_lon", "m_gps_status"))
+        fixes = gps_fixes(*found, tally=tally)
     variation = variation or native_variation(native.get("m_gps_mag_var", EMPTY), tally)
     if not len(variation):
         places = fixes if len(fixes) else on_board_places(native)
@@ -326,5 +326,5 @@ def on_board(
 
 def on_board_places(native: Native) -> LoggedFixes:
     """Positions [degree] that the vehicle itself reckons."""
-    time, *places = at_common_times(native, PLACE)
-    return LoggedFixes.finite(time, *positions(*places, "m_lat, m_lon", Tally()))
+    time, latitude, longitude = at_common_times(native, PLACE)
+    return LoggedFixes.finite(time, *positions(latitude, longitude, "m_lat, m_lon", Tally()))

@@ -315,8 +315,9 @@ def _same_place(
     def away(latitude: Array, longitude: Array) -> float:
         return float(np.median(np.hypot(*offset(latitude, longitude, *middle))))
 
-    corners = offset(*(np.array([one.min(), one.max()]) for one in own), *middle)
-    reach = _FAR + float(np.hypot(*(np.ptp(axis) for axis in corners)))
+    latitude, longitude = (np.array([one.min(), one.max()]) for one in own)
+    north, east = offset(latitude, longitude, *middle)
+    reach = _FAR + float(np.hypot(np.ptp(north), np.ptp(east)))
     if away(fixes.latitude, fixes.longitude) <= reach:
         return fixes
     if away(fixes.longitude, fixes.latitude) <= reach:

@@ -11,14 +11,11 @@ import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.quiver import Quiver
-from pictures import measured, short_scenario
 
 from twin.errors import InputError
-from twin.physics.simulation import simulate
 from twin.records.trajectory import Trajectory
 from twin.show.figures import figure, section_figure
 from twin.show.figures.map import joined
@@ -36,11 +33,6 @@ from twin.show.figures.map_ground import (
     rings,
 )
 from twin.show.figures.water import OCEAN_MAPS, ocean_map
-
-
-@pytest.fixture(scope="module")
-def trajectory() -> Trajectory:
-    return measured(simulate(short_scenario()))
 
 
 def on_land(latitude: float, longitude: float) -> bool:
@@ -146,14 +138,10 @@ def test_the_scale_bar_is_as_long_as_it_says() -> None:
     assert axes.texts[0].get_text() == f"{metres / 1000:g} km"
 
 
-def main_axes(drawn: Figure) -> Axes:
-    return drawn.axes[0]
-
-
 def test_the_map_has_coordinates_and_the_true_track(trajectory: Trajectory) -> None:
     drawn = figure(trajectory, "map")
     drawn.canvas.draw()
-    axes = main_axes(drawn)
+    axes = drawn.axes[0]
     latitude, longitude = trajectory.geographic_position()
     (track,) = [line for line in axes.lines if line.get_label() == "true track"]
     np.testing.assert_allclose(track.get_xdata(), longitude)
@@ -188,7 +176,7 @@ def test_a_mission_without_a_place_has_no_map(trajectory: Trajectory) -> None:
 
 
 def test_the_ts_diagram_is_teos_10(trajectory: Trajectory) -> None:
-    axes = main_axes(figure(trajectory, "ts"))
+    axes = figure(trajectory, "ts").axes[0]
     (dots,) = [c for c in axes.collections if len(c.get_offsets()) > 10]
     depth = trajectory["true_depth"]
     pressure = np.maximum(gsw.p_from_z(-np.maximum(depth, 0.0), 49.9), 0.0)
@@ -196,15 +184,14 @@ def test_the_ts_diagram_is_teos_10(trajectory: Trajectory) -> None:
     temperature = gsw.CT_from_t(salinity, trajectory["measured_temperature"], pressure)
     np.testing.assert_allclose(dots.get_offsets(), np.column_stack([salinity, temperature]))
     np.testing.assert_allclose(dots.get_array(), depth)
-    lines = [c for c in axes.collections if hasattr(c, "levels")]
-    (contours,) = lines
+    (contours,) = (c for c in axes.collections if hasattr(c, "levels"))
     assert len(contours.levels) >= 2
     for level, path in zip(contours.levels, contours.get_paths(), strict=True):
         if len(path.vertices):
             np.testing.assert_allclose(gsw.sigma0(*path.vertices.T), level, atol=2e-3)
     assert axes.get_xlabel() == "absolute salinity (measured) [g/kg]"
     nowhere = dataclasses.replace(trajectory, provenance={})
-    assert main_axes(figure(nowhere, "ts")).get_xlabel().startswith("reference salinity")
+    assert figure(nowhere, "ts").axes[0].get_xlabel().startswith("reference salinity")
 
 
 def test_sections_of_the_water_run_down_in_cmocean_s_maps(trajectory: Trajectory) -> None:
@@ -218,8 +205,7 @@ def test_sections_of_the_water_run_down_in_cmocean_s_maps(trajectory: Trajectory
             assert bottom > trajectory["true_depth"].max() > 0.0 == top
             assert dots.get_cmap().name == OCEAN_MAPS[quantity]
     way = np.hypot(np.diff(trajectory["true_north"]), np.diff(trajectory["true_east"])).sum()
-    x = dots.get_offsets()[:, 0]
-    assert x[-1] == pytest.approx(way)
+    assert dots.get_offsets()[-1, 0] == pytest.approx(way)
 
 
 def test_a_mission_without_a_ctd_says_so(trajectory: Trajectory) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pictures import dead_reckoned, needs_gl, short_scenario, short_subject
+from pictures import dead_reckoned, needs_gl, short_scenario
 from PIL import Image
 
 import twin
 from twin.errors import InputError
 from twin.faults.hull import WingLost
 from twin.show.render import canvas as palette
+from twin.show.render import sea, tags
 from twin.show.render.camera import (
     Frame,
     block_view,
@@ -33,7 +35,8 @@ from twin.show.render.canvas import (
     Canvas,
 )
 from twin.show.render.film import save_still, still
-from twin.show.render.painter import GLIDER_GROUPS, Painter
+from twin.show.render.painter import Painter
+from twin.show.render.shapes import GLIDER_GROUPS
 from twin.show.render.subject import CAMERAS, Shot, read_subject
 
 SIZE = {"width": 256, "height": 144}
@@ -43,11 +46,6 @@ SEEN = 25
 """Summed difference of the colours from which a pixel has changed"""
 
 every_camera = pytest.mark.parametrize("camera", CAMERAS)
-
-
-@pytest.fixture(scope="module")
-def subject():
-    return short_subject()
 
 
 @pytest.fixture(scope="module")
@@ -321,3 +319,21 @@ def test_colour_by_error_needs_tracks(subject, with_tracks):
 def test_words_of_a_poster_are_read_at_half_its_width():
     """As in a README beside a column, on a screen of 640 pixels."""
     assert min(NAME, LABEL, LEGEND, TITLE, VALUE) * 640 / BASE_WIDTH >= SMALLEST_FONT
+
+
+def test_every_label_of_a_map_has_distance_unit_and_direction(monkeypatch):
+    canvas = SimpleNamespace(px=lambda n: n, width=1280, height=720)
+    layout = SimpleNamespace(low=(-1100.0, -1600.0, 0.0), display_block=lambda points: points)
+    view = SimpleNamespace(project=lambda points: points)
+    values = {0: np.array([-1000.0, -500.0, 0.0]), 1: np.array([-1500.0, 0.0, 500.0])}
+    monkeypatch.setattr(sea, "grid_values", lambda layout, axis: values[axis])
+    monkeypatch.setattr(tags, "scale_bar", lambda *_: (500.0, (0, 0, 100, 4)))
+    texts = [mark.text for mark in tags.map_marks(canvas, layout, view)]
+    assert texts[:3] == ["1000 m S", "500 m S", "0 m N"]
+    assert texts[3:] == ["1500 m W", "0 m E", "500 m E", "500 m"]
+
+
+def test_the_first_tracks_have_not_the_colour_of_the_current():
+    for colour in palette.OTHER_TRACKS[:4]:
+        assert np.abs(colour - palette.CURRENT).max() > 0.2
+    assert len({tuple(colour) for colour in palette.OTHER_TRACKS}) == len(palette.OTHER_TRACKS)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from logs import Flight, write_seaglider
-from pictures import needs_gl, write_dives
+from pictures import call, needs_gl
+from PIL import Image
 
 from factory.importing.import_run import import_logs
-from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError
 from twin.logs import logged_trajectory
 from twin.records.logged import LoggedTrajectory
@@ -24,11 +24,6 @@ from twin.show.render.playback import moving_parts, poses, track_values
 from twin.show.render.subject import Replay, Shot, read_subject
 
 FLIGHT = Flight(dives=2)
-
-
-@pytest.fixture(scope="module")
-def dives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_dives(tmp_path_factory.mktemp("dives"), 2)
 
 
 @pytest.fixture(scope="module")
@@ -166,11 +161,9 @@ def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
 def test_a_picture_of_a_log(
     dives: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from PIL import Image
-
-    words = ["render", dives, "--missions", "all", "--size", "320x180", "--out", tmp_path / "a.png"]
-    assert PROGRAM.main([str(word) for word in words]) == 0
-    assert capsys.readouterr().err == ""
+    words = ("render", dives, "--missions", "all", "--size", "320x180", "--out", tmp_path / "a.png")
+    code, _, err = call(capsys, *words)
+    assert (code, err) == (0, "")
     picture = np.asarray(Image.open(tmp_path / "a.png"))
     assert picture.shape == (180, 320, 3)
     assert picture.std() > 10.0

@@ -11,10 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from patience import HANG_S
-from pictures import short_scenario, short_subject
+from pictures import refused, short_scenario
 
-from twin.__main__ import PROGRAM
-from twin.physics.simulation import simulate
 from twin.show.render.context import DISPLAYS
 from twin.show.render.playback import poses
 from twin.show.render.subject import Live, Replay
@@ -52,20 +50,6 @@ def test_without_a_screen_it_says_what_to_do(display, message):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--seconds", "0"), "--seconds 0 must be positive"),
-        (("--camera", "orbt"), "orbit"),
-    ],
-)
-def test_refusals(capsys, words, message):
-    assert PROGRAM.main(["view", *words]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
-
-
-@pytest.mark.parametrize(
     ("words", "option"),
     [
         (("--current", "uniform:0.1,0"), "--current"),
@@ -74,10 +58,9 @@ def test_refusals(capsys, words, message):
     ],
 )
 def test_what_belongs_to_a_live_mission_is_refused_beside_a_store(capsys, store, words, option):
-    assert PROGRAM.main(["view", str(store), *words]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert f"{option}: for a mission that is flown live" in line
-    assert store.name in line
+    told = refused(capsys, "view", store, *words)
+    assert f"{option}: for a mission that is flown live" in told
+    assert store.name in told
 
 
 def assert_same(row, expected, tolerance):
@@ -87,21 +70,19 @@ def assert_same(row, expected, tolerance):
         )
 
 
-def test_a_replay_shows_what_was_recorded():
-    trajectory = short_subject().trajectory
+def test_a_replay_shows_what_was_recorded(subject):
+    trajectory = subject.trajectory
     replay = Replay(trajectory)
     for time in (0.0, 17.5, 17.6, 250.25, 300.0):
         assert_same(replay.at(time), poses(trajectory, np.array([time])), 1e-9)
 
 
-def test_a_live_flight_is_the_simulation_and_goes_back():
-    scenario = short_scenario()
-    trajectory = simulate(scenario)
-    live = Live(scenario)
+def test_a_live_flight_is_the_simulation_and_goes_back(subject):
+    live = Live(short_scenario())
     for time in (50.0, 140.0, 100.0, 100.1):  # back: it is flown again
         row = live.at(time)
         # the log holds samples, the physics goes on between them
-        expected = poses(trajectory, row.time)
+        expected = poses(subject.trajectory, row.time)
         assert abs(row.time[0] - time) < 0.11
         np.testing.assert_allclose(row.position, expected.position, atol=2e-3)
         np.testing.assert_allclose(row.pitch, expected.pitch, atol=0.02)

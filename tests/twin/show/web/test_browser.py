@@ -4,25 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import urllib.error
-import urllib.request
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from pictures import (
-    dead_reckoned,
-    short_scenario,
-    short_subject,
-    unpack,
-    write_dives,
-    write_short_store,
-)
+from pictures import dead_reckoned, short_scenario, write_page
 
-from twin.__main__ import PROGRAM
-from twin.errors import InputError
 from twin.faults.hull import WingLost
 from twin.frames import flip_vector
 from twin.logs import logged_trajectory
@@ -30,24 +18,14 @@ from twin.mission.shipped_missions import load_mission_for
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
 from twin.records.store import read_trajectory
-from twin.records.trajectory import Trajectory
 from twin.show.render.playback import poses
 from twin.show.render.subject import Shot, Subject
-from twin.show.web.page import assemble, page_text
+from twin.show.web.page import assemble
 from twin.show.web.server import LiveMission, PageServer
 from twin.vehicle.vehicle import load_vehicle
 
 CAMERAS = ("orbit", "side", "map", "chase")
-
-
-@pytest.fixture(scope="module")
-def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trajectory]:
-    """A page as the command writes it, and the mission of its store."""
-    folder = tmp_path_factory.mktemp("browser")
-    store = write_short_store(folder / "short.zarr")
-    out = folder / "dive.html"
-    assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
-    return out, read_trajectory(store, 0)
+pytestmark = needs_browser
 
 
 def scene(browser: Browser) -> np.ndarray:
@@ -84,10 +62,9 @@ def slide_to(browser: Browser, time: float) -> None:
     )
 
 
-@needs_browser
-def test_it_opens_offline_and_shows_what_the_store_holds(browser, short):
-    out, trajectory = short
-    browser.open(out)
+def test_it_opens_offline_and_shows_what_the_store_holds(browser, page, store):
+    trajectory = read_trajectory(store, 0)
+    browser.open(page)
     for k in (0, 136, len(trajectory.time) - 1):
         slide_to(browser, float(trajectory.time[k]))
         shown = readouts(browser)
@@ -110,12 +87,11 @@ def test_it_opens_offline_and_shows_what_the_store_holds(browser, short):
         whole = round(trajectory.time[k])
         assert shown["time"] == f"0:{whole // 60:02d}:{whole % 60:02d}"
     assert complaints(browser) == []
-    assert browser.requests == [out.as_uri()]
+    assert browser.requests == [page.as_uri()]
 
 
-@needs_browser
-def test_each_camera_shows_another_picture(browser, short):
-    browser.open(short[0])
+def test_each_camera_shows_another_picture(browser, page):
+    browser.open(page)
     slide_to(browser, 150.0)
     pictures = []
     for name in CAMERAS:
@@ -133,9 +109,8 @@ def test_each_camera_shows_another_picture(browser, short):
     assert complaints(browser) == []
 
 
-@needs_browser
-def test_keys_play_jump_and_choose_cameras(browser, short):
-    browser.open(short[0])
+def test_keys_play_jump_and_choose_cameras(browser, page):
+    browser.open(page)
     browser.run("page.seek(100)")
     browser.press("ArrowRight")
     assert browser.run("page.time") == pytest.approx(106.0)
@@ -156,9 +131,8 @@ def test_keys_play_jump_and_choose_cameras(browser, short):
     assert browser.run("page.playing") is False
 
 
-@needs_browser
-def test_the_mouse_turns_and_the_wheel_comes_nearer(browser, short):
-    browser.open(f"{short[0].as_uri()}#t=200&camera=side")
+def test_the_mouse_turns_and_the_wheel_comes_nearer(browser, page):
+    browser.open(f"{page.as_uri()}#t=200&camera=side")
     before = scene(browser).astype(float)
     assert browser.run("page.time") == 200.0
     browser.mouse("mousePressed", 600, 300, button="left", buttons=1)
@@ -173,18 +147,9 @@ def test_the_mouse_turns_and_the_wheel_comes_nearer(browser, short):
     np.testing.assert_allclose(scene(browser), before, atol=3.0)
 
 
-@needs_browser
-def test_currents_and_tracks_are_drawn(browser, tmp_path):
-    subject = short_subject()
-    with_tracks = Subject(
-        trajectory=subject.trajectory,
-        vehicle=subject.vehicle,
-        tracks=dead_reckoned(subject.trajectory),
-        title="tracks",
-    )
-    out = tmp_path / "tracks.html"
-    out.write_text(page_text(with_tracks, Shot(camera="map")), encoding="utf-8")
-    browser.open(out)
+def test_currents_and_tracks_are_drawn(browser, subject, tmp_path):
+    with_tracks = dataclasses.replace(subject, tracks=dead_reckoned(subject.trajectory))
+    browser.open(write_page(tmp_path / "tracks.html", with_tracks, camera="map"))
     browser.run("page.seek(300)")
     picture = scene(browser).astype(int)
     for track in ((0.15, 0.90, 0.50), (1.00, 0.58, 0.78)):
@@ -197,12 +162,9 @@ def test_currents_and_tracks_are_drawn(browser, tmp_path):
     assert "current, up to" in legend
 
 
-@needs_browser
-def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, tmp_path):
-    store, out = write_dives(tmp_path, 2), tmp_path / "log.html"
-    assert PROGRAM.main(["render", str(store), "--html", str(out), "--missions", "all"]) == 0
-    log = logged_trajectory(store, [0, 1])
-    browser.open(out)
+def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, dives, log_page):
+    log = logged_trajectory(dives, [0, 1, 2])
+    browser.open(log_page)
     k = int(np.argmax((log["true_depth"] > 20.0) & (log["measured_gap"] == 0.0)))
     slide_to(browser, float(log.time[k]))
     shown = readouts(browser)
@@ -216,17 +178,13 @@ def test_a_log_shows_its_date_and_dashes_where_nothing_is_known(browser, tmp_pat
     assert complaints(browser) == []
 
 
-@needs_browser
 @pytest.mark.parametrize("name", ["glider", "tethys"])
 def test_moving_parts_stand_where_mujoco_has_them(browser, tmp_path, name):
     vehicle = load_vehicle(name)
     plan = load_mission_for(vehicle, None)
     trajectory = simulate(Scenario(vehicle=vehicle, mission=plan, duration=400.0))
-    out = tmp_path / "parts.html"
-    out.write_text(
-        page_text(Subject(trajectory=trajectory, vehicle=vehicle), Shot()), encoding="utf-8"
-    )
-    browser.open(out)
+    subject = Subject(trajectory=trajectory, vehicle=vehicle)
+    browser.open(write_page(tmp_path / "parts.html", subject))
     found = browser.run("page.scene.vehicle.poses(page.recording.at(350))")
     pose = poses(trajectory, np.array([350.0]))
     model = mujoco.MjModel.from_xml_string(vehicle.xml)
@@ -255,9 +213,8 @@ def test_moving_parts_stand_where_mujoco_has_them(browser, tmp_path, name):
         assert same > 1.0 - 1e-4, model.body(body).name  # a propeller's rates are rounded
 
 
-@needs_browser
-def test_a_light_page_is_light(browser, short):
-    browser.open(short[0])
+def test_a_light_page_is_light(browser, page):
+    browser.open(page)
     panels = []
     for scheme in ("light", "dark"):
         browser.prefer(prefers_color_scheme=scheme)
@@ -268,94 +225,20 @@ def test_a_light_page_is_light(browser, short):
     assert panels[1] < 80.0
 
 
-@needs_browser
-def test_without_webgl_the_map_is_flat_and_the_page_says_so(short):
+def test_without_webgl_the_map_is_flat_and_the_page_says_so(page, store):
     with Browser(900, 600, "--disable-3d-apis") as browser:
-        browser.open(short[0])
+        browser.open(page)
         browser.run("page.seek(200)")
         browser.drawn()
         assert "no WebGL2" in browser.run("document.getElementById('alert').textContent")
-        assert abs(number(readouts(browser)["depth"]) - short[1]["true_depth"][400]) < 0.06
+        depth = read_trajectory(store, 0)["true_depth"][400]
+        assert abs(number(readouts(browser)["depth"]) - depth) < 0.06
         picture = browser.picture()[100:400, 200:700]
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
 
 
-# --- twin view --web ---------------------------------------------------------------------------
-
-
-def live(speed_up: float) -> LiveMission:
-    scenario = short_scenario()
-    return LiveMission(scenario, short_subject(), Shot(), speed_up)
-
-
-@pytest.mark.parametrize("name", ["short", "tethys"])
-def test_a_live_mission_gives_the_samples_of_the_simulation(name):
-    if name == "short":
-        mission, expected = live(1e6), simulate(short_scenario())
-    else:  # it ends before its longest time
-        vehicle = load_vehicle(name)
-        scenario = Scenario(vehicle=vehicle, mission=load_mission_for(vehicle, None))
-        expected = simulate(scenario)
-        subject = Subject(trajectory=expected, vehicle=vehicle)
-        mission = LiveMission(scenario, subject, Shot(), 1e6)
-    found = {name: [unpack(row)] for name, row in mission.mission["channels"].items()}
-    running = True
-    while running:
-        answer = mission.rows(sum(len(row) for row in found["time"]))
-        running = answer["running"]
-        for name, row in answer.get("channels", {}).items():
-            found[name].append(unpack(row))
-    np.testing.assert_array_equal(np.concatenate(found["time"]), expected.time)
-    for name in ("north", "depth", "pitch", "surge"):
-        away = np.concatenate(found[name]) - expected[f"true_{name}"]
-        assert np.abs(away).max() < 0.0051, name
-
-
-def test_a_live_mission_waits_for_its_first_reader_and_keeps_time():
-    mission = live(2.0)
-    assert mission.rows(2) == {"running": True}
-    with pytest.raises(InputError, match="a live one begins at 0 s"):
-        LiveMission(short_scenario(), short_subject(), Shot(start=10.0), 2.0)
-
-
-def test_the_server_is_for_this_machine_and_knows_its_pages():
-    with PageServer(0) as server:
-        server.show("<p>here")
-        with urllib.request.urlopen(server.address) as answer:
-            assert answer.read() == b"<p>here"
-        with pytest.raises(urllib.error.HTTPError, match="404"):
-            urllib.request.urlopen(server.address + "rows?from=2")
-        for path in ("", "rows?from=2", f"{'a' * 22}/"):
-            with pytest.raises(urllib.error.HTTPError, match="404"):
-                urllib.request.urlopen(f"http://127.0.0.1:{server.port}/{path}")
-        bent = urllib.request.Request(server.address, headers={"Host": "elsewhere.example:80"})
-        with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(bent)
-        with pytest.raises(InputError, match=rf"--port {server.port}: .*give another one"):
-            PageServer(server.port)
-    with pytest.raises(InputError, match="0 to 65535"):
-        PageServer(70000)
-
-
-def test_without_a_port_the_next_free_one_is_taken(monkeypatch, tmp_path, capsys):
-    store = write_short_store(tmp_path / "short.zarr")
-    with PageServer(0) as first:
-        monkeypatch.setattr("twin.show.web.server.PORT", first.port)
-        with PageServer() as second:
-            assert first.port < second.port < first.port + 100
-        assert PROGRAM.main(["view", str(store), "--web", "--seconds", "0.1"]) == 0
-        said = capsys.readouterr()
-        told = re.search(rf"port {first.port} is taken: this page is served at (\d+)\n", said.err)
-        assert told is not None
-        assert f"open http://127.0.0.1:{told[1]}/" in said.out
-        monkeypatch.setattr("twin.show.web.server.PORTS", 1)
-        with pytest.raises(InputError, match="are taken: --port 0 takes any free one"):
-            PageServer()
-
-
-@needs_browser
-def test_a_browser_follows_a_live_mission(browser):
-    mission = live(40.0)
+def test_a_browser_follows_a_live_mission(browser, subject):
+    mission = LiveMission(short_scenario(), subject, Shot(), 40.0)
     with PageServer(0) as server:
         server.show(assemble(mission.mission, connect="'self'"), mission)
         browser.problems.clear()
@@ -373,38 +256,19 @@ def test_a_browser_follows_a_live_mission(browser):
         browser.until("!page.live.running")
         assert browser.run("page.recording.last") == 300.0
         slide_to(browser, 150.0)
-        expected = simulate(short_scenario())
+        expected = subject.trajectory
         k = int(np.searchsorted(expected.time, 150.0))
         assert abs(number(readouts(browser)["depth"]) - expected["true_depth"][k]) < 0.056
         assert complaints(browser) == []
 
 
-def test_view_without_a_window_serves_a_stored_mission(tmp_path, capsys):
-    store = write_short_store(tmp_path / "short.zarr")
-    words = ["view", str(store), "--web", "--port", "0", "--seconds", "0.2"]
-    assert PROGRAM.main(words) == 0
-    said = capsys.readouterr()
-    assert re.search(r"open http://127\.0\.0\.1:\d+/[\w-]{22}/ in a browser", said.out)
-    assert "is taken" not in said.err
-    assert "ssh -L" in said.err
-    assert PROGRAM.main(["view", "--port", "0"]) == 2
-    assert "--port is of --web" in capsys.readouterr().err
-
-
-@needs_browser
-def test_a_lost_wing_is_not_drawn_from_its_moment_on(browser, tmp_path):
-    scenario = short_scenario()
-    pages = []
-    for name, faults in (("whole", []), ("torn", [WingLost(side="both", start=150.0)])):
-        flown = simulate(scenario)  # the same flight: what differs is the drawing
-        subject = dataclasses.replace(short_subject(), trajectory=flown, faults=faults)
-        pages.append(tmp_path / f"{name}.html")
-        pages[-1].write_text(page_text(subject, Shot(camera="chase")))
-    pictures = {}
-    for page in pages:
-        browser.open(page)
+def test_a_lost_wing_is_not_drawn_from_its_moment_on(browser, subject, tmp_path):
+    pictures = []  # of the same flight: what differs is the drawing
+    for faults in ([], [WingLost(side="both", start=150.0)]):
+        drawn = dataclasses.replace(subject, faults=faults)
+        browser.open(write_page(tmp_path / f"{len(faults)}.html", drawn, camera="chase"))
         for time in (100.0, 200.0):
             slide_to(browser, time)
-            pictures[page.stem, time] = scene(browser).astype(int)
-    changed = [np.abs(pictures["whole", t] - pictures["torn", t]).max() for t in (100.0, 200.0)]
-    assert changed[0] < 40 < changed[1]
+            pictures.append(scene(browser).astype(int))
+    before, after = (np.abs(pictures[k] - pictures[k + 2]).max() for k in range(2))
+    assert before < 40 < after

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -17,9 +16,7 @@ from pictures import (
     dead_reckoned,
     month,
     short_scenario,
-    short_subject,
     unpack,
-    write_dives,
     write_tracks,
 )
 
@@ -37,11 +34,6 @@ from twin.show.web.page import LARGEST, ROWS, describe, page_text
 from twin.show.web.solid import pack, read_solid, smooth_normals
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
-
-
-@pytest.fixture(scope="module")
-def dives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_dives(tmp_path_factory.mktemp("dives"), 2)
 
 
 def mission_of(text: str) -> dict[str, Any]:
@@ -83,10 +75,8 @@ def test_thinning_keeps_every_turn_of_a_dive():
     np.testing.assert_array_equal(thin(depth, len(depth)), time)
 
 
-def test_a_page_of_a_simulated_mission_holds_what_the_store_holds(store, tmp_path):
-    out = tmp_path / "dive.html"
-    assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
-    mission = mission_of(out.read_text())
+def test_a_page_of_a_simulated_mission_holds_what_the_store_holds(page, store):
+    mission = mission_of(page.read_text())
     trajectory = read_trajectory(store, 0)
     assert len(channel(mission, "time")) == len(trajectory.time)
     signals = {"north": 1.0, "east": 1.0, "depth": 1.0, "surge": 1.0, "net_mass": 1.0}
@@ -109,7 +99,7 @@ def test_a_page_of_a_log_holds_its_corrected_track_and_says_so(dives, tmp_path):
     out = tmp_path / "log.html"
     assert PROGRAM.main(["render", str(dives), "--missions", "all", "--out", str(out)]) == 0
     mission = mission_of(out.read_text())
-    log = logged_trajectory(dives, [0, 1])
+    log = logged_trajectory(dives, [0, 1, 2])
     known = np.isfinite(log["true_north"]) & np.isfinite(log["true_depth"])
     for name in ("north", "east", "depth"):
         away = channel(mission, name)[known] - log[f"true_{name}"][known]
@@ -120,7 +110,7 @@ def test_a_page_of_a_log_holds_its_corrected_track_and_says_so(dives, tmp_path):
     assert mission["unix"] is not None
 
 
-def test_a_page_loads_nothing(store, dives, tmp_path):
+def test_a_page_loads_nothing(store, tmp_path):
     trajectory = read_trajectory(store, 0)
     tracks = write_tracks(tmp_path / "tracks.npz", trajectory)
     out = tmp_path / "dive.html"
@@ -184,8 +174,7 @@ def test_the_sea_floor_is_in_the_page_with_the_altitude():
     np.testing.assert_allclose(channel(mission, "bottom"), 60.0, atol=0.026)
 
 
-def test_still_water_has_no_current():
-    subject = short_subject()
+def test_still_water_has_no_current(subject):
     signals = {
         name: np.zeros_like(v) if "current" in name else v for name, v in subject.trajectory.items()
     }
@@ -193,28 +182,6 @@ def test_still_water_has_no_current():
     mission = describe(dataclasses.replace(subject, trajectory=still), Shot(), 10_000)
     assert mission["profile"] is None
     assert "current_north" not in mission["channels"]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--html", "a.html", "--size", "640x360"), "--size: not for a page"),
-        (("--out", "a.html", "--no-hud", "--workers", "2"), "--no-hud, --workers: not for a page"),
-        (("--html", "a.html", "--out", "b.png"), "--out b.png and --html a.html: give one of them"),
-        (("--html", "a.png"), "the ending must be .html"),
-        (("--out", "a.pdf"), ".html"),
-        (("--html", "a.html", "--colour", "error"), "give --tracks FILE"),
-        (("--html", "a.html", "--missions", "0-1"), "several missions together are for logs"),
-        (("--html", "a.html", "--time", "1e6"), "outside the shown part"),
-    ],
-)
-def test_refusals(store, tmp_path, monkeypatch, capsys, words, message):
-    monkeypatch.chdir(tmp_path)
-    assert PROGRAM.main(["render", str(store), *words]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert len(err.strip().splitlines()) == 1
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_mission_without_positions_is_refused():

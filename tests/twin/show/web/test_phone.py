@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from pictures import write_short_store
 
-from twin.__main__ import PROGRAM
 from twin.show.figures.page_layout import Page
 
 pytestmark = needs_browser
@@ -18,14 +16,11 @@ WIDE, HIGH = 390, 844
 
 
 @pytest.fixture(scope="module")
-def phone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def phone(page: Path) -> Iterator[Browser]:
     """The page of a short mission, opened on it."""
-    folder = tmp_path_factory.mktemp("phone")
-    store, out = write_short_store(folder / "short.zarr"), folder / "dive.html"
-    assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
     with Browser() as browser:
         browser.resize(WIDE, HIGH, phone=True)
-        browser.open(Path(out))
+        browser.open(page)
         yield browser
 
 

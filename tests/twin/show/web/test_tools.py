@@ -3,41 +3,21 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import io
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from pictures import dead_reckoned, month, short_subject, write_dives
+from pictures import dead_reckoned, month, write_page
 from PIL import Image
 
-from twin.__main__ import PROGRAM
 from twin.logs import logged_trajectory
 from twin.records.store import read_trajectory
 from twin.records.trajectory import Trajectory
-from twin.show.render.subject import Shot, Subject
-from twin.show.web.page import page_text
-from twin.vehicle.vehicle import load_vehicle
 
 pytestmark = needs_browser
-
-
-@pytest.fixture(scope="module")
-def short(store: Path) -> Path:
-    out = store.parent / "dive.html"
-    assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
-    return out
-
-
-@pytest.fixture(scope="module")
-def dives(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A log of three dives and its page."""
-    folder = tmp_path_factory.mktemp("dives")
-    store, out = write_dives(folder, 3), folder / "dives.html"
-    assert PROGRAM.main(["render", str(store), "--missions", "all", "--html", str(out)]) == 0
-    return store, out
 
 
 def text_of(browser: Browser, name: str) -> str:
@@ -50,9 +30,8 @@ def degrees(text: str) -> float:
     return (float(whole) + float(minutes) / 60) * (-1 if side in "SW" else 1)
 
 
-def test_keys_go_from_surfacing_to_surfacing(browser, dives):
-    _, out = dives
-    browser.open(out)
+def test_keys_go_from_surfacing_to_surfacing(browser, log_page):
+    browser.open(log_page)
     surfacings = browser.run("page.recording.surfacings")
     assert len(surfacings) >= 3
     browser.run("page.seek(page.recording.first)")
@@ -68,10 +47,9 @@ def test_keys_go_from_surfacing_to_surfacing(browser, dives):
     assert [text for text in browser.problems if "ReadPixels" not in text] == []
 
 
-def test_the_position_is_the_store_s(browser, store, short, dives):
-    logged, out = dives
-    simulated = read_trajectory(store, 0)
-    for path, trajectory in ((short, simulated), (out, logged_trajectory(logged, [0, 1, 2]))):
+def test_the_position_is_the_store_s(browser, store, page, dives, log_page):
+    logged = logged_trajectory(dives, [0, 1, 2])
+    for path, trajectory in ((page, read_trajectory(store, 0)), (log_page, logged)):
         browser.open(path)
         latitude, longitude = trajectory.geographic_position()
         known = np.flatnonzero(np.isfinite(latitude) & (trajectory.time > trajectory.time[-1] / 2))
@@ -86,21 +64,21 @@ def test_the_position_is_the_store_s(browser, store, short, dives):
         assert degrees(east) == pytest.approx(longitude[k], abs=1.1e-5)
 
 
-def test_a_link_opens_the_same_moment(browser, short):
-    browser.open(short)
+def test_a_link_opens_the_same_moment(browser, page):
+    browser.open(page)
     browser.run("page.seek(123.4), page.chooseCamera('side')")
     browser.press("l")
     browser.until("location.hash !== ''")
     assert "link to this moment" in text_of(browser, "told")
     address = browser.run("location.href")
-    assert address == f"{short.as_uri()}#t=123.4&camera=side"
+    assert address == f"{page.as_uri()}#t=123.4&camera=side"
     browser.open("about:blank")
     browser.open(address)
     assert browser.run("[page.time, page.scene.name]") == [123.4, "side"]
 
 
-def test_a_saved_picture_has_the_scene_its_legend_and_its_moment(browser, short):
-    browser.open(f"{short.as_uri()}#t=150&camera=chase")
+def test_a_saved_picture_has_the_scene_its_legend_and_its_moment(browser, page):
+    browser.open(f"{page.as_uri()}#t=150&camera=chase")
     browser.drawn()
     browser.run("URL.createObjectURL = blob => { window.saved = blob; return 'data:,'; }")
     browser.press("s")
@@ -125,8 +103,8 @@ def test_a_saved_picture_has_the_scene_its_legend_and_its_moment(browser, short)
     assert (np.ptp(bar, axis=-1) > 100).sum() > 500
 
 
-def test_the_scale_says_where_it_is_clipped(browser, tmp_path):
-    whole = short_subject().trajectory
+def test_the_scale_says_where_it_is_clipped(browser, subject, tmp_path):
+    whole = subject.trajectory
     moving = whole.time >= 40.0  # it starts from rest
     signals = {name: row[moving] for name, row in whole.items()}
     for spike, clipped in ((None, False), (3.0, True)):
@@ -140,10 +118,8 @@ def test_the_scale_says_where_it_is_clipped(browser, tmp_path):
             signals=signals | {"true_surge": fast},
             states=np.zeros((0, 0)),
         )
-        out = tmp_path / f"{clipped}.html"
-        subject = Subject(trajectory=part, vehicle=load_vehicle("glider"))
-        out.write_text(page_text(subject, Shot()), encoding="utf-8")
-        browser.open(out)
+        shown = dataclasses.replace(subject, trajectory=part)
+        browser.open(write_page(tmp_path / f"{clipped}.html", shown))
         low, high = browser.run("page.mission.scale.ends")
         assert high.startswith("≥ ") == clipped
         assert high in text_of(browser, "legend")
@@ -151,9 +127,8 @@ def test_the_scale_says_where_it_is_clipped(browser, tmp_path):
         assert low.startswith("≤ ") == (speed.min() < float(low.removeprefix("≤ ")) - 1e-6)
 
 
-def test_axes_of_the_strip_are_beside_the_curve_and_it_can_be_spread(browser, dives):
-    _, out = dives
-    browser.open(out)
+def test_axes_of_the_strip_are_beside_the_curve_and_it_can_be_spread(browser, log_page):
+    browser.open(log_page)
     browser.drawn()
     frame = browser.run("document.getElementById('strip').getBoundingClientRect().toJSON()")
     whole = browser.run("page.strip.shown")
@@ -180,8 +155,8 @@ def test_axes_of_the_strip_are_beside_the_curve_and_it_can_be_spread(browser, di
     assert all(re.fullmatch(r"\d\d:\d\d|\d+ [A-Z][a-z]{2}", words) for _, words in ticks)
 
 
-def test_following_keeps_the_vehicle_in_the_middle(browser, short):
-    browser.open(short)
+def test_following_keeps_the_vehicle_in_the_middle(browser, page):
+    browser.open(page)
     browser.run("page.chooseCamera('map')")
     browser.press("f")
     for time in (40, 200):
@@ -196,8 +171,8 @@ def test_following_keeps_the_vehicle_in_the_middle(browser, short):
     assert browser.run("page.scene.following") is False
 
 
-def test_help_opens_and_closes_by_keys(browser, short):
-    browser.open(short)
+def test_help_opens_and_closes_by_keys(browser, page):
+    browser.open(page)
     browser.press("?")
     assert browser.run("document.getElementById('helping').open") is True
     assert "next, previous surfacing" in text_of(browser, "help")
@@ -209,13 +184,9 @@ def test_help_opens_and_closes_by_keys(browser, short):
 
 def test_detail_that_is_left_out_is_not_seen(browser, tmp_path):
     """A month has 80 000 points; a picture draws a few thousands of them, and looks the same."""
-    subject, out = month(), tmp_path / "month.html"
-    track = dead_reckoned(subject.trajectory)[0]
-    subject = Subject(
-        trajectory=subject.trajectory, vehicle=subject.vehicle, tracks=(track,), title="a month"
-    )
-    out.write_text(page_text(subject, Shot()), encoding="utf-8")
-    browser.open(out)
+    subject = month()
+    subject = dataclasses.replace(subject, tracks=dead_reckoned(subject.trajectory)[:1])
+    browser.open(write_page(tmp_path / "month.html", subject))
     drawn = (
         "(() => { let sum = 0; const draw = page.scene.renderer.drawPath;"
         "page.scene.renderer.drawPath = function (path, look) {"
