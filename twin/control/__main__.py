@@ -74,8 +74,8 @@ PROGRAM = Program(
     name="python -m twin.control",
     summary="Control tasks for a glider, in the dm_control viewer.",
     commands=commands_of(
-        __name__,
-        {_VIEW: (f"{__name__}:ViewTask", "watch a policy fly a task (the default command)")},
+        "twin.control",
+        {_VIEW: ("__main__:ViewTask", "watch a policy fly a task (the default command)")},
     ),
 )
 
