@@ -123,7 +123,8 @@ def is_temporary(one: Path, path: Path) -> bool:
 
 def temporaries(path: Path) -> list[Path]:
     """What writers of `path` have, or left, beside it."""
-    with contextlib.suppress(FileNotFoundError), os.scandir(path.parent) as entries:
+    missing = contextlib.suppress(FileNotFoundError, NotADirectoryError)
+    with missing, os.scandir(path.parent) as entries:
         return [Path(e.path) for e in entries if is_temporary(Path(e.path), path)]
     return []
 

@@ -142,7 +142,8 @@ def test_the_server_is_for_this_machine_and_knows_its_pages(server):
 
 def test_without_a_port_the_next_free_one_is_taken(monkeypatch, store, capsys):
     with PageServer(0) as first:
-        monkeypatch.setattr("twin.show.web.server.PORT", first.port)
+        for place in ("twin.show.web.server.PORT", "twin.show.web.PORT"):
+            monkeypatch.setattr(place, first.port)
         with PageServer() as second:
             assert first.port < second.port < first.port + 100
         code, out, err = call(capsys, "view", store, "--web", "--seconds", "0.1")
