@@ -210,7 +210,7 @@ class Verify(JsonOption):
         return 0 if report.ok else 1
 
     def _read(self, console: Console) -> tuple[str, StoreReport]:
-        """What a mission is called, and what reading them shows."""
+        """Read a whole store: the word for its missions, and the report."""
         from factory.generation import is_flight, open_missions
         from factory.soundness import verify_logs, verify_store
         from factory.store_check import StoreReport

@@ -88,12 +88,12 @@ def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
 
 
 def read_metadata(path: Path) -> Metadata:
-    """Of a YAML file; errors as `parse_metadata`, and where it cannot be read."""
+    """Read the metadata of a YAML file; errors as `parse_metadata`, and where it is unreadable."""
     return parse_metadata(read_text(path, "metadata", most=MOST_SETTINGS), str(path))
 
 
 def parse_metadata(text: str, path: str) -> Metadata:
-    """Of the text of a YAML file; `path` is named in errors.
+    """Parse the metadata of a YAML text; `path` is named in errors.
 
     Raises:
       InputError: it is not YAML or has another layout.

@@ -143,8 +143,8 @@ class GeneratedStore(MissionStore):
         return int(self._at(ATTEMPT, mission))
 
     def _at(self, name: str, mission: int) -> Any:
-        """What an array that is no signal says of a mission; some are read together, since reading
-        it whole for each mission would take squared time."""
+        """Value of a per-mission array; ROWS missions are read together, since reading the whole
+        array for each would take squared time."""
         number, row = divmod(mission, ROWS)
         if name not in self._read or self._read[name][0] != number:
             if name not in self.dataset.variables:

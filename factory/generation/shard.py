@@ -196,7 +196,7 @@ def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMis
 
 
 def _to_narrow(recipe: Recipe, reason: str) -> str:
-    """Which distributions to narrow: those that the reason speaks of, else those replaced."""
+    """Advice to narrow the distributions that the reason names, else those replaced."""
     words = set(re.findall(r"\w+", reason))
     named = [name for name in recipe.table if name.partition(".")[2] in words] or [*recipe.changes]
     if not named:

@@ -119,7 +119,7 @@ class Unfinished(NamedTuple):
 
 
 def unfinished(path: StorePath) -> Unfinished | None:
-    """What an unfinished store holds so far; None when the store is complete or no store."""
+    """Describe an unfinished store; None when the store is complete or there is none."""
     if not is_unfinished(path):
         return None
     for folder in begun(path):

@@ -311,7 +311,7 @@ class Geometry:
         return False
 
     def _counted(self, name: str, along: Index, counted: str) -> Index:
-        """Of each sample the element that counts it."""
+        """Element that counts each sample, (samples,)."""
         counts = self._whole(as_array(self._variables[name][:]), name)
         samples = along.max(initial=-1) + 1
         if counts.sum() != samples:

@@ -109,7 +109,7 @@ def flown(
 
 
 def _unmodelled(run: MissionStore, mission: int) -> FlownTrack:
-    """By the vehicle's own track, or along straight lines."""
+    """Track from the vehicle's own one, or from straight lines between fixes."""
     fixes = fixes_of(run, mission)
     velocity, method = _on_board(run, mission, fixes), ON_BOARD
     if velocity is not None:

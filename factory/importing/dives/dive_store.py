@@ -266,8 +266,8 @@ def _row_of(
 def _report(
     rows: Sequence[DiveRow], kind: str, period: float, files: Sequence[str], tally: Tally
 ) -> ImportReport:
-    """How the dives were made: one at least, in the order of the store; currents that none of them
-    has are no variable of it."""
+    """Report of at least one dive, in the order of the store; a current that no dive has is taken
+    out of all rows."""
     for axis in ("north", "east"):  # a store has no variable of NaN alone
         if not any(np.isfinite(row.numbers.get(f"dac_{axis}", np.nan)) for row in rows):
             for row in rows:

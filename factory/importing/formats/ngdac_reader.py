@@ -98,7 +98,7 @@ _BAD = (3.0, 4.0, 9.0)
 
 
 class NgdacProfile(NamedTuple):
-    """What one file holds of a deployment."""
+    """Samples and currents of one deployment in one file."""
 
     columns: Columns
     """At `time`, unix seconds."""
@@ -138,7 +138,7 @@ def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> lis
 
 
 def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> dict[str, NgdacProfile]:
-    """What one file holds, by deployment."""
+    """Read one file; profiles by deployment."""
     with open_netcdf(path) as file:
         file.set_auto_mask(True)
         variables = file.variables

@@ -102,7 +102,7 @@ _NO_FIX_QC = _BAD_QC | frozenset("69")
 
 @dataclasses.dataclass
 class GliderPieces:
-    """What files hold of one glider: a dive of a file, or all while they are collected."""
+    """Tables of one glider: of a single dive file, or of all files read so far."""
 
     name: str
     tables: dict[str, list[Columns]] = dataclasses.field(default_factory=dict)

@@ -272,7 +272,7 @@ def _caches_in(folder: Path) -> dict[str, Path]:
 
 
 def _missing(name: str, found: Mapping[str, Path], folders: Sequence[Path]) -> str:
-    """Which cache file is missing, and the folder that has it where one of the neighbours does."""
+    """Sentence that names the missing cache file, and a folder nearby that has it."""
     others = ", ".join(sorted(one.name for one in found.values())[:4]) or "no cache file"
     places = ", ".join(dict.fromkeys(map(str, folders)))
     near = _folder_with(name, folders)
