@@ -180,7 +180,9 @@ def _spoil(ground: Ground, store: Path) -> None:
     """Cut or remove a file of an unfinished store, every second time."""
     place = generating(store)
     assert isinstance(place, Path)
-    found = sorted(p for p in place.rglob("*") if p.is_file() and p.name not in KEPT)
+    # os.walk passes over folders that a worker without its parent removes meanwhile
+    walked = ((Path(folder), names) for folder, _, names in os.walk(place))
+    found = sorted(at / name for at, names in walked for name in names if name not in KEPT)
     if not found or ground.draw.random() < 0.5:
         return
     path = ground.draw.choice(found)
