@@ -1,7 +1,8 @@
 """Folder: the place of kept compiled code, which no other user can write.
 
 Compiled code is executed, so a user who can write it, or rename a folder above it, can run code as
-this user. Every level up to the root is checked, and no folder on the path is writable by others.
+this user. Every level up to the root is checked; others may write a folder above only if it is
+sticky.
 
 Locator: gives numba the place of a function's code and the hash of its source.
 """

@@ -31,8 +31,8 @@ NAME = "get_call_type"
 _find = _own = getattr(types.Function, NAME, None)
 _inherited = NAME not in vars(types.Function)
 _found: dict[Any, tuple[Any, Any, Any]] = {}
-"""Signature, implementation, and (function type, context), kept alive while their addresses are a
-key. When numba learns more about a function, its type is a new object."""
+"""Signature, implementation, and the objects whose addresses are the key, kept alive for that. When
+numba learns more about a function, the function's type becomes a new object."""
 
 
 @functools.cache

@@ -97,7 +97,7 @@ class Condition:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One thing that is wrong with a vehicle, from a time on."""
+    """A defect of a vehicle that begins at a given time."""
 
     kind: ClassVar[str] = ""
     """Name of the kind on the command line and in stores."""

@@ -184,7 +184,7 @@ class PumpAir(_DriveFault):
     """[cm3] Volume of the air at the surface; at depth it vanishes"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Remove volume at every depth, as below the first ten metres, and pumping work."""
+        """Reduce the volume at all depths by the air's (true below 10 m), and the pumping work."""
         pump = self.drive(condition)
         pumped = 1.0 - min(size / (pump.high - pump.low), 0.5)
         better = min(condition.consumption.pump_efficiency / pumped, 1.0)

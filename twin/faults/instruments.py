@@ -56,14 +56,14 @@ class CompassIron(Fault):
         return condition.replace(iron=iron)
 
     def expected(self, way: Array) -> Mapping[str, Array]:
-        """Apparent current: a wrong heading turns the velocity through the water."""
+        """Apparent current: the wrong heading turns the velocity through the water."""
         north, east = way.T
         heading = np.arctan2(east, north)
         off = math.radians(1.0) * np.sin(heading - math.radians(self.toward))
         return {"current_north": off * east, "current_east": -off * north}
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
-        """Four headings 45 deg apart, half a turn in all, because the size has a sign."""
+        """Values of `toward` 45 deg apart, over half a turn because the size has a sign."""
         return tuple({"toward": 45.0 * k} for k in range(4))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
@@ -127,7 +127,7 @@ class AltimeterBlind(Fault):
         return condition.replace(echoes_lost=1.0 - heard)
 
     def expected(self, way: Array) -> Mapping[str, Array]:
-        """Missing fraction of the altimeter returns, relative to earlier dives."""
+        """Change of the fraction of altimeter returns received, relative to earlier dives."""
         return {"echoes": -np.ones(len(way))}
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:

@@ -142,7 +142,7 @@ def _six(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
 
 @jit
 def damping_wrench(p: ForceParameters, nu_r: Array, density: float) -> Array:
-    """Hull's -D(nu_r) nu_r: force [N] and moment [N m] about the CB, shape (6,), body FRD.
+    """Wrench -D(nu_r) nu_r of the hull: force [N], moment [N m] about the CB, shape (6,), body FRD.
 
     The water's `density` [kg/m3] scales coefficients that contain the reference density.
     """

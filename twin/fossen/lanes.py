@@ -39,9 +39,9 @@ COUNTS = (
     "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
     "logged", "leg", "leg_time",
 )  # fmt: skip
-"""Counts of each lane: control ticks done; 1: ended, 2: ended by its samples; 1: failed, and the
-time; time at the sea floor, NaN: never; source of commands; 1: ends with its plan; samples of the
-run, and samples logged; memory of `followed`."""
+"""Counts of each lane: control ticks; 1: ended, 2: ended by its samples; 1: failed, and the time;
+time at the sea floor, NaN: never; source of commands; 1: ends with its plan; samples of the run,
+and samples logged; memory of `followed` (leg, time)."""
 TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED, LEG = range(
     len(COUNTS) - MEMORY + 1
 )
@@ -348,7 +348,7 @@ def fly(  # type: ignore[no-untyped-def]
       counts: (lanes, len(COUNTS)). plans: (lanes, rows, columns), with `plan_rows` of each lane.
       periods: [s] of control. gains, guided, wanted: (lanes, ...): gains and state of guidance,
         and the commands of the last tick.
-      programs, program_at: compiled currents behind each other, and the begin of each; likewise
+      programs, program_at: compiled currents behind each other, and where each begins; likewise
         densities, water temperatures, sea floors and followed positions.
       log: (lanes, samples, width) from sample `first_sample` on.
     """
@@ -392,7 +392,7 @@ def go_on(  # type: ignore[no-untyped-def]
     blocks, lanes, address, rate, parts, h, steps, fresh, counts, programs, program_at, densities,
     density_at_, warmths, warmth_at, floors, floor_at,
 ):  # fmt: skip
-    """Advance blocks by so many steps under the commands in their rows.
+    """Advance blocks by `steps` steps under the commands in their rows.
 
     Does the same as `fly` between two samples; at the end, rates, water and angles are computed
     for the new states.

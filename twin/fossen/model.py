@@ -146,7 +146,7 @@ class FossenModel:
 
         Raises:
           InputError, MissionError: a duration, step or schedule that cannot be flown.
-          SimulationUnstable: the state became infinite or too fast; `partial` has the rest.
+          SimulationUnstable: the state became infinite or too fast; `partial` is the track before.
         """
         for name, value in (("duration", duration), ("dt", dt), ("sample_period", sample_period)):
             if not (np.isfinite(value) and value > 0.0):

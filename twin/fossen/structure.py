@@ -48,7 +48,7 @@ class Structure:
         return PARTS_AT + len(PART) * self.parts
 
     def rate(self, lanes: int) -> Any:
-        """Compiled function for blocks of so many lanes, numba's CFunc: (block, g [s]).
+        """Compiled function for blocks of `lanes` lanes, numba's CFunc: (block, g [s]).
 
         It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others.
         With `g` above 0 the accelerations are those of a linearly implicit step: see
@@ -87,7 +87,7 @@ def _compiled(structure: Structure, lanes: int, _: int) -> Any:
 def _kept_loop(
     structure: Structure, body: str, lanes: int, *, keep: bool = True
 ) -> tuple[Any, str | None]:
-    """Compile a loop over so many lanes; returns it with its stamp, None when it is not kept.
+    """Compile a loop over `lanes` lanes; returns it with its stamp, None when it is not kept.
 
     `keep`: True keeps the code between processes.
     """

@@ -80,8 +80,8 @@ class Attitude(Sensor):
 
     time_constant: float = 5.0
     """[s] Time in which the filter relaxes to the accelerometers; 0: no filter, only the error
-    below. The device's complementary filter has 10 s and, with these gyros, its 0.5 deg; half of
-    that represents the gyro bias that its Kalman filter estimates"""
+    below. The device's complementary filter takes 10 s, which gives its 0.5 deg with these gyros.
+    Half of these 10 s stands for its Kalman filter, which estimates the gyro bias"""
     rms_deg: float = 0.08
     """[deg] RMS per angle of the filter's own error, a stationary Gauss-Markov process"""
     correlation_time: float = 120.0

@@ -74,7 +74,7 @@ class Outset:
     """Data of a mission that are known before its first sample."""
 
     samples: int
-    """Largest number of samples of the mission, n; so many random numbers are sampled."""
+    """Largest number of samples in the mission, n; random numbers are sampled for n samples."""
     signals: Iterable[str]
     """Names of the vehicle's signals."""
     dt: float

@@ -4,8 +4,8 @@
 profile under the gravity of the mission's latitude, which grows with depth (TEOS-10).
 `measured_depth` is computed as in the field, from pressure and latitude without density: TEOS-10's
 `z_from_p` for a standard ocean of 0 degC and 35 g/kg (McDougall and Barker, 2011). It differs from
-the true depth by the water column's dynamic height: warm or fresh water is lighter and looks
-shallower than it is. The vehicle itself flies under the constant gravity of its file.
+the true depth by the water column's dynamic height: in warm or fresh, hence lighter, water it is
+too small. The vehicle itself flies under the constant gravity of its file.
 
 The CTD's thermistor follows the water with a first-order lag. The wall of the conductivity cell
 stores heat, so the water in the cell differs from the thermistor's temperature, and salinity spikes

@@ -1,11 +1,11 @@
 """IMU: the gyroscope and accelerometer triads.
 
-measured = (I + scale + misalignment) true + turn-on bias + bias instability + rate random walk
-+ white noise, per axis. The terms follow from Allan deviation figures by the conventions of
-IEEE 952-2020. White noise reads N at 1 s. A first-order Gauss-Markov process of standard deviation
-s_b peaks at GAUSS_MARKOV_PEAK s_b, 1.89 correlation times out, so the data sheet's bias instability
-(the minimum of its Allan curve) is s_b = minimum / GAUSS_MARKOV_PEAK. Rate random walk reads K at
-3 s.
+measured = (I + scale + misalignment) true + turn-on bias + bias instability + rate random walk +
+white noise, per axis. The terms follow from data sheets' Allan deviation curves by the conventions
+of IEEE 952-2020. White noise has N on the curve at 1 s, and rate random walk has K at 3 s. A
+first-order Gauss-Markov process of standard deviation s_b peaks at GAUSS_MARKOV_PEAK s_b, 1.89
+correlation times out. The sheet's bias instability (the curve's minimum) therefore gives s_b =
+minimum / GAUSS_MARKOV_PEAK.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ LEAST_COSINE = 0.05
 
 @jit
 def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-untyped-def]
-    """Fill out with a stationary first-order Gauss-Markov process, linear between its knots.
+    """Fill `out` with a stationary first-order Gauss-Markov process, linear between its knots.
 
     white: one standard normal per knot; decay: from knot to knot; stride: samples per knot.
     """
@@ -41,7 +41,7 @@ def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-unty
 
 @jit
 def slow_kernel(bias, knots, bias_std, decay, walk_step, slow):  # type: ignore[no-untyped-def]
-    """Fill slow, (3, m), with bias[i] + Gauss-Markov process + random walk at the knots.
+    """Fill `slow`, (3, m), with bias[i] + Gauss-Markov process + random walk at the knots.
 
     knots: standard normals (3, 2, m) that drive the two processes.
     """
@@ -58,7 +58,7 @@ def slow_kernel(bias, knots, bias_std, decay, walk_step, slow):  # type: ignore[
 
 @jit
 def triad_kernel(x, y, z, matrix, white, white_std, slow, stride, begin, out):  # type: ignore[no-untyped-def]
-    """Fill out[i], (3, stretch), with matrix[i] @ (x, y, z) + slow errors + white noise.
+    """Fill `out[i]`, (3, stretch), with matrix[i] @ (x, y, z) + slow errors + white noise.
 
     x, y, z: samples from `begin` on. white: standard normals (3, n) of the whole mission. slow:
     slow errors of the whole mission with a knot every `stride` samples, linear in between.
@@ -195,9 +195,9 @@ def compass_kernel(  # type: ignore[no-untyped-def]
 def body_kernel(  # type: ignore[no-untyped-def]
     roll, pitch, heading, north, east, down, velocity, plumb
 ):
-    """Fill velocity with R^T (north, east, down) in body FRD and plumb with R^T (0, 0, 1), (3, n).
+    """Fill `velocity` with R^T (north, east, down), body FRD, and `plumb` with R^T (0, 0, 1).
 
-    Angles [deg], velocity over ground [m/s].
+    Shapes (3, n). Angles [deg], velocity over ground [m/s].
     """
     for k in range(roll.shape[0]):
         sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)

@@ -50,7 +50,7 @@ class LiveSuite:
         Args:
           suite: the sensors.
           signals: names of the true and commanded signals of a sample.
-          samples: largest number in the mission; so many random numbers are sampled.
+          samples: largest number in the mission; random numbers are sampled for all of them.
           dt, rng_seed: as in `SensorSuite.measure`.
           surroundings: water, place and sea floor.
           wanted: measured signals; sensors that these do not need, directly or through others, are

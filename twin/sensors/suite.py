@@ -3,7 +3,7 @@
 Every sensor has its own branch of the mission's seed, with one stream for its constants and one for
 its noise. Changing one sensor therefore leaves the others' errors unchanged. A sensor may read
 others as on a vehicle: the DVL removes its lever arm with the measured gyro, and the on-board track
-uses measured depth, attitude, heading and GPS. Sensors are measured in that order.
+uses measured depth, attitude, heading and GPS. Each sensor is measured after those that it reads.
 """
 
 from __future__ import annotations

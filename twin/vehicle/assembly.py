@@ -2,12 +2,12 @@
 
 Moving mass: a body that a slide or a hinge moves inside the hull, such as a battery.
 
-Allocation: sharing of one control among several parts of a kind. Guidance moves one part each for
-pitch, heading and speed, the lead. Parts of the lead's kind with the same effect follow it: fins of
-an X tail, a third rudder, a second screw. Their weights give the wanted moment or thrust with the
-least sum of squared travels, and no other moment (Fossen 2011, section 12.3: weighted generalised
-inverse of the effectiveness matrix). The matrix holds each part's wrench per position at 1 m/s
-ahead. A lead without such parts moves alone.
+Allocation: sharing of one control among several parts of a kind. Guidance moves one part for each
+of pitch, heading and speed: the lead. Parts of the lead's kind with the same effect follow it: fins
+of an X tail, a third rudder, a second screw. The followers' weights give the wanted moment or
+thrust with the least sum of squared travels, and no other moment (Fossen 2011, section 12.3:
+weighted generalised inverse of the effectiveness matrix). The matrix holds each part's wrench per
+position at 1 m/s ahead. A lead without such parts moves alone.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Consumption: electrical energy that a vehicle's parts and electronics use.
 
-Each part computes the energy of its own moves. Pumping out against the sea costs the work p dV;
-letting water pressure push oil back costs a valve. A battery's screw works against friction and the
+Each part computes the energy of its own moves. Pumping oil out against the sea costs the work p dV;
+letting it in costs the energy of a valve. A battery's screw works against friction and the
 battery's weight. No energy is recovered. The pressure is that of water at the vehicle's reference
 density and gravity.
 
@@ -42,7 +42,7 @@ class Consumption(Losses):
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Consumption:
-        """Read the consumption of a vehicle from its file's `<numeric>` elements, else defaults.
+        """Read the consumption from the `<numeric>` elements of a vehicle's file, with defaults.
 
         Raises:
           VehicleError: a number in the file cannot be used.

@@ -59,12 +59,12 @@ class Dimensions:
     length: float
     diameter: float
     mass: float
-    """[kg] Neutral mass with the flooding water."""
+    """[kg] Mass of the neutral vehicle with its flooding water."""
     fin_area: float = 0.0
     """[m2] Area of both blades of a rudder, or of an elevator; 0: a fortieth of length times
     diameter."""
     fin_place: float = 0.0
-    """[m] Place of the fins ahead of the middle, below 0; 0: 0.46 of the length behind it."""
+    """[m] Place of the fins, negative behind the middle; 0: 0.46 of the length behind it."""
     screw: float = 0.0
     """[m] Diameter of the propeller; 0: 0.7 of the hull's."""
     density: float = SEA

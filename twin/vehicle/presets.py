@@ -65,7 +65,7 @@ RENAMED = {"slocum": "graver-2005"}
 
 
 def vehicle_names() -> list[str]:
-    """Names of the shipped vehicles; each further preset has a name of its own."""
+    """Names of the shipped vehicles, with one name for each further preset."""
     names = []
     for name, path in sorted(shipped_files().items()):
         others = preset_names(vehicle_text(path), path)[1:]
@@ -84,7 +84,7 @@ def vehicle_text(path: Path) -> str:
 
 
 def unknown_vehicle(name: str) -> str:
-    """Error text for a name without a shipped vehicle; a maker's name lists the maker's ones."""
+    """Error text for an unknown vehicle; a maker's name brings a list of the maker's vehicles."""
     if Path(name).is_file():
         return f"{name} is no vehicle file: the name of one ends in .xml (MJCF)"
     kinds = [known for known in vehicle_names() if known.startswith(f"{name}-")]

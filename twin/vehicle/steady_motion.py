@@ -107,7 +107,7 @@ def trim_positions(
     Args:
       shift: [m] of a battery slide. rotation: [rad] of the part that turns the vehicle.
       net_mass: [kg] that the pump sets at reference density: - density * pumped volume.
-      positions: of parts by name, in their units; override the arguments above. Others rest.
+      positions: of parts by name, in their units; override the above. All other parts rest.
 
     Raises:
       InputError: a position is outside a part's travel, or the vehicle lacks the part.

@@ -106,23 +106,23 @@ class Vehicle:
     gps_position: Array
     """[m], shape (3,)"""
     pitch_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """[1/rad] P, I (per s), D (times s): pitch error to position of the pitching part."""
+    """Gains P, I [1/s], D [s]: pitch error [rad] to position of the pitching part."""
     heading_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """[1/rad] P, I (per s), D (times s): heading error to position of the turning part."""
+    """Gains P, I [1/s], D [s]: heading error [rad] to position of the turning part."""
     trim_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """[1/rad] P, I, D in a hover: pitch error to position of a battery beside an elevator."""
+    """Gains P, I [1/s], D [s]: pitch error in a hover [rad] to battery beside an elevator."""
     depth_pid: tuple[float, float, float] | None = None
-    """[rad/m] P, I (per s), D (times s): depth error on level legs to nose-down pitch; None: the
+    """Gains P, I [1/s], D [s]: depth error on level legs [m] to nose-down pitch [rad]; None: the
     file has none."""
     buoyancy_pid: tuple[float, float, float] | None = None
-    """[cm3/m] P, I, D in a hover: depth error to reduction of pump volume; None: no gains."""
+    """Gains P, I [1/s], D [s]: depth error in a hover [m] to pump volume less [cm3], or None."""
     control_period: float
     """[s]"""
     cruise_speed: float = 0.0
     """[m/s] Speed through the water under propeller where the mission gives none."""
     steering: Mapping[str, str]
-    """Part that guidance moves for each control of `twin.vehicle.assembly.STEERING`, by control; a
-    control without a part is absent."""
+    """Part that guidance moves, by control of `twin.vehicle.assembly.STEERING`; a control without a
+    part is absent."""
     followers: tuple[Follower, ...] = ()
     """Parts that move with those of `steering`: see `twin.vehicle.assembly.followers`."""
     idle: Mapping[str, str] = dataclasses.field(default_factory=dict)
@@ -139,7 +139,7 @@ class Vehicle:
     source: str = ""
     """Source of the numbers, in one line."""
     spreads: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Factory distributions that replace its own table: "PAPER; FIELD" by parameter."""
+    """Distributions in place of those in the factory's table: "PAPER; FIELD" by parameter."""
 
     def __post_init__(self) -> None:
         steep, net_mass = self.usual_glide
@@ -502,7 +502,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
 
 
 def _refuse_unknown(reader: MjcfReader) -> None:
-    """Raise VehicleError for a misspelt number or text; those of other laws are allowed."""
+    """Raise VehicleError for misspelt names; names of other hull laws' numbers are allowed."""
     others = [name for law in LAWS.values() for name in law.names()]
     loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid")
     known = ("added_mass", "cruise_speed", "rated_depth", "usual_glide", PRESETS)

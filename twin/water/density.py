@@ -38,7 +38,7 @@ DEFAULT_SPACING = 1.0
 """[m] Grid of a compiled profile whose own depths are not equally spaced."""
 SEA_COMPRESSIBILITY = 4.35e-10
 """[1/Pa] Compressibility of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10).
-A hull's is nearly equal, so in water of constant density a hull would seem rigid."""
+A hull's is nearly equal: assumed incompressible, the water of a log makes its hull seem rigid."""
 COLUMN_DEPTH = 6000.0
 """[m] Depth of a column that is given by its surface density alone."""
 PROGRAM_HEADER = 2

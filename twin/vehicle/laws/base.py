@@ -30,7 +30,7 @@ Kernel = Callable[..., Any]
 UNIT_SPEED = 0.3
 """[m/s] Speed, a glider's, at which a law that is not purely quadratic is evaluated."""
 Unrolled = tuple[tuple[str, ...], Mapping[str, Any]]
-"""Nine expressions, X, Y, Z, K, M, N, -dK/dp, -dM/dq, -dN/dr, and the functions they call."""
+"""Nine expressions X, Y, Z, K, M, N, -dK/dp, -dM/dq, -dN/dr, and the functions that they call."""
 
 
 class Polar(NamedTuple):

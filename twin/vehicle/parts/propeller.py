@@ -40,7 +40,7 @@ DIAMETER, THRUST, TORQUE, ADVANCE, STANDING, TORQUE_ADVANCE, STANDING_TORQUE = r
 ADVANCES = np.concatenate([-np.geomspace(30.0, 1e-3, 200), [0.0], np.geomspace(1e-3, 30.0, 200)])
 """[1/rad] Advance ratios at which the diagram is checked for power that it must not create."""
 GIVEN = 0.02
-"""Largest power that a diagram may create by rounding, over the size of its powers."""
+"""Largest power, relative to thrust and shaft power, that a rounded diagram may create."""
 
 
 @jit
@@ -109,8 +109,8 @@ class Propeller(Part):
     thrust_coefficient: float
     """C_T [1/rad2]: thrust at rest = rho D^4 C_T n^2 with n in rad/s"""
     torque_coefficient: float = 0.0
-    """C_Q [1/rad2]: torque = rho D^5 C_Q n^2. Its reaction rolls the hull to port, or below 0 (a
-    left-handed screw) to starboard."""
+    """C_Q [1/rad2]: torque = rho D^5 C_Q n^2. Its reaction rolls the hull to port; a negative C_Q
+    (a left-handed screw) rolls it to starboard."""
     zero_thrust_advance: float = 0.0
     """J_0 [rad-1]: u_a / (n D) at which the thrust vanishes; 0: no loss with speed"""
     standing_drag: float = 0.0
@@ -152,7 +152,7 @@ class Propeller(Part):
 
     @property
     def power_given(self) -> float:
-        """Largest excess of thrust power over shaft power, over the size of both; below 0: none.
+        """Largest excess of thrust power over shaft power, relative to both; below 0: none.
 
         Covers every advance ratio, ahead and astern, of the screw turning ahead. Without a torque
         that falls with speed the figure has no meaning.

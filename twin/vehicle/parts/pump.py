@@ -119,8 +119,8 @@ class DropWeight(Part):
     turn: ClassVar[int] = 60
 
     mass: float
-    """[kg] Weight in water over gravity: mass less that of the displaced water. The hull's mass in
-    the file includes it."""
+    """[kg] Weight in water over gravity: mass minus displaced water. The hull's mass in the file
+    includes this weight."""
 
     native_mass = staticmethod(native_mass)
     fossen_mass = staticmethod(fossen_mass)

@@ -132,8 +132,8 @@ class Current(abc.ABC):
         return self
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """Start place and time of a mission in this current: `origin`, unless a file gives its own.
-        Raises CurrentError when the file cannot be read."""
+        """Start place and time of a mission in this current: `origin`, unless the current's file
+        gives them. Raises CurrentError when the file cannot be read."""
         return origin
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
@@ -291,7 +291,7 @@ class CurrentSum(Current):
         return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """Start place and time by the parts; the first part that gives its own wins."""
+        """Start place and time by the parts; the first part with a start of its own wins."""
         for part in reversed(self.parts):
             origin = part.begins(duration_s, origin)
         return origin

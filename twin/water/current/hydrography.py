@@ -94,7 +94,7 @@ def _grids(current: Current | None) -> Iterator[Grid]:
 def _load(
     grid: Grid, origin: Origin, duration: float, reach: float
 ) -> tuple[Box, Origin, tuple[str, str]] | None:
-    """Load the box of both, the mission's start in the file, and the quantities of both."""
+    """Load the box of temperature and salinity, the start in the file, and both quantities."""
     place = grid.start(origin)
     start = None if place.time is None else parse_time(place.time)
     with open_data_set(grid.path) as data:

@@ -6,8 +6,8 @@ interpolated current, not an estimate. Above the mean sea surface the value at d
 Interpolation is linear on ascending axes. Outside an axis the edge value is held, and at a node the
 derivative of the next cell counts. A damaged record gives NaN, and nothing outside it is read.
 
-The code that dispatches to kinds is generated from the registry. Registering a kind changes this
-module, so all compiled functions that sample currents are compiled again.
+The code that dispatches to kinds is generated from the registry. A newly registered kind changes
+that code, so all compiled functions that sample currents are compiled again.
 
 The layout of a compiled current is flat: every kind writes it, and the sampler reads it.
 """

@@ -1,4 +1,4 @@
-"""Tide: oscillating currents, as tidal ellipses of the whole column or near-inertial in its top."""
+"""Tide: oscillating currents, tidal in the whole column or near-inertial in its upper layer."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ ZERO_LAND_NAMES = {"vozocrtx", "vomecrty"}
 
 
 NO_BACKEND = "did not find a match in any of xarray's"
-"""Begin of xarray's error for an unknown file type; its advice is for programmers."""
+"""Beginning of xarray's error for an unknown file type; its advice is for programmers."""
 
 
 class Velocity(NamedTuple):
@@ -77,7 +77,7 @@ class Velocity(NamedTuple):
     names: Mapping[str, str]
     """Variable per component: east, north and optionally up or down."""
     scale: Mapping[str, float]
-    """Factor per component to m/s; negative for an upward component stored as down."""
+    """Factor per component to m/s, above 0."""
     axes: Mapping[str, Axis]
     """Axes of the variables, by kind: time, depth, latitude, longitude."""
     dimensions: Mapping[str, Mapping[str, str]]
