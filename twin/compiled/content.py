@@ -83,14 +83,14 @@ def tables_of(function: Any) -> frozenset[Table]:
         one = waiting.pop()
         if (table := getattr(one, "table", None)) is not None:
             found.add(table)
-        for other in _calls(one):
+        for other in _called_functions(one):
             if other not in seen:
                 seen.add(other)
                 waiting.append(other)
     return frozenset(found)
 
 
-def _calls(function: Any) -> tuple[Any, ...]:
+def _called_functions(function: Any) -> tuple[Any, ...]:
     """Functions among the globals, closure and defaults that a function's code names."""
     if isinstance(function, FunctionType):
         return tuple(filter(_is_function, _values(function)))
@@ -142,19 +142,19 @@ def _stamp(module: str, tables: frozenset[Table], _: int) -> str | None:
         generated, kernels = _tables[table[0]][table[1]]()
         parts.append((":".join(table), generated.encode()))
         # a kernel without a file has no stamp, and neither has its caller
-        if any(_file(kernel) is None for kernel in kernels):
+        if any(_module_file(kernel) is None for kernel in kernels):
             return None
         own = own | {kernel.partition(".")[0] for kernel in kernels}
         waiting.extend({table[0], *kernels} - seen)
         seen.update({table[0], *kernels})
     while waiting:
         name = waiting.pop()
-        path = _file(name)
+        path = _module_file(name)
         if path is None:
             if name == module or name in _tables:
                 return None
             continue
-        if not _followed(name, path, own):
+        if not _is_followed(name, path, own):
             continue
         try:
             state = Path(path).stat()
@@ -164,7 +164,7 @@ def _stamp(module: str, tables: frozenset[Table], _: int) -> str | None:
         if state.st_mtime > _STARTED:
             return None
         parts.append((name, source.digest))
-        for other in _names(name, path, source.imports):
+        for other in _imported_modules(name, path, source.imports):
             if other not in seen:
                 seen.add(other)
                 waiting.append(other)
@@ -209,7 +209,7 @@ def _source(path: str, _mtime: int, _size: int) -> _Source:
     return _Source(digest, tuple(imports))
 
 
-def _names(
+def _imported_modules(
     module: str, path: str, imports: tuple[tuple[str, tuple[str, ...]], ...]
 ) -> Iterator[str]:
     """Modules that a module's imports may mean: each name may be a submodule or not."""
@@ -226,7 +226,7 @@ def _names(
             yield f"{base}.{name}"
 
 
-def _followed(name: str, path: str, own: frozenset[str]) -> bool:
+def _is_followed(name: str, path: str, own: frozenset[str]) -> bool:
     """Tell whether a module is ours, or source outside every site-packages folder."""
     if name.partition(".")[0] in own:
         return True
@@ -239,7 +239,7 @@ def _search(name: str) -> tuple[str | None, tuple[str, ...]]:
     parent, _, _ = name.rpartition(".")
     path: list[str] | None = None
     if parent:
-        path = list(_folders(parent))
+        path = list(_package_folders(parent))
         if not path:
             return None, ()
     try:
@@ -251,14 +251,14 @@ def _search(name: str) -> tuple[str | None, tuple[str, ...]]:
     return spec.origin, tuple(spec.submodule_search_locations or ())
 
 
-def _folders(name: str) -> tuple[str, ...]:
+def _package_folders(name: str) -> tuple[str, ...]:
     module = sys.modules.get(name)
     if module is not None:
         return tuple(getattr(module, "__path__", ()))
     return _search(name)[1]
 
 
-def _file(name: str) -> str | None:
+def _module_file(name: str) -> str | None:
     """File of a module; None for a namespace, a notebook, or a name that is not a module."""
     module = sys.modules.get(name)
     if module is None:

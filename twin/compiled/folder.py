@@ -136,7 +136,7 @@ def _prepare(folder: Path) -> str | None:
 
 
 T = TypeVar("T")
-_now: ContextVar[tuple[str, str, str]] = ContextVar("module, stamp, variant of what is decorated")
+_key: ContextVar[tuple[str, str, str]] = ContextVar("module, stamp, variant of what is decorated")
 
 
 class ContentLocator:
@@ -146,7 +146,7 @@ class ContentLocator:
     """
 
     def __init__(self, function: FunctionType, file: str) -> None:
-        module, self._stamp, self._variant = _now.get()
+        module, self._stamp, self._variant = _key.get()
         root = cache_root()
         assert root is not None
         self._folder = version_folder(root, f"{module}-{self._stamp}")
@@ -218,7 +218,7 @@ SELDOM = 50_000
 """Number of new objects between garbage collections while numba compiles."""
 
 
-class _SeldomCollected(event.Listener):
+class _CompileListener(event.Listener):
     """Listener for numba's compilations: makes garbage collection rare, which saves 7 % of the
     time.
 
@@ -254,7 +254,7 @@ class _SeldomCollected(event.Listener):
             gc.set_threshold(*self._before)
 
 
-_seldom = _SeldomCollected()
+_seldom = _CompileListener()
 event.register("numba:compile", _seldom)
 
 
@@ -268,7 +268,7 @@ def decorated(
     # numba's setting for the place of code holds for all threads
     with global_compiler_lock:
         kept = stamp is not None and cache_root() is not None
-        before, token = numba.config.CACHE_LOCATOR_CLASSES, _now.set((module, stamp or "", variant))
+        before, token = numba.config.CACHE_LOCATOR_CLASSES, _key.set((module, stamp or "", variant))
         if kept:
             numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ContentLocator.__name__}"
         _seldom.on_start()  # a callback is compiled at once, without an event from numba
@@ -277,6 +277,6 @@ def decorated(
         finally:
             _seldom.on_end()
             numba.config.CACHE_LOCATOR_CLASSES = before
-            _now.reset(token)
+            _key.reset(token)
     setattr(made, OURS, True)
     return made

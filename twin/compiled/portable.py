@@ -35,7 +35,7 @@ class _Portable(Compiled):
     def __init__(self, function: Compiled):
         name = f"portable_{function.__name__}"
         super().__init__(
-            lambda: _again(function), name, function.__module__, function.table, **function._options
+            lambda: _copy(function), name, function.__module__, function.table, **function._options
         )
         self.__doc__ = function.__doc__
 
@@ -61,15 +61,15 @@ def _elementary(name: str) -> Any:
     return found if isinstance(found, Compiled) else None
 
 
-def _again(function: Compiled) -> FunctionType:
-    """Copy the Python function with globals replaced by `_other`."""
+def _copy(function: Compiled) -> FunctionType:
+    """Copy the Python function with globals replaced by `_replaced`."""
     source: Any = function.py_func
     code, names = source.__code__, content.names_of(source.__code__)
     space = {
-        name: _other(value, names) for name, value in source.__globals__.items() if name in names
+        name: _replaced(value, names) for name, value in source.__globals__.items() if name in names
     }
     closure = source.__closure__ and tuple(
-        CellType(_other(cell.cell_contents, names)) for cell in source.__closure__
+        CellType(_replaced(cell.cell_contents, names)) for cell in source.__closure__
     )
     # numba keeps compiled code by the function's name, so the copy needs a name of its own
     name = f"portable_{source.__name__}"
@@ -80,7 +80,7 @@ def _again(function: Compiled) -> FunctionType:
     return again
 
 
-def _other(value: Any, names: frozenset[str]) -> Any:
+def _replaced(value: Any, names: frozenset[str]) -> Any:
     """Replacement of a global's value in portable code."""
     if value is math:
         return _MATH if any(map(_elementary, names)) else math
@@ -91,18 +91,18 @@ def _other(value: Any, names: frozenset[str]) -> Any:
     return value
 
 
-def calls_math(function: Compiled, above: frozenset[Compiled] = frozenset()) -> bool:
+def calls_math(function: Compiled, callers: frozenset[Compiled] = frozenset()) -> bool:
     """Tell whether a function uses an elementary function of `math`, directly or through others."""
-    if function in above or function.__module__ == elementary.__name__:
-        return False  # `above`: the callers, to end recursion
+    if function in callers or function.__module__ == elementary.__name__:
+        return False  # a cycle of calls has been searched already
     source: Any = function.py_func
     names = content.names_of(source.__code__)
     used = [value for name, value in source.__globals__.items() if name in names]
     used += [cell.cell_contents for cell in source.__closure__ or ()]
     return any(
-        calls_math(value, above | {function})
+        calls_math(value, callers | {function})
         if isinstance(value, Compiled)
-        else _other(value, names) is not value
+        else _replaced(value, names) is not value
         for value in used
     )
 

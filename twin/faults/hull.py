@@ -113,7 +113,7 @@ class WingLost(Fault):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _Dragged(Fault):
+class _DragFault(Fault):
     """A fault that adds drag."""
 
     @classmethod
@@ -125,7 +125,7 @@ class _Dragged(Fault):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Fouling(_Dragged):
+class Fouling(_DragFault):
     """Algae and barnacles: drag that grows from day to day, and less lift."""
 
     kind = "fouling"
@@ -157,7 +157,7 @@ class Fouling(_Dragged):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Attached(_Dragged):
+class Attached(_DragFault):
     """Something towed or attached at once: weed, a line, a remora."""
 
     kind = "attached"

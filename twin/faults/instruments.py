@@ -164,7 +164,7 @@ def lagged(values: Array, lag: Array, period: float) -> Array:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _Late(Fault):
+class _Lagged(Fault):
     """A CTD instrument with a lag."""
 
     size_name = "lag"
@@ -195,16 +195,16 @@ class _Late(Fault):
 
     def begin(self) -> FaultRun:
         """Begin to lag readings; see `Fault.begin`."""
-        return _LateRun(self, np.array([math.nan, 0.0]))
+        return _LaggedRun(self, np.array([math.nan, 0.0]))
 
 
-class _LateRun(FaultRun):
+class _LaggedRun(FaultRun):
     """A lagged instrument in one mission; carries its last reading and the time since then [s]."""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
         """Lag the readings of the next stretch; see `FaultRun.readings`."""
         fault = self.fault
-        assert isinstance(fault, _Late)
+        assert isinstance(fault, _Lagged)
         if any(name not in signals for name in CTD):
             return {}
         found = signals[fault.late].copy()
@@ -220,7 +220,7 @@ class _LateRun(FaultRun):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class CtdClogged(_Late):
+class CtdClogged(_Lagged):
     """A conductivity cell through which hardly any water flows."""
 
     kind = "ctd_clogged"
@@ -237,7 +237,7 @@ class CtdClogged(_Late):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ThermistorSlow(_Late):
+class ThermistorSlow(_Lagged):
     """A thermistor behind a film, which follows slowly."""
 
     kind = "thermistor_slow"

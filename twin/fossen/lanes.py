@@ -79,7 +79,7 @@ MANY_AWASH = 0.25
 
 
 @borrowing
-def _immerse(b, lanes, first, last):  # type: ignore[no-untyped-def]
+def _immerse_lanes(b, lanes, first, last):  # type: ignore[no-untyped-def]
     """Compute the immersion of lanes `first` to `last` - 1, strip by strip."""
     for l in range(first, last):
         at = (STATE + 3) * lanes + l
@@ -90,7 +90,7 @@ def _immerse(b, lanes, first, last):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _wet(b, lanes):  # type: ignore[no-untyped-def]
+def _immerse_hulls(b, lanes):  # type: ignore[no-untyped-def]
     """Compute the immersion of every hull."""
     widest_vectors()
     rows = b.reshape(-1, lanes)
@@ -102,15 +102,15 @@ def _wet(b, lanes):  # type: ignore[no-untyped-def]
         immersion[l], lever[l] = 1.0 if deep else 0.0, 0.0
         awash += 0.0 if deep else 1.0
     if awash > MANY_AWASH * lanes:
-        _immerse(b, lanes, 0, lanes)
+        _immerse_lanes(b, lanes, 0, lanes)
     elif awash > 0.0:
         for l in range(lanes):
             if immersion[l] == 0.0:
-                _immerse(b, lanes, l, l + 1)
+                _immerse_lanes(b, lanes, l, l + 1)
 
 
 @borrowing(nogil=True)
-def _look_up(  # type: ignore[no-untyped-def]
+def _look_up_water(  # type: ignore[no-untyped-def]
     b, lanes, h, counts, programs, program_at, densities, density_from, warmths, warmth_from,
     floors, floor_at,
 ):  # fmt: skip
@@ -155,7 +155,7 @@ def _look_up(  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _turn(b, lanes):  # type: ignore[no-untyped-def]
+def _compute_angles(b, lanes):  # type: ignore[no-untyped-def]
     """Compute roll, pitch, heading [rad] of every lane; heading in [0, 2 pi)."""
     widest_vectors()
     for l in range(lanes):
@@ -168,12 +168,12 @@ def _turn(b, lanes):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _command(  # type: ignore[no-untyped-def]
+def _guide_lanes(  # type: ignore[no-untyped-def]
     b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at,
     follows, follow_at,
 ):  # fmt: skip
     """Guide each lane whose control period has passed; returns the time of the next tick."""
-    _turn(b, lanes)
+    _compute_angles(b, lanes)
     for l in range(lanes):
         mine = counts[l]
         period = periods[l]
@@ -298,7 +298,7 @@ def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _take_out(b, lanes, h, counts):  # type: ignore[no-untyped-def]
+def _end_unstable(b, lanes, h, counts):  # type: ignore[no-untyped-def]
     """End lanes whose state is not finite, faster than FASTEST or above one radian per step."""
     widest_vectors()
     wrong = 0.0
@@ -321,7 +321,7 @@ def _take_out(b, lanes, h, counts):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _alive(b, lanes):  # type: ignore[no-untyped-def]
+def _living_lanes(b, lanes):  # type: ignore[no-untyped-def]
     """Number of lanes that still fly."""
     alive = 0
     for l in range(lanes):
@@ -362,18 +362,18 @@ def fly(  # type: ignore[no-untyped-def]
                 done = counts[l, OPEN_ENDED] != 0.0 and guided[l, DONE] != 0.0
                 if done and b[ALIVE * lanes + l] != 0.0:
                     counts[l, ENDED], b[ALIVE * lanes + l] = 1.0, 0.0
-        if step % per_sample == 0 and _alive(b, lanes) == 0:
+        if step % per_sample == 0 and _living_lanes(b, lanes) == 0:
             return 0
         if t >= due:
-            due = _command(
+            due = _guide_lanes(
                 b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted,
                 floors, floor_at, follows, follow_at,
             )  # fmt: skip
-        _look_up(
+        _look_up_water(
             b, lanes, h, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
             floors, floor_at,
         )  # fmt: skip
-        _wet(b, lanes)
+        _immerse_hulls(b, lanes)
         if step == 0:  # the first step has no step before: it takes the rate at the start
             call_rate(rate, address, 0.0)
             for i in range((STATE_WORDS - POSE_WORDS) * lanes):
@@ -383,8 +383,8 @@ def fly(  # type: ignore[no-untyped-def]
             _log(b, lanes, t, parts, joints, counts, guided, log, step // per_sample - first_sample)
         _advance(b, lanes, h)
         _move_parts(b, lanes, parts, h)
-        _take_out(b, lanes, h, counts)
-    return _alive(b, lanes)
+        _end_unstable(b, lanes, h, counts)
+    return _living_lanes(b, lanes)
 
 
 @borrowing(nogil=True)
@@ -416,14 +416,14 @@ def go_on(  # type: ignore[no-untyped-def]
             else:
                 _advance(b, lanes, h)
                 _move_parts(b, lanes, parts, h)
-                _take_out(b, lanes, h, own)
+                _end_unstable(b, lanes, h, own)
                 for l in range(lanes):
                     b[TIME * lanes + l] = (math.floor(b[TIME * lanes + l] / h + 0.5) + 1.0) * h
-            _look_up(
+            _look_up_water(
                 b, lanes, h, own, programs, programs_of, densities, densities_of, warmths,
                 warmths_of, floors, floor_at[k * lanes : (k + 1) * lanes + 1],
             )  # fmt: skip
-            _wet(b, lanes)
+            _immerse_hulls(b, lanes)
             if step == -1:
                 call_rate(rate, at, 0.0)
                 for i in range(STATE_WORDS - POSE_WORDS):
@@ -431,4 +431,4 @@ def go_on(  # type: ignore[no-untyped-def]
                         if fresh[k, l]:
                             b[(BEFORE + i) * lanes + l] = b[(RATE + POSE_WORDS + i) * lanes + l]
             call_rate(rate, at, h)
-        _turn(b, lanes)
+        _compute_angles(b, lanes)

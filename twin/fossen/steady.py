@@ -213,7 +213,7 @@ class SteadyProblem:
         return SteadyProblem(self.p, positions, self.turning, self.driven)
 
 
-def _settled(problem: SteadyProblem, straight: Array) -> Array | None:
+def _settle(problem: SteadyProblem, straight: Array) -> Array | None:
     """Follow the motion in time from `straight`; returns its end as a guess, None if it diverges.
 
     Stable motions attract, so this finds those that no family of spirals contains.
@@ -230,7 +230,7 @@ def _settled(problem: SteadyProblem, straight: Array) -> Array | None:
     return np.concatenate((end[:3], end[6:8], [float(end[3:6] @ down)]))
 
 
-def _continued(problem: SteadyProblem, straight: Array) -> Array | None:
+def _continue_spiral(problem: SteadyProblem, straight: Array) -> Array | None:
     """Follow one straight glide from rotation 0 to the problem's rotation, or None at a fold."""
     here, x = 0.0, straight
     slope = np.zeros(6)
@@ -264,7 +264,7 @@ def _spiral_guesses(straight: Array) -> list[Array]:
     return guesses
 
 
-def _motions(
+def _distinct_motions(
     problem: SteadyProblem, guesses: list[Array], linear_angle: float
 ) -> list[SteadyMotion]:
     """Distinct steady motions that follow from the guesses."""
@@ -296,14 +296,14 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
     if problem.rotation == 0.0:
         guesses = straight + [g for x in straight for g in _spiral_guesses(x)]
     else:
-        continued = [_continued(problem, x) for x in straight]
+        continued = [_continue_spiral(problem, x) for x in straight]
         guesses = [x for x in continued if x is not None]
         guesses += [g for x in straight for g in (x, *_spiral_guesses(x))]
-    motions = _motions(problem, guesses, linear_angle)
+    motions = _distinct_motions(problem, guesses, linear_angle)
     if not any(motion.stable and motion.forward for motion in motions):
-        ends = [_settled(problem, x) for x in straight]
+        ends = [_settle(problem, x) for x in straight]
         guesses += [x for x in ends if x is not None]
-        motions = _motions(problem, guesses, linear_angle)
+        motions = _distinct_motions(problem, guesses, linear_angle)
     if not motions:
         raise NoSteadyState(
             f"no steady motion at {problem.request}, net mass {problem.net_mass:g} kg: "

@@ -70,7 +70,7 @@ def _compiled(structure: Structure, lanes: int, _: int) -> Any:
     slow = kept_note(__name__, stamp) if function.cache_hits else None
     if slow is None:
         text = structure.arithmetic(lanes) if function.cache_hits else Arithmetic.of(function)
-        slow = "" if text.vector_code else _blamed(structure)
+        slow = "" if text.vector_code else _scalar_kinds(structure)
         keep_note(__name__, stamp, slow)
     if slow:
         warnings.warn(
@@ -164,15 +164,15 @@ _INSTRUCTIONS = tuple(
     f"llvm.{name}." for name in ("fabs", "sqrt", "copysign", "assume", "experimental", "lifetime")
 )
 """Calls in LLVM's text that are compiled to instructions."""
-_ALONE = 4096
+_KIND_LANES = 4096
 """Lanes of a loop with one kind's function: so many that LLVM does not unroll the loop."""
 
 
-def _blamed(structure: Structure) -> str:
+def _scalar_kinds(structure: Structure) -> str:
     """Names of the kinds' functions that did not become vector code."""
     blamed = []
     for name, text in structure.kernels:
-        found = Arithmetic.of(_kept_loop(structure, text, _ALONE, keep=False)[0])
+        found = Arithmetic.of(_kept_loop(structure, text, _KIND_LANES, keep=False)[0])
         if not found.vector_code:
             calls = f", calls {', '.join(found.calls)}" if found.calls else ""
             blamed.append(

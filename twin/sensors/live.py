@@ -139,12 +139,12 @@ class LiveSuite:
         measures them again with the samples that follow.
         """
         out = {name: self._arrays[name][: self.count].copy() for name in self.channels}
-        late = [(run, delay, known) for run, delay, known in self._runs if run and delay]
-        if not late or not self.count:
+        delayed = [(run, delay, known) for run, delay, known in self._runs if run and delay]
+        if not delayed or not self.count:
             return out
         kept = self.state()
         ended = {name: values[: self.count] for name, values in self._arrays.items()}
-        for run, delay, known in late:
+        for run, delay, known in delayed:
             first = max(self.count - delay, 0)
             for channel, values in run.finish(ended, first, self.count).items():
                 if channel not in known:
@@ -200,7 +200,7 @@ def _needed(suite: SensorSuite, signals: tuple[str, ...], wanted: Iterable[str] 
     return needed
 
 
-class _Acting(NamedTuple):
+class _ActiveFault(NamedTuple):
     """A fault that acts on some channels."""
 
     run: FaultRun
@@ -230,8 +230,8 @@ class FaultySensors:
           rng_seed: seed of the mission; each fault has a branch of its own.
         """
         self._dt = dt
-        self._all: list[_Acting] = []
-        self._after: dict[int, list[_Acting]] = {}
+        self._all: list[_ActiveFault] = []
+        self._after: dict[int, list[_ActiveFault]] = {}
         tree = np.random.SeedSequence(rng_seed.entropy, spawn_key=(*rng_seed.spawn_key, _STREAM))
         seeds = tree.generate_state(max(len(faults), 1), np.uint64)
         channels = [name for _, writes, _ in sensors for name in writes]
@@ -249,7 +249,7 @@ class FaultySensors:
             ]  # fmt: skip
             last = min(readers, default=len(sensors)) - 1
             delay = max(sensors[k][2] for k in writers)
-            acting = _Acting(fault.begin(), tuple(sorted(changed)), delay, int(seed))
+            acting = _ActiveFault(fault.begin(), tuple(sorted(changed)), delay, int(seed))
             self._all.append(acting)
             self._after.setdefault(last, []).append(acting)
 
@@ -271,7 +271,7 @@ class FaultySensors:
             for sample in range(max(count - acting.delay, 0), count):
                 self._change(acting, arrays, sample)
 
-    def _change(self, acting: _Acting, arrays: Mapping[str, Array], sample: int) -> None:
+    def _change(self, acting: _ActiveFault, arrays: Mapping[str, Array], sample: int) -> None:
         run = acting.run
         size = run.fault.at(np.array([sample * self._dt]))
         if not (size.any() or run.carried.size):

@@ -81,7 +81,7 @@ def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
             reader.fail(f"the name {name!r} of an actuator", "a plain word, such as 'rudder'")
         if name in (part.name for part in parts):
             reader.fail(f"the name {name!r} of two actuators", "different")
-        word = reader.text(f"{name}.kind", "") or _usual(reader, actuator, name)
+        word = reader.text(f"{name}.kind", "") or _usual_kind(reader, actuator, name)
         if word not in PARTS:
             raise VehicleError(
                 f"vehicle file {reader.path}: <text name='{name}.kind'>: "
@@ -93,7 +93,7 @@ def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def _usual(reader: MjcfReader, actuator: Element, name: str) -> str:
+def _usual_kind(reader: MjcfReader, actuator: Element, name: str) -> str:
     """Kind of an actuator whose file gives none."""
     joint = actuator.get("joint")
     if joint is not None:

@@ -36,10 +36,10 @@ def changed(item: Any, changes: Mapping[str, Any]) -> Any:
     for name in changes:
         if name not in known:
             raise VehicleError(unknown_name(f"field of {item.name!r}", name, known))
-    return dataclasses.replace(item, **{n: _typed(getattr(item, n), v) for n, v in changes.items()})
+    return dataclasses.replace(item, **{n: _cast(getattr(item, n), v) for n, v in changes.items()})
 
 
-def _typed(mine: Any, value: Any) -> Any:
+def _cast(mine: Any, value: Any) -> Any:
     """Convert a JSON `value` to the type of the field value `mine`."""
     if isinstance(mine, np.ndarray):
         return np.array(value, dtype=np.float64)
@@ -77,7 +77,7 @@ def renamed(
             out.setdefault(name, {}).update(value)
         else:
             present = next((getattr(o, name) for o in owners if hasattr(o, name)), None)
-            out[name] = _typed(present, value)
+            out[name] = _cast(present, value)
     return out
 
 

@@ -130,9 +130,9 @@ def needed_signals(vehicle: Vehicle) -> list[str]:
 def _of_file(xml: str, path: Path) -> Consumption:
     reader = MjcfReader(xml, path)
     fields = [field.name for field in dataclasses.fields(Losses)]
-    said = {name: reader.number(name) for name in fields if name in reader.numerics}
+    given = {name: reader.number(name) for name in fields if name in reader.numerics}
     try:
-        return Consumption(**said)
+        return Consumption(**given)
     except InputError as error:
         raise VehicleError(f"vehicle file {path}: {error}") from error
 

@@ -267,52 +267,52 @@ class _Check:
                 )
             self._check_count(tag, name, value)
         for sides in AREAS:
-            cells = math.prod(self._whole(tag, n, attributes.get(n, "1")) for n in sides)
+            cells = math.prod(self._parse_count(tag, n, attributes.get(n, "1")) for n in sides)
             if cells > MOST_CELLS:
                 self.fail(
-                    f"<{tag}>: {sides[0]} by {sides[1]} is {cells:.3g}", self._most(MOST_CELLS)
+                    f"<{tag}>: {sides[0]} by {sides[1]} is {cells:.3g}", self._limit(MOST_CELLS)
                 )
         repeats = self.repeats[-1]
         self.elements += repeats
         if tag == "replicate":
-            repeats *= max(1.0, self._whole(tag, "count", attributes.get("count", "1")))
+            repeats *= max(1.0, self._parse_count(tag, "count", attributes.get("count", "1")))
         if self.elements > MOST_ELEMENTS or repeats > MOST_ELEMENTS:
-            self.fail("too many elements, those of <replicate> counted", self._most(MOST_ELEMENTS))
+            self.fail("too many elements, those of <replicate> counted", self._limit(MOST_ELEMENTS))
         self.repeats.append(repeats)
         if len(self.repeats) > MOST_DEPTH:
-            self.fail("too many elements inside each other", self._most(MOST_DEPTH))
+            self.fail("too many elements inside each other", self._limit(MOST_DEPTH))
 
     def _end(self, tag: str) -> None:
         self.repeats.pop()
 
     def _check_count(self, tag: str, name: str, value: str) -> None:
         if name == "memory":
-            if self._bytes(value) > MOST_MEMORY:
+            if self._parse_memory(value) > MOST_MEMORY:
                 self.fail(f"<{tag} memory={value!r}> is too much", "at most 1G is possible")
             return
         most = 1000 if name.startswith("nuser_") else COUNTS.get(name)
         if most is None or tag not in _SIZED.get(name, (tag,)):
             return
         for word in value.split():
-            if self._whole(tag, name, word) > most:
-                self.fail(f"<{tag} {name}={_short(value)!r}> is too much", self._most(most))
+            if self._parse_count(tag, name, word) > most:
+                self.fail(f"<{tag} {name}={_shortened(value)!r}> is too much", self._limit(most))
 
-    def _whole(self, tag: str, name: str, word: str) -> float:
+    def _parse_count(self, tag: str, name: str, word: str) -> float:
         try:
             return float(word)
         except ValueError:
-            self.fail(f"<{tag} {name}={_short(word)!r}> is not a number", "give a whole number")
+            self.fail(f"<{tag} {name}={_shortened(word)!r}> is not a number", "give a whole number")
 
-    def _bytes(self, value: str) -> float:
+    def _parse_memory(self, value: str) -> float:
         units = {"K": 2.0**10, "M": 2.0**20, "G": 2.0**30, "T": 2.0**40, "P": 2.0**50, "E": 2.0**60}
         word = value.strip()
         unit = units.get(word[-1:].upper(), 1.0)
-        return self._whole("size", "memory", word[:-1] if unit > 1.0 else word) * unit
+        return self._parse_count("size", "memory", word[:-1] if unit > 1.0 else word) * unit
 
     @staticmethod
-    def _most(number: float) -> str:
+    def _limit(number: float) -> str:
         return f"at most {number:,.0f} are possible".replace(",", " ")
 
 
-def _short(text: str) -> str:
+def _shortened(text: str) -> str:
     return text if len(text) <= 40 else f"{text[:40]}..."

@@ -139,7 +139,7 @@ def apply_preset(xml: str, path: Path, preset: str) -> str:
     if preset == names[0]:
         return xml
     custom = reader.one("custom")
-    changes = _taken_out(reader, custom, names)[preset]
+    changes = _pop_changes(reader, custom, names)[preset]
     own = {(e.tag, e.get("name", "")): e for e in custom}
     for name, element in changes.items():
         if name == WITHOUT:
@@ -167,7 +167,7 @@ def apply_preset(xml: str, path: Path, preset: str) -> str:
     return ElementTree.tostring(reader.root, encoding="unicode") + "\n"
 
 
-def _taken_out(
+def _pop_changes(
     reader: MjcfReader, custom: Element, names: tuple[str, ...]
 ) -> dict[str, dict[str, Element]]:
     """Remove the elements of all sets but the first from the file; return them by set and name."""

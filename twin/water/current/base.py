@@ -201,7 +201,7 @@ class Current(abc.ABC):
 
     def describe(self) -> dict[str, Any]:
         """Return JSON values that `current_from_dict` turns back into an equal current."""
-        return {"kind": self.kind, **{f.name: _plain(getattr(self, f.name)) for f in fields(self)}}
+        return {"kind": self.kind, **{f.name: _json(getattr(self, f.name)) for f in fields(self)}}
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
@@ -354,12 +354,12 @@ def _parts(current: Current) -> tuple[Current, ...]:
     return current.parts if isinstance(current, CurrentSum) else (current,)
 
 
-def _plain(value: Any) -> Any:
+def _json(value: Any) -> Any:
     """Convert to JSON types: tuples to lists, nested currents and records to descriptions."""
     if hasattr(value, "describe"):
         return value.describe()
     if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
+        return [_json(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -217,7 +217,7 @@ def _choose_latitudes(
     if (np.diff(every) <= SAME_NODE).any():
         raise CurrentError(f"{source}: the latitudes repeat a value")
     offset = np.radians(every - origin.latitude_deg) * origin.meridian_radius
-    first, last, reached = _within(offset, reach_m)
+    first, last, reached = _enclosing(offset, reach_m)
     return every[first : last + 1], order[first : last + 1], reached
 
 
@@ -245,11 +245,11 @@ def _choose_longitudes(
             f" {raw.min():g}..{raw.max():g} degree east; set lon= within the file"
         )
     radius = origin.normal_radius * math.cos(math.radians(origin.latitude_deg))
-    first, last, reached = _within(np.radians(relative) * radius, reach_m)
+    first, last, reached = _enclosing(np.radians(relative) * radius, reach_m)
     return relative[first : last + 1], order[first : last + 1], reached
 
 
-def _within(offset: Floats, reach_m: float) -> tuple[int, int, float]:
+def _enclosing(offset: Floats, reach_m: float) -> tuple[int, int, float]:
     """First and last index that enclose +-reach, and the enclosed distance."""
     first = max(int(np.searchsorted(offset, -reach_m, side="right")) - 1, 0)
     last = min(int(np.searchsorted(offset, reach_m, side="left")), offset.size - 1)
@@ -289,7 +289,7 @@ def _check_start(box: Box, wet: np.ndarray, source: str, origin: Origin) -> None
 
 def _check_zeros(box: Box, source: str, origin: Origin) -> None:
     """Raise CurrentError when zeros around the start may stand for land."""
-    rows, columns = _beside(box.latitude, origin.latitude_deg), _beside(box.longitude, 0.0)
+    rows, columns = _neighbours(box.latitude, origin.latitude_deg), _neighbours(box.longitude, 0.0)
     if not box.velocity[:, :, rows, columns].any() and box.velocity.any():
         raise CurrentError(
             f"{source}: the current is exactly 0 at every depth and time around the start"
@@ -298,7 +298,7 @@ def _check_zeros(box: Box, source: str, origin: Origin) -> None:
         )
 
 
-def _beside(axis: Floats, x: float) -> slice:
+def _neighbours(axis: Floats, x: float) -> slice:
     """Nodes on both sides of x, and a node at x."""
     first = max(int(np.searchsorted(axis, x, side="left")) - 1, 0)
     return slice(first, int(np.searchsorted(axis, x, side="right")) + 1)
@@ -326,7 +326,7 @@ def _fill(values: Floats, wet: np.ndarray, source: str, times: np.ndarray) -> No
             count = np.zeros(known.shape)
             for axis in (1, 2):
                 for shift in (1, -1):
-                    seen, value = _shifted(known, field, axis, shift)
+                    seen, value = _shift(known, field, axis, shift)
                     total += np.where(seen[..., None], value, 0.0)
                     count += seen
             take = ~known & (count > 0)
@@ -334,7 +334,7 @@ def _fill(values: Floats, wet: np.ndarray, source: str, times: np.ndarray) -> No
             known |= take
 
 
-def _shifted(known: np.ndarray, field: Floats, axis: int, shift: int) -> tuple[np.ndarray, Floats]:
+def _shift(known: np.ndarray, field: Floats, axis: int, shift: int) -> tuple[np.ndarray, Floats]:
     """Mask and values of the neighbours, without wrapping round the edges."""
     seen = np.roll(known, shift, axis=axis)
     edge = [slice(None)] * known.ndim

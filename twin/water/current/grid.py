@@ -33,7 +33,7 @@ def _along_east(program, at, step, f, rate):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def _mix(a, a_rate, b, b_rate, f, rate):  # type: ignore[no-untyped-def]
+def _interpolate(a, a_rate, b, b_rate, f, rate):  # type: ignore[no-untyped-def]
     """Interpolate between two (value, derivative) pairs by a weight f that changes at `rate`."""
     return a + f * (b - a), a_rate + f * (b_rate - a_rate) + rate * (b - a)
 
@@ -46,11 +46,11 @@ def _at_one_time(program, at, steps, fractions, rates):  # type: ignore[no-untyp
     _, r_d, r_n, r_e = rates
     a, ar = _along_east(program, at, s_e, f_e, r_e)
     b, br = _along_east(program, at + s_n, s_e, f_e, r_e)
-    c, cr = _mix(a, ar, b, br, f_n, r_n)
+    c, cr = _interpolate(a, ar, b, br, f_n, r_n)
     a, ar = _along_east(program, at + s_d, s_e, f_e, r_e)
     b, br = _along_east(program, at + s_d + s_n, s_e, f_e, r_e)
-    a, ar = _mix(a, ar, b, br, f_n, r_n)
-    return _mix(c, cr, a, ar, f_d, r_d)
+    a, ar = _interpolate(a, ar, b, br, f_n, r_n)
+    return _interpolate(c, cr, a, ar, f_d, r_d)
 
 
 @borrowing
@@ -60,7 +60,7 @@ def _component(program, at, steps, fractions, rates):  # type: ignore[no-untyped
     if steps[0] == 0:
         return now, now_rate
     later, later_rate = _at_one_time(program, at + steps[0], steps, fractions, rates)
-    return _mix(now, now_rate, later, later_rate, fractions[0], rates[0])
+    return _interpolate(now, now_rate, later, later_rate, fractions[0], rates[0])
 
 
 @borrowing

@@ -100,7 +100,7 @@ def open_data_set(
       what: name of the file in messages.
       failure: class of the error when the file cannot be read.
     """
-    data = _opened(path, what, failure)
+    data = _open(path, what, failure)
     try:
         with data:
             _check_packing(data, path, failure)
@@ -132,7 +132,7 @@ def _reason(error: Exception) -> str:
     return text.splitlines()[0] if text else type(error).__name__
 
 
-def _opened(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
+def _open(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
     """Open the data set; only attributes and axes are read."""
     import xarray as xr
 

@@ -159,10 +159,10 @@ class Bathymetry(Floor):
                 raise FloorError(f"{self.path}: {axes[kind]!r} must hold two or more {kind}s")
         turned = (lon - origin.longitude_deg + 180.0) % 360.0 - 180.0
         metres = math.radians(1.0) * origin.normal_radius
-        rows, north = _within(
+        rows, north = _enclosing(
             math.radians(1.0) * origin.meridian_radius * (lat - origin.latitude_deg), reach
         )
-        columns, east = _within(
+        columns, east = _enclosing(
             metres * math.cos(math.radians(origin.latitude_deg)) * turned, reach
         )
         if not (_encloses(north, lat) and _encloses(east, lon)):
@@ -226,9 +226,9 @@ def _axis(data: xr.Dataset, dimension: str) -> str | None:
 def _sense(data: xr.Dataset, path: str, name: str) -> str:
     """Direction in which the values of a variable count: "up" or "down"."""
     attributes = data[name].attrs
-    said = str(attributes.get("positive", "")).lower()
-    if said in (UP, DOWN):
-        return said
+    declared = str(attributes.get("positive", "")).lower()
+    if declared in (UP, DOWN):
+        return declared
     standard = str(attributes.get("standard_name", ""))
     found = STANDARD_NAMES.get(standard) or NAMES.get(name.lower())
     if found is None:
@@ -239,7 +239,7 @@ def _sense(data: xr.Dataset, path: str, name: str) -> str:
     return found
 
 
-def _within(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
+def _enclosing(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
     """Indices of the nodes that enclose +-reach, in ascending order, and their places [m]."""
     order = np.argsort(metres, kind="stable")
     values = metres[order]
