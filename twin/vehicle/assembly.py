@@ -136,7 +136,7 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
     Raises:
       VehicleError: a mass is off the hull's axis, or a joint has no part or another kind.
     """
-    driven = {
+    part_by_joint = {
         actuator.get("joint"): actuator.get("name")
         for actuator in reader.actuators()
         if actuator.get("joint") is not None
@@ -146,7 +146,7 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
         name = body.get("name", "")
         drives: dict[str, str] = {}
         for joint in body.findall("joint"):
-            part, kind = driven.get(joint.get("name")), joint.get("type", "hinge")
+            part, kind = part_by_joint.get(joint.get("name")), joint.get("type", "hinge")
             if part is None:
                 reader.fail(f"joint {joint.get('name')!r}", "driven by an actuator of its own")
             if kind in drives:

@@ -443,8 +443,8 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         added_mass = np.array(numeric("added_mass", 36)).reshape(6, 6)
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
     steering = read_steering(reader, parts)
-    alone = named_controls(reader)
-    shared = followers(parts, steering, alone)
+    assigned = named_controls(reader)
+    following = followers(parts, steering, assigned)
     fields: dict[str, Any] = {
         f"{axis}_pid": numeric(f"{axis}_pid", 3)
         for axis in ("pitch", "heading", "trim")
@@ -479,8 +479,8 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         gps_position=reader.place("gps"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
-        followers=shared,
-        idle=idle_parts(parts, steering, shared, alone),
+        followers=following,
+        idle=idle_parts(parts, steering, following, assigned),
         spreads={
             name.removeprefix(SPREAD): element.get("data", "")
             for name, element in reader.texts.items()

@@ -186,10 +186,10 @@ def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
         return np.concatenate([force, moment], axis=1)
 
     unit = np.eye(6)
-    alone = wrenches(unit)
+    single = wrenches(unit)
     return tuple(
         (f"{axis}u{VELOCITIES[k]}", float(value))
-        for k, both in enumerate(wrenches(unit[0] + unit[1:]) - alone[0] - alone[1:], 1)
+        for k, both in enumerate(wrenches(unit[0] + unit[1:]) - single[0] - single[1:], 1)
         for axis, value in zip(AXES, both, strict=True)
         if axis != "X" and value != 0.0
     )

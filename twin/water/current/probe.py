@@ -223,9 +223,9 @@ def _evaluator(kind: Any, record: Floats, who: str) -> Callable[[Floats], Floats
     taken = [axis in ("time", *kind.depends_on) for axis in AXES]
 
     def gathered(point: Floats) -> Floats:
-        ways = [call(6, *point, *np.eye(4)[axis]) for axis in range(4)]
-        slopes = [way[3:] if used else np.zeros(3) for way, used in zip(ways, taken, strict=True)]
-        return np.concatenate([ways[0][:3], slopes[0], np.ravel(np.transpose(slopes[1:]))])
+        rows = [call(6, *point, *np.eye(4)[axis]) for axis in range(4)]
+        slopes = [row[3:] if used else np.zeros(3) for row, used in zip(rows, taken, strict=True)]
+        return np.concatenate([rows[0][:3], slopes[0], np.ravel(np.transpose(slopes[1:]))])
 
     return gathered
 
