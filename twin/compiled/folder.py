@@ -65,7 +65,7 @@ def cache_root() -> Path | None:
 
 
 def candidates() -> Iterator[Path]:
-    """Folder inside the package if this user owns it, then the user's cache folder."""
+    """Yield a folder in the package if this user owns it, then the user's cache folder."""
     if not hasattr(os, "getuid") or _PACKAGE.stat().st_uid == os.getuid():
         yield _PACKAGE / "__pycache__" / "compiled"
     with contextlib.suppress(RuntimeError):  # no home folder is known

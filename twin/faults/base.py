@@ -70,7 +70,7 @@ class Condition:
         return self.replace(vehicle=self.vehicle.replace(**changes))
 
     def with_mass(self, kilograms: float, place: Sequence[float], volume: float = 0.0) -> Condition:
-        """Return a copy with an added mass, below 0 a removed one, that moves with the hull.
+        """Return a copy with `kilograms` added to the hull, or taken from it where negative.
 
         Args:
           place: centre of gravity of the added mass [m], body FRD about the CB, shape (3,).

@@ -148,9 +148,9 @@ def acceleration(  # type: ignore[no-untyped-def]
 ):
     """Acceleration dnu_r/dt, shape (6,).
 
-    `down` (3,) is the NED down axis in body axes, `positions` (parts,) those of the parts,
-    `displaced` [kg] the mass of displaced water of the immersed hull, `density` [kg/m3] the
-    water's. Current, in body axes: `path_rate` (3,) is dV_c/dt along the vehicle's path [m/s2],
+    `down` (3,) is the NED down axis in body axes, `positions` (parts,) are the parts', `displaced`
+    [kg] is the mass of water that the immersed hull displaces, `density` [kg/m3] is the water's.
+    Current, in body axes: `path_rate` (3,) is dV_c/dt along the vehicle's path [m/s2],
     `water_rate` (3,) along the water's own path, `gradient` (3, 3) [1/s] the gradient.
     """
     body = carried(p, positions)

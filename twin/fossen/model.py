@@ -220,11 +220,11 @@ class FossenModel:
         *,
         positions: Mapping[str, float] | None = None,
     ) -> SteadyMotion:
-        """Find the stable steady motion at fixed positions of the parts.
+        """Find the stable steady motion at fixed part positions, deep in reference density.
 
-        Args: see `twin.vehicle.steady_motion.trim_positions`. Deep, in water of the reference
-        density; of several stable motions, the one with the smallest angle of attack. Raises
-        NoSteadyState with the reason if there is none, InputError outside the travel of a part.
+        The arguments are those of `twin.vehicle.steady_motion.trim_positions`. Of several stable
+        motions, the one with the smallest angle of attack is returned. Raises NoSteadyState with
+        the reason if there is none, and InputError outside the travel of a part.
         """
         wanted = trim_positions(self.vehicle, shift, rotation, net_mass, positions)
         turning = self.vehicle.steered_index("heading")

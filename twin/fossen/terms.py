@@ -270,7 +270,7 @@ def wet_section(below, diameter):  # type: ignore[no-untyped-def]
 
 @scalar
 def immersed(depth, slope, length, diameter):  # type: ignore[no-untyped-def]
-    """Return means over strips: immersed fraction, and that times the place ahead of the CB [m].
+    """Means over the strips: wet fraction, and wet fraction times place ahead of the CB [m].
 
     `slope` is the depth gained per metre forward.
     """

@@ -8,11 +8,11 @@ the true depth by the water column's dynamic height: in warm or fresh, hence lig
 too small. The vehicle itself flies under the constant gravity of its file.
 
 The CTD's thermistor follows the water with a first-order lag. The wall of the conductivity cell
-stores heat, so the water in the cell differs from the thermistor's temperature, and salinity spikes
-in a thermocline: C(S, T - T_T, p) with the thermal anomaly T_T of Lueck (1990), in the recursion of
-Lueck and Picklo (1990). Salinity and density are computed as in the field, from the measured values
-and the gauge's pressure: PSS-78 and TEOS-10 through `gsw`. A column that has only a density, such
-as `constant`, gives no CTD signals.
+stores heat, so the cell's water is warmer or colder than the thermistor, which causes false
+salinity in a thermocline. The conductivity is C(S, T - T_T, p) with the thermal anomaly T_T of
+Lueck (1990), in the recursion of Lueck and Picklo (1990). Salinity and density are computed as in
+the field, from the measured values and the gauge's pressure: PSS-78 and TEOS-10 through `gsw`. A
+column that has only a density, such as `constant`, gives no CTD signals.
 
 Accuracy and resolution: Sea-Bird Glider Payload CTD (product sheet of the Slocum Glider CTD).
 Thermal mass: the SBE-41CP (Johnson, Toole and Larson, 2007), from which that CTD has evolved.

@@ -100,7 +100,7 @@ class EncodersRun(SensorRun):
 
 
 def _reading(part: str) -> Variable:
-    """Variable of a part's encoder; your own part's is declared after its position."""
+    """Variable of a part's encoder; for your own part it is declared like the position's."""
     true = variable(f"true_{part}")
     name = f"measured_{part}"
     try:

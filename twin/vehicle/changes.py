@@ -92,7 +92,7 @@ class Uncertainty:
     """One number of a vehicle that its file cannot give exactly."""
 
     name: str
-    """Name of the factory's parameter after `vehicle.`; a part's has the part's name in front."""
+    """Name of the factory's parameter after `vehicle.`; for a part, the part's name precedes it."""
     spread: str
     """Distribution of the real value, as the factory writes it."""
     long_name: str

@@ -70,13 +70,13 @@ class Vehicle:
     xml: str
     """MJCF text from which all fields below were read."""
     gravity: float
-    """[m/s2]"""
+    """[m/s2] Gravity, positive down."""
     reference_density: float
     """[kg/m3] Density inside the dimensional coefficients; neutral volume = mass / density."""
     hull_length: float
-    """[m]"""
+    """[m] Length of the hull."""
     hull_diameter: float
-    """[m]"""
+    """[m] Diameter of the hull."""
     hull_compressibility: float
     """[1/Pa] Relative volume lost per unit of pressure."""
     hull_thermal_expansion: float = 0.0
@@ -86,9 +86,9 @@ class Vehicle:
     hull_reference_temperature: float = 10.0
     """[degree_Celsius] Hull temperature at which the hull displaces its neutral volume."""
     static_mass: float
-    """[kg]"""
+    """[kg] Mass of the static block: the hull without the moving masses."""
     static_cg: Array
-    """[m], shape (3,)"""
+    """[m] CG of the static block, shape (3,)."""
     static_inertia: Array
     """[kg m2] Inertia of the static block about its own CG, shape (3, 3)."""
     masses: tuple[MovingMass, ...]
@@ -102,9 +102,9 @@ class Vehicle:
     added_mass_coupling: bool = True
     """False: the law's coefficients already contain the added mass's coupling (Munk moment)."""
     imu_position: Array
-    """[m], shape (3,)"""
+    """[m] Place of the IMU, shape (3,)."""
     gps_position: Array
-    """[m], shape (3,)"""
+    """[m] Place of the GPS antenna, shape (3,)."""
     pitch_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Gains P, I [1/s], D [s]: pitch error [rad] to position of the pitching part."""
     heading_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -117,7 +117,7 @@ class Vehicle:
     buoyancy_pid: tuple[float, float, float] | None = None
     """Gains P, I [1/s], D [s]: depth error in a hover [m] to pump volume less [cm3], or None."""
     control_period: float
-    """[s]"""
+    """[s] Time between two control ticks of guidance."""
     cruise_speed: float = 0.0
     """[m/s] Speed through the water under propeller where the mission gives none."""
     steering: Mapping[str, str]

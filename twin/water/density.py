@@ -33,7 +33,7 @@ DEFAULT_LONGITUDE = -121.8
 DEFAULT_LATITUDE = 36.8
 """[deg] Monterey Bay, where the paper's vehicle sailed."""
 DEEPEST = 12_000.0
-"""[m] Largest depth of a profile; the deepest sea has 10 935 m. A run's table has a row a metre."""
+"""[m] Largest depth of a profile; the deepest sea has 10 935 m. Runs tabulate every metre."""
 DEFAULT_SPACING = 1.0
 """[m] Grid of a compiled profile whose own depths are not equally spaced."""
 SEA_COMPRESSIBILITY = 4.35e-10

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
 Carrier = Any
-"""Type of a `twin.vehicle.vehicle.Vehicle`; its module imports this one."""
+"""Any, in place of `twin.vehicle.vehicle.Vehicle`, whose module imports this one."""
 VALUES = 24
 """Largest number of parameters that the kernels of a part read."""
 

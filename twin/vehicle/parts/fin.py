@@ -1,7 +1,7 @@
 """Fin: a rudder or elevator that turns about its span, with lift, drag and stall.
 
-A fin of area A at r meets the flow v_rel + omega x r, taken in the plane of its section. C_L is
-C_La a at the angle of attack a up to the stall; beyond, it changes with its own slope, at least to
+A fin of area A at r meets the flow v_rel + omega x r, taken in the plane of its section. Up to the
+stall, C_L is C_La a at the angle of attack a; beyond, C_L changes with another slope, but not below
 zero. C_D is C_D0 + C_Da |a|, with another slope beyond the stall, plus the induced drag
 C_L^2 / (pi e AR) of a finite span (Prandtl). Lift is across the flow and drag along it:
 F = rho A V^2 / 2 (C_L, C_D). Without the induced drag these are the formulas of the Gazebo plug-in

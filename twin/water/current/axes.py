@@ -210,7 +210,7 @@ EARTH_ROTATION = 7.292115e-5
 """[rad/s] Angular rate of the Earth (WGS84); f = 2 EARTH_ROTATION sin(latitude)."""
 
 HIGHEST_LATITUDE = 88.0
-"""[degree] Highest latitude of an origin; nearer to a pole, north and east turn over a mission."""
+"""[degree] Highest latitude of an origin; nearer to a pole, north and east rotate along a track."""
 
 
 @dataclass(frozen=True, kw_only=True)
