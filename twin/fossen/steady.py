@@ -85,7 +85,7 @@ class SteadyProblem:
         request: str = "",
         hint: str = "give others",
     ):
-        """Take the part that turns the vehicle by its index, and whether a propeller turns.
+        """Take `turning`, index of the part that turns the vehicle; `driven`: under a propeller.
 
         `request` describes the positions, and `hint` gives advice, both in messages.
         """

@@ -294,7 +294,7 @@ class Vehicle:
         return None if name is None else self.part_names.index(name)
 
     def allocated(self, position: Array, leads: Collection[str] | None = None) -> Array:
-        """Positions of all parts, shape (parts,), with followers moved along with their leads.
+        """Add the followers' displacements to the parts' positions `position`, shape (parts,).
 
         A follower moves by its weight times its lead's travel from rest, at most to its own end.
         `leads`: names of the parts whose followers move; None: all.
