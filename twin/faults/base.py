@@ -53,7 +53,7 @@ class Condition:
     packs: float = 1.0
     """Fraction of the batteries that is connected."""
     iron: tuple[float, float] = (0.0, 0.0)
-    """[rad] Error of guidance's compass: factors of the sine and cosine of the true heading."""
+    """[rad] Error of guidance's compass: coefficients (sine, cosine) of the true heading."""
     depth_offset: float = 0.0
     """[m] Depth of guidance's pressure gauge minus the true depth."""
     echoes_lost: float = 0.0

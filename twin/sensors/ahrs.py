@@ -81,7 +81,7 @@ class Attitude(Sensor):
     time_constant: float = 5.0
     """[s] Time in which the filter relaxes to the accelerometers; 0: no filter, only the error
     below. The device's complementary filter takes 10 s, which gives its 0.5 deg with these gyros.
-    Half of these 10 s stands for its Kalman filter, which estimates the gyro bias"""
+    The default is half of that, because the device's Kalman filter estimates the gyro bias"""
     rms_deg: float = 0.08
     """[deg] RMS per angle of the filter's own error, a stationary Gauss-Markov process"""
     correlation_time: float = 120.0

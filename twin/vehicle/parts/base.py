@@ -217,8 +217,7 @@ class Part:
 
     @property
     def failsafe(self) -> float:
-        """Position that the part takes when commands end: one that brings the vehicle up, or
-        rest."""
+        """Position without commands: one that brings the vehicle up, or rest."""
         return self.rest
 
     @property
@@ -272,7 +271,7 @@ class Part:
 
     @property
     def drawn_axis(self) -> tuple[float, float, float] | None:
-        """Unit vector, body FRD, about which pictures turn the file's body of the part's name.
+        """Unit vector, body FRD, about which pictures turn the part's body in the vehicle file.
 
         None: pictures turn no body. A part on a joint needs none, as its body moves with the joint.
         """

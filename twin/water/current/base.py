@@ -26,7 +26,7 @@ from twin.water.current.sampler import Floats, kinds
 TABLE, TABULATED = "table", "twin.water.current.tabulated"
 """Kind of a tabulated function, and the module of that kind, which imports this one."""
 HELP_COLUMN = 42
-"""Column of `current_help` at which the explanation begins, after a shorter example."""
+"""Column of `current_help` at which explanations begin, behind any shorter example."""
 FILE = re.compile(r"\.[A-Za-z]\w*\s*(,|$)|[/\\]")
 """Part of a current's text that shows a file name."""
 
