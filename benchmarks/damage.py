@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from logs import Flight, pack
-from written_logs import Sound
+from logs import SOUND, pack
+
+from factory.samples import Flight
 
 Array = Any
 Random = np.random.Generator
@@ -37,9 +38,12 @@ NAMES = ("units", "_FillValue", "missing_value", "valid_min", "valid_max", "vali
 
 
 @dataclasses.dataclass(frozen=True)
-class Damaged(Sound):
+class Damaged(Flight):
     """A sound flight with one signal, or the clock, that went wrong at some moment."""
 
+    dives: int = SOUND.dives
+    surface: float = SOUND.surface
+    swing: float = SOUND.swing
     signal: str = ""
     change: Callable[[Array], Array] = np.asarray
     clock: Callable[[Array], Array] | None = None

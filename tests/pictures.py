@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logs import Flight, write_seaglider
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaglider
 from twin.__main__ import PROGRAM
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import SHARED, Flight, write_mat
+from logs import SHARED
 
 from benchmarks.real_logs import yo_yos
 from factory.importing import import_logs
+from factory.samples import Flight
+from glider_twin_protocols.auv_samples import write_mat
 from twin.errors import InputError
 from twin.records.store import write_store
 

@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 import yaml
 from hubs import read_with
-from logs import Flight, refused, write_slocum
+from logs import refused
 
 from factory.exporting import ExportOptions
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from factory.sampling.recipe import make_recipe
 from glider_twin_hubs import HUGGINGFACE, LEROBOT, huggingface
 from glider_twin_hubs.huggingface import licence_identifier

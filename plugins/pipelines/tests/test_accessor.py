@@ -11,19 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from examples import needs_docs, run
-from logs import (
-    LATITUDE,
-    LONGITUDE,
-    SHARED,
-    START,
-    Flight,
-    write_basestation,
-    write_ngdac,
-    write_og1,
-    write_pyglider,
-    write_seaexplorer,
-    write_slocum,
-)
+from logs import SHARED
 
 import glider_twin_pipelines.accessor  # noqa: F401 (registers ds.glider)
 from factory.exporting import EXPORTERS
@@ -35,6 +23,9 @@ from factory.importing.columns import read_table
 from factory.importing.deployment_log import LoggedFixes
 from factory.importing.sample_clock import parse_stamps
 from factory.importing.tally import Tally
+from factory.samples import LATITUDE, LONGITUDE, START, Flight
+from factory.samples.archives import write_ngdac, write_og1, write_pyglider
+from factory.samples.gliders import write_basestation, write_seaexplorer, write_slocum
 from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dorado_logs import instruments, track_of, write_log, write_netcdf
-from logs import example, refused
-from message_logs import circles
+from logs import circles, example, refused
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
+from glider_twin_protocols.auv_samples import instruments, track_of, write_along, write_log
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
@@ -96,7 +95,7 @@ def test_netcdf_of_each_instrument_gives_the_same(tmp_path):
     folder = tmp_path / "netcdf"
     folder.mkdir()
     for name, fields in instruments(TIME, {**STATE, **FIXES}).items():
-        write_netcdf(folder / f"{name}.nc", {n: v for _, n, v in fields[1:]}, fields[0][2])
+        write_along(folder / f"{name}.nc", {n: v for _, n, v in fields})
     dataset, _ = import_logs("dorado", [folder])
     assert set(dataset.data_vars) == set(logs.data_vars)
     for signal in dataset.data_vars:

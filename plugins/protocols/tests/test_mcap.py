@@ -6,11 +6,13 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from logs import Flight, refused, write_slocum
+from logs import refused
 
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from glider_twin_protocols.cdr import body, encode, orientation, to_body, world
 from twin.errors import StoreError
 from twin.records.logged import LogStore

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import example, refused
-from message_logs import circles, write_bag, write_dataflash
+from logs import circles, example, refused
 
 import twin
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_exportable
 from factory.importing import import_logs
+from glider_twin_protocols.message_samples import write_bag, write_dataflash
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
 

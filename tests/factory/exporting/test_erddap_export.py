@@ -9,12 +9,14 @@ import netCDF4
 import numpy as np
 import pytest
 from erddap_server import Erddap
-from logs import Flight, example, refused, write_basestation
+from logs import example, refused
 
 from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.generation.generated_store import open_missions
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_basestation
 from glider_twin_ops.watching.sources import fetch_days
 from twin.records.logged import LogStore
 from twin.records.store import write_store

@@ -8,11 +8,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from logs import Flight, example, refused, write_slocum
+from logs import example, refused
 
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_missions
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from twin.errors import StoreError, WriteError
 from twin.records.store import write_store
 

@@ -3,7 +3,6 @@
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, write_basestation, write_slocum
 from simulated_logs import simulated_flight
 
 from factory.exporting import EXPORTERS
@@ -12,6 +11,8 @@ from factory.importing import import_logs
 from factory.importing.deployment_log import Channel
 from factory.importing.formats.og1.derived import oxygen_per_volume
 from factory.importing.tally import Tally
+from factory.samples import Flight
+from factory.samples.gliders import write_basestation, write_slocum
 from twin.physics.true_signals import declare_parts
 from twin.records.logged import LogStore
 from twin.records.schema import Variable, declare

@@ -5,20 +5,19 @@ import csv
 import netCDF4
 import numpy as np
 import pytest
-from logs import (
-    Flight,
+from logs import slocum
+
+from factory.importing import import_logs
+from factory.samples import Flight, write_csv
+from factory.samples.archives import write_ngdac
+from factory.samples.gliders import (
     gps_columns,
-    slocum,
     slocum_columns,
     write_basestation,
-    write_csv,
-    write_mat,
-    write_ngdac,
     write_seaexplorer,
     write_slocum,
 )
-
-from factory.importing import import_logs
+from glider_twin_protocols.auv_samples import write_mat
 
 FLIGHT = Flight()
 DEEP = Flight(depth=150.0, variation=15.0)

@@ -5,19 +5,17 @@ import csv
 import netCDF4
 import numpy as np
 import pytest
-from logs import (
-    Flight,
-    gps_columns,
-    slocum_columns,
-    write_basestation,
-    write_csv,
-    write_og1,
-    write_pyglider,
-    write_seaexplorer,
-)
 
 from factory.importing import import_logs
 from factory.importing.gps_fixes import has_fix
+from factory.samples import Flight, write_csv
+from factory.samples.archives import write_og1, write_pyglider
+from factory.samples.gliders import (
+    gps_columns,
+    slocum_columns,
+    write_basestation,
+    write_seaexplorer,
+)
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
 OFF = 0.004

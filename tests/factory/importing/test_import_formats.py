@@ -5,24 +5,17 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from logs import (
-    SHARED,
-    START,
-    Flight,
-    refused,
-    write_csv,
-    write_mat,
-    write_nc4,
-    write_ngdac,
-    write_og1,
-    write_seaexplorer,
-)
+from logs import SHARED, refused
 
 from factory.exporting.og1.missions import export_og1
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
 from factory.importing.deployment_log import OTHER_KIND
 from factory.importing.units import in_unit
+from factory.samples import START, Flight, write_csv
+from factory.samples.archives import write_ngdac, write_og1
+from factory.samples.gliders import write_seaexplorer
+from glider_twin_protocols.auv_samples import write_mat, write_nc4
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 

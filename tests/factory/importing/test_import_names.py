@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from logs import Flight, refused, slocum, slocum_columns, write_csv, write_slocum
+from logs import refused, slocum
 
 from factory.importing import import_logs
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import slocum_columns, write_slocum
 from twin.records.schema import VARIABLES, Variable, declare, declare_stored
 
 FLIGHT = Flight(depth=100.0, surface=600.0)

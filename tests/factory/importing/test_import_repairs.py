@@ -8,20 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from logs import (
-    Flight,
-    part,
-    refused,
-    slocum,
-    slocum_columns,
-    write_basestation,
-    write_csv,
-    write_mat,
-    write_og1,
-    write_seaglider,
-    write_slocum,
-)
-from message_logs import dives, write_bag
+from logs import part, refused, slocum
 
 from factory.importing import import_logs
 from factory.importing.angles import in_degrees
@@ -31,6 +18,11 @@ from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, Deploymen
 from factory.importing.plausibility import unreachable
 from factory.importing.pressures import pressure_of, with_depth
 from factory.importing.tally import Tally
+from factory.samples import Flight, write_csv
+from factory.samples.archives import write_og1
+from factory.samples.gliders import slocum_columns, write_basestation, write_seaglider, write_slocum
+from glider_twin_protocols.auv_samples import write_mat
+from glider_twin_protocols.message_samples import write_bag
 from twin.errors import InputError
 
 FLIGHT = Flight()
@@ -444,7 +436,7 @@ def write_dive_pressures(folder, change):
 
 def write_messages(folder, change):
     pytest.importorskip("rosbags.rosbag2")
-    time, state = dives(FLIGHT)
+    time, state = FLIGHT.with_fixes()
     write_bag(folder / "run", {**state, "depth": change(state["depth"])}, time)
     return "rosbag2"
 

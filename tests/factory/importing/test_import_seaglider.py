@@ -5,13 +5,15 @@ import warnings
 import netCDF4
 import numpy as np
 import pytest
-from logs import SHARED, Flight, refused, write_basestation, write_csv, write_seaglider
+from logs import SHARED, refused
 from scipy.io import netcdf_file
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table
 from factory.importing.dives.regular_times import to_body
 from factory.importing.netcdf import as_array, open_netcdf
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import write_basestation, write_seaglider
 from twin.errors import InputError
 
 FLIGHT = Flight(depth=150.0, variation=15.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from compliance import needs_checker, run_checks
-from logs import LATITUDE, START, Flight, refused, write_seaglider, write_slocum
+from logs import refused
 from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
@@ -19,6 +19,8 @@ from factory.exporting.og1.deployments import export_og1_logs
 from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
 from factory.logs_page import OURS, THEIRS, averaged, current_errors, deployment_page, dive_figures
+from factory.samples import LATITUDE, START, Flight
+from factory.samples.gliders import write_seaglider, write_slocum
 from factory.soundness import verify_logs
 from twin.errors import StoreError
 from twin.records.logged import LogStore

@@ -4,12 +4,13 @@ current."""
 import netCDF4
 import numpy as np
 import pytest
-from logs import refused, write_csv
+from logs import refused
 
 from factory.importing import import_logs, sniff
 from factory.importing.columns import tidy
 from factory.importing.sample_clock import NoClock, sample_clock, standing
 from factory.importing.tally import Tally
+from factory.samples import write_csv
 from twin.errors import InputError
 
 SINCE = "seconds since 1970-01-01T00:00:00Z"

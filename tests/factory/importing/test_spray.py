@@ -3,9 +3,11 @@
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, refused, write_ngdac, write_og1, write_spray
+from logs import refused
 
 from factory.importing import import_logs, sniff
+from factory.samples import Flight
+from factory.samples.archives import write_ngdac, write_og1, write_spray
 from twin.identify.start_values import start_vehicle
 from twin.records.store import write_store
 

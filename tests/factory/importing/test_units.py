@@ -9,21 +9,7 @@ import gsw
 import netCDF4
 import numpy as np
 import pytest
-from dorado_logs import write_dorado_product
-from logs import (
-    Flight,
-    refused,
-    write_basestation,
-    write_csv,
-    write_mat,
-    write_nc4,
-    write_ngdac,
-    write_og1,
-    write_pyglider,
-    write_seaexplorer,
-    write_spray,
-)
-from message_logs import Dataflash, write_ardusub
+from logs import refused
 
 from factory.importing import import_logs
 from factory.importing.angles import LoggedAngle, attitude_degrees
@@ -38,6 +24,11 @@ from factory.importing.plausibility import sinks_in_radian
 from factory.importing.pressures import without_air
 from factory.importing.tally import Tally
 from factory.importing.units import declared, in_unit, known_units
+from factory.samples import Flight, write_csv
+from factory.samples.archives import write_ngdac, write_og1, write_pyglider, write_spray
+from factory.samples.gliders import write_basestation, write_seaexplorer
+from glider_twin_protocols.auv_samples import write_dorado_product, write_mat, write_nc4
+from glider_twin_protocols.message_samples import Dataflash, write_ardusub
 from twin.physics.true_signals import declare_parts
 from twin.vehicle.vehicle import load_vehicle
 

@@ -8,13 +8,16 @@ import shutil
 import netCDF4
 import numpy as np
 import pytest
-from logs import START, Flight, refused, write_csv, write_og1, write_seaexplorer
-from message_logs import write_mcap
+from logs import refused
 
 from factory.importing import import_logs, netcdf
 from factory.importing.netcdf import open_netcdf
 from factory.importing.sample_clock import unix_seconds
 from factory.importing.tally import Tally
+from factory.samples import START, Flight, write_csv
+from factory.samples.archives import write_og1
+from factory.samples.gliders import write_seaexplorer
+from glider_twin_protocols.message_samples import write_mcap
 from glider_twin_protocols.ros_messages import unit_quaternions
 
 FLIGHT = Flight()

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logs import Flight, write_csv, write_slocum
 
 import learn
 from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import write_slocum
 from learn.data.dataset import MissionSequence, filled, load_missions, nearest
 from learn.data.labels import LabelConfig
 from learn.data.preparation import prepare

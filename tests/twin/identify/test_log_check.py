@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from logs import SHARED, Flight, write_seaexplorer
+from logs import SHARED
 from simulated_logs import CLIMB_PITCH, PITCH, simulated_log
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaexplorer
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import check_logs

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import SHARED, Flight, gps_columns, slocum_columns, write_csv
+from logs import SHARED
 
 import twin
 from factory.importing import import_logs
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import gps_columns, slocum_columns
 from twin.__main__ import PROGRAM
 from twin.logs.energy_timeline import NotCounted, settled
 from twin.logs.energy_use import counted_energy, energy_used, second_half

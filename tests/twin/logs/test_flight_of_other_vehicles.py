@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from logs import Flight, write_mat
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from glider_twin_protocols.auv_samples import write_mat
 from twin.__main__ import PROGRAM
 from twin.records.store import write_store
 

@@ -5,10 +5,11 @@ import importlib.util
 import numpy as np
 import pytest
 import xarray as xr
-from logs import Flight, write_slocum
 
 import twin
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from twin.errors import InputError, StoreError
 from twin.mission import Mission, SawTooth
 from twin.records.mission_dataset import dataset_of

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
-from logs import LATITUDE, LONGITUDE, START, Flight, write_slocum
 
 from factory.importing import import_logs
+from factory.samples import LATITUDE, LONGITUDE, START, Flight
+from factory.samples.gliders import write_slocum
 from glider_twin_ops.forecast import hindcast, walk
 from glider_twin_ops.forecast.hindcast import field_mean
 from twin import Series

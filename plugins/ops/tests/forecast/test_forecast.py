@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from browser import Browser, needs_browser
-from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
 
 import twin
 from factory.importing import import_logs
+from factory.samples import START, Flight, write_csv
+from factory.samples.gliders import gps_columns, slocum_columns, write_slocum
 from glider_twin_ops.commands.forecast import vehicle_of
 from glider_twin_ops.forecast import (
     MemberFlight,

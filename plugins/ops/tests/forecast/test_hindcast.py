@@ -7,9 +7,11 @@ import shutil
 
 import numpy as np
 import pytest
-from logs import SHARED, START, Flight, write_slocum
+from logs import SHARED
 
 from factory.importing import import_logs
+from factory.samples import START, Flight
+from factory.samples.gliders import write_slocum
 from glider_twin_ops.forecast import hindcast, legs_of, scores_of, walk
 from glider_twin_ops.forecast.pool import FILTER
 from glider_twin_ops.forecast.walk import METHODS

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from logs import START, Flight, gps_columns, slocum_columns, write_csv
 
 from factory.importing import import_logs
+from factory.samples import START, Flight, write_csv
+from factory.samples.gliders import gps_columns, slocum_columns
 from glider_twin_ops.forecast import known_from_logs
 from glider_twin_ops.forecast.expected_dive import Rhythm, SurfacingSchedule
 from glider_twin_ops.forecast.logged_leg import DiveTime, dive_times

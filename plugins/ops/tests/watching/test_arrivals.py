@@ -12,18 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from logs import (
-    START,
-    Flight,
-    gps_columns,
-    nmea,
-    slocum_columns,
-    write_basestation,
-    write_csv,
-    write_dbd,
-)
 
 from factory.importing import import_logs
+from factory.samples import START, Flight, write_csv
+from factory.samples.gliders import gps_columns, nmea, slocum_columns, write_basestation, write_dbd
 from glider_twin_ops.pages.morning_page import PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass, watch_pass
 from glider_twin_ops.watching.events import EVENTS, noticed, write_events

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import Flight, write_seaglider
 from pictures import call, needs_gl
 from PIL import Image
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaglider
 from twin.errors import InputError, StoreError
 from twin.logs import logged_trajectory
 from twin.records.logged import LoggedTrajectory
