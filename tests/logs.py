@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import factory
 from factory import samples
 from factory.importing import import_logs
 from factory.samples import START, Array, Flight
@@ -33,6 +34,23 @@ def write(kind: str, layout: str, folder: Path, flight: Flight = SOUND) -> list[
     if (kind, layout) in LIBRARIES:
         pytest.importorskip(LIBRARIES[kind, layout])
     return samples.write(kind, folder, flight, layout=layout)
+
+
+def stored(out: Path, kind: str, files: Sequence[Path], **options: Any) -> Path:
+    """Import logs into a store; the store's path."""
+    factory.import_logs(kind, files, out, **options)
+    return out
+
+
+def values(dataset: Any, name: str, row: int = 0) -> Array:
+    """The samples of a row of a data set of logs."""
+    return dataset[name].values[row, : int(dataset["n_samples"][row])].astype(float)
+
+
+def said(report: Any, action: str, subject: str) -> str:
+    """Counts and words of a report about a subject."""
+    found = [e for e in report.entries if (e.action, e.subject) == (action, subject)]
+    return "; ".join(f"{e.count} {e.detail}" for e in found)
 
 
 def part(columns: dict[str, Array], rows: Any) -> dict[str, Array]:

@@ -17,7 +17,7 @@ import csv
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,9 +153,7 @@ def formats() -> dict[str, tuple[str, ...]]:
 def _layouts(kind: str) -> Mapping[str, Writer]:
     found: Mapping[str, Writer] | str | None = IMPORTERS[kind].samples
     if not found:
-        raise InputError(
-            f"the kind of log {kind} has no samples; these have: {', '.join(formats())}"
-        )
+        raise InputError(f"the kind {kind} has no samples; these have: {', '.join(formats())}")
     return imported(found) if isinstance(found, str) else found
 
 
@@ -238,11 +236,13 @@ def add_variables(place: netCDF4.Dataset | netCDF4.Group, variables: Mapping[str
         variable[...] = values
 
 
-def write_netcdf(path: Path, variables: Mapping[str, Any], **attributes: Any) -> Path:
-    """Write a netCDF-4 file of variables, as `add_variables` takes them, and attributes."""
+def write_netcdf(
+    path: Path, variables: Mapping[str, Any], mode: Literal["w", "a"] = "w", **attributes: Any
+) -> Path:
+    """Write a netCDF-4 file of variables, as `add_variables` takes them, or add them to one."""
     import netCDF4
 
-    with netCDF4.Dataset(path, "w") as file:
+    with netCDF4.Dataset(path, mode) as file:
         file.setncatts(attributes)
         add_variables(file, variables)
     return path

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import circles, example, refused
+from logs import circles, example, refused, said, values
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
@@ -21,15 +21,6 @@ STATE["depth"] = STATE["depth"] * np.clip((TIME - TIME[0] - 4.0) / 30.0, 0.0, 1.
 FIXES = {"latitude": np.full(len(TIME), np.nan), "longitude": np.full(len(TIME), np.nan)}
 for _name, _place in (("latitude", 36.8), ("longitude", -122.0)):
     FIXES[_name][:3] = _place + 1e-6 * np.arange(3)
-
-
-def values(dataset, name):
-    return dataset[name].values[0, : int(dataset["n_samples"][0])].astype(float)
-
-
-def said(report, action, subject):
-    found = [e for e in report.entries if (e.action, e.subject) == (action, subject)]
-    return "; ".join(f"{e.count} {e.detail}" for e in found)
 
 
 def mission(folder, *, west=False, fixes=True):

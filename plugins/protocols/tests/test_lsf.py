@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from logs import circles, refused
+from logs import circles, refused, said, values
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
@@ -45,18 +45,6 @@ def described(
         f"{order}HHHdHBHB", 0xFE54, number, len(payload), moment, OWN, entity, 0xFFFF, 0xFF
     )
     return header + payload + struct.pack(f"{order}H", checksum(header + payload))
-
-
-def values(dataset, name, row=0):
-    return dataset[name].values[row, : int(dataset["n_samples"][row])].astype(float)
-
-
-def said(report, action, subject):
-    return "; ".join(
-        f"{e.count} {e.detail}"
-        for e in report.entries
-        if (e.action, e.subject) == (action, subject)
-    )
 
 
 def log(folder, **changes):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import circles, example, refused
+from logs import circles, example, refused, values
 
 import twin
 from factory.exporting import EXPORTERS
@@ -18,10 +18,6 @@ rosbags = pytest.importorskip("rosbags.rosbag2")
 ROOT = Path(__file__).resolve().parents[3]
 THRUSTER = example((ROOT / "docs" / "howto" / "import_messages.md").read_text(), "mine.toml")
 """The mapping of the page"""
-
-
-def values(dataset, name):
-    return dataset[name].values[0, : int(dataset["n_samples"][0])].astype(float)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import netCDF4
 import numpy as np
 import pytest
 from compliance import complaints, needs_checker
-from logs import refused
+from logs import refused, stored
 from simulated_logs import simulated_flight
 
 from factory.__main__ import PROGRAM
@@ -64,8 +64,8 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def store(folder, tmp_path_factory):
-    dataset, _ = import_logs("seaglider", sorted(folder.glob("*.csv")))
-    return write_store(dataset, tmp_path_factory.mktemp("store") / "real.zarr")
+    files = sorted(folder.glob("*.csv"))
+    return stored(tmp_path_factory.mktemp("store") / "real.zarr", "seaglider", files)
 
 
 @pytest.fixture(scope="module")

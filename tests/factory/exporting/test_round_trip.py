@@ -3,6 +3,7 @@
 import netCDF4
 import numpy as np
 import pytest
+from logs import stored
 from simulated_logs import simulated_flight
 
 from factory.exporting import EXPORTERS
@@ -68,8 +69,7 @@ def assert_same_files(first, second):
 def again(run, folder):
     """The files of a store, what the import makes of them, and the files of that."""
     first = EXPORTERS["og1"].export(run, range(len(run)), folder / "first")
-    dataset, _ = import_logs("og1", first)
-    back = LogStore(write_store(dataset, folder / "again.zarr"))
+    back = LogStore(stored(folder / "again.zarr", "og1", first))
     return first, back, EXPORTERS["og1"].export(back, range(len(back)), folder / "second")
 
 

@@ -12,7 +12,7 @@ from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
 from factory.importing.deployment_log import OTHER_KIND
 from factory.importing.units import in_unit
-from factory.samples import START, Flight, write_csv
+from factory.samples import START, Flight, write_csv, write_netcdf
 from factory.samples.archives import write_ngdac, write_og1
 from factory.samples.gliders import write_seaexplorer
 from glider_twin_protocols.auv_samples import write_mat, write_nc4
@@ -154,34 +154,23 @@ def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path):
 
 def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_own(tmp_path):
     """As converters of Seaglider files write it: integer nanoseconds since an odd moment."""
-    import netCDF4
-
     right, _ = import_logs(
         "og1", [write_og1(tmp_path / "a.nc", FLIGHT)], variation_deg=FLIGHT.variation
     )
-    time, state = FLIGHT.time, FLIGHT.state(FLIGHT.time)
-    under = state["under"] > 0
-    latitude, longitude = FLIGHT.position(time)
+    time, state = FLIGHT.with_fixes()
     moment = "2023-11-14 22:13:18.193000192"
     since = np.round((time - START + 1.806999808) * 1e9).astype(np.int64)
     path = tmp_path / "sg999_20231114T221318_delayed.nc"
-    with netCDF4.Dataset(path, "w") as file:
-        file.createDimension("N_MEASUREMENTS", len(time))
-        file.createVariable("TIME", "i8", ("N_MEASUREMENTS",))[:] = since
-        file["TIME"].units = f"nanoseconds since {moment}"
-        for name, values in (
-            ("DEPTH", state["depth"]),
-            ("PITCH", state["pitch"]),
-            ("HEADING", state["heading"]),
-            ("LATITUDE_GPS", np.where(under, np.nan, latitude)),
-            ("LONGITUDE_GPS", np.where(under, np.nan, longitude)),
-            ("TEMP_QC", np.ones(len(time))),
-            ("divenum", state["dive"] + 7),
-            ("DAVG_CURR_NORTH", np.full(len(time), FLIGHT.north)),
-            ("DAVG_CURR_EAST", np.full(len(time), FLIGHT.east)),
-        ):
-            file.createVariable(name, "f8", ("N_MEASUREMENTS",))[:] = values
-        file.id = "sg999_20231114T221318"
+    columns = {
+        "TIME": since, "DEPTH": state["depth"], "PITCH": state["pitch"],
+        "HEADING": state["heading"], "LATITUDE_GPS": state["latitude"],
+        "LONGITUDE_GPS": state["longitude"], "TEMP_QC": np.ones(len(time)),
+        "divenum": state["dive"] + 7, "DAVG_CURR_NORTH": np.full(len(time), FLIGHT.north),
+        "DAVG_CURR_EAST": np.full(len(time), FLIGHT.east),
+    }  # fmt: skip
+    variables = {name: (("N_MEASUREMENTS",), values) for name, values in columns.items()}
+    variables["TIME"] += (f"nanoseconds since {moment}",)
+    write_netcdf(path, variables, id="sg999_20231114T221318")
     dataset, report = import_logs("og1", [path])
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
     assert dataset["dive"].values.tolist() == [7, 8, 9]

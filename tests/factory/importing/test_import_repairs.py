@@ -18,7 +18,7 @@ from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, Deploymen
 from factory.importing.plausibility import unreachable
 from factory.importing.pressures import pressure_of, with_depth
 from factory.importing.tally import Tally
-from factory.samples import Flight, write_csv
+from factory.samples import Flight, write_csv, write_netcdf
 from factory.samples.archives import write_og1
 from factory.samples.gliders import slocum_columns, write_basestation, write_seaglider, write_slocum
 from glider_twin_protocols.auv_samples import write_mat
@@ -309,11 +309,8 @@ def test_cut_files_are_named_in_one_line(tmp_path, suffix):
         kind = "lrauv"
         write_mat(whole, FLIGHT)
     else:
-        kind = "og1"
-        with netCDF4.Dataset(whole, "w") as file:
-            file.createDimension("N_MEASUREMENTS", 5000)
-            for name in ("TIME", "PITCH", "LATITUDE", "LONGITUDE"):
-                file.createVariable(name, "f8", ("N_MEASUREMENTS",))[:] = np.arange(5000.0)
+        kind, names = "og1", ("TIME", "PITCH", "LATITUDE", "LONGITUDE")
+        write_netcdf(whole, dict.fromkeys(names, (("N_MEASUREMENTS",), np.arange(5000.0))))
     cut = tmp_path / f"cut_flight{suffix}"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     with pytest.raises(InputError, match="cut_flight") as caught:

@@ -14,7 +14,7 @@ from factory.importing import import_logs, netcdf
 from factory.importing.netcdf import open_netcdf
 from factory.importing.sample_clock import unix_seconds
 from factory.importing.tally import Tally
-from factory.samples import START, Flight, write_csv
+from factory.samples import START, Flight, add_variables, write_csv
 from factory.samples.archives import write_og1
 from factory.samples.gliders import write_seaexplorer
 from glider_twin_protocols.message_samples import write_mcap
@@ -111,15 +111,13 @@ def test_fixes_along_a_dimension_of_their_own(tmp_path):
     whole = write_og1(tmp_path / "whole.nc", FLIGHT)
     apart = tmp_path / "apart.nc"
     with netCDF4.Dataset(whole) as source, netCDF4.Dataset(apart, "w") as target:
-        size = len(source.dimensions["N_MEASUREMENTS"])
         known = np.flatnonzero(np.isfinite(source["TIME_GPS"][:].filled(np.nan)))
-        target.createDimension("N_MEASUREMENTS", size)
-        target.createDimension("N_GPS", len(known))
         for name, variable in source.variables.items():
-            gps = name.endswith("_GPS")
-            made = target.createVariable(name, "f8", ("N_GPS" if gps else "N_MEASUREMENTS",))
-            made.setncatts({k: variable.getncattr(k) for k in variable.ncattrs()})
-            made[:] = variable[:][known] if gps else variable[:]
+            dimension, rows = (
+                ("N_GPS", known) if "_GPS" in name else (*variable.dimensions, slice(None))
+            )
+            about = {k: variable.getncattr(k) for k in variable.ncattrs()}
+            add_variables(target, {name: ((dimension,), variable[:][rows], about)})
     one, told_of_one = import_logs("og1", [whole])
     other, told_of_other = import_logs("og1", [apart])
     assert told_of_one.rows_with_fixes == told_of_other.rows_with_fixes == FLIGHT.dives
@@ -150,9 +148,8 @@ def test_a_reported_current_needs_no_attitude(tmp_path):
         for name in ("PITCH", "HEADING"):
             file[name][:] = np.nan
         for name, value in (("DAC_NORTH", 0.2), ("DAC_EAST", -0.1)):
-            made = file.createVariable(name, "f8", ("N_MEASUREMENTS",))
-            made.units = "m s-1"
-            made[:] = value
+            one = (("N_MEASUREMENTS",), np.full(len(FLIGHT.time), value), "m s-1")
+            add_variables(file, {name: one})
     dataset, report = import_logs("og1", [path])
     np.testing.assert_allclose(dataset["vehicle_dac_north"].values, 0.2)
     np.testing.assert_allclose(dataset["vehicle_dac_east"].values, -0.1)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from logs import stored
 
 import learn
 from factory.importing import import_logs
@@ -100,8 +101,7 @@ def test_missing_truth_in_a_simulated_store_is_an_error(small_store: Path, tmp_p
 def test_a_log_without_truth_cannot_be_learned_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
-    store = write_store(dataset, tmp_path / "plain.zarr")
+    store = stored(tmp_path / "plain.zarr", "slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*learn evaluate RUN"):
         prepare(store, target="surge", features=INPUTS)
 
