@@ -39,7 +39,7 @@ LATITUDE, LONGITUDE = 49.5, -58.0
 MAPPING = "mine.toml"
 """Name of the mapping file beside samples of a kind that needs one."""
 DIVES = 'vehicle = "test vehicle"\nrows = "dives"\n\n[signals]\n'
-"""Mapping for recordings whose topics are known: it says that rows are dives."""
+"""Mapping that `write` leaves beside recordings of known topics: it says that rows are dives."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,7 +180,10 @@ def write(
         raise UnknownName(f"layout of {kind} samples", layout, layouts)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    return layouts[layout](folder, flight)
+    paths = layouts[layout](folder, flight)
+    if IMPORTERS[kind].takes_mapping and not (folder / MAPPING).exists():
+        (folder / MAPPING).write_text(DIVES)
+    return paths
 
 
 def options(kind: str, folder: str | Path, flight: Flight = SHORT) -> dict[str, Any]:

@@ -197,12 +197,10 @@ deployment = "file"
 rows = "dives"
 gap_s = 60
 period_s = 1
-
 [time]
 column = "stamp"
 unit = "ms"
 start = 2023-11-14T22:13:20Z
-
 [signals]
 measured_depth = { column = "z", unit = "cm" }
 measured_pitch = { column = "theta", unit = "rad" }
@@ -212,10 +210,8 @@ measured_dvl_surge = { column = "vx", unit = "knots", sentinels = [-99], possibl
 measured_pump = { column = "engine", unit = "l", held = true }
 gps_latitude = { column = "lat", unit = "deg", optional = true }
 gps_longitude = { column = "lon", unit = "deg", optional = true }
-
 [ignored]
 "a[xyz]" = "differences of vx: no measurement"
-
 [[corrections]]
 files = "2023-12*"
 signal = "measured_yaw_rate"

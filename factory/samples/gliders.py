@@ -95,15 +95,9 @@ def write_dbd(
     """
     gps, flown = gps_columns(flight), slocum_columns(flight)
     ending = "dbd" if columns is None else "ebd"
-    names = dict(columns) if columns is not None else {
-        "m_present_time": flown.pop("time"),
-        **flown,
-        "m_gps_lat": nmea(gps["lat"]),
-        "m_gps_lon": nmea(gps["lon"]),
-        "m_gps_status": gps["status"],
-        "m_gps_mag_var": gps["mag_var_rad"],
-    }  # fmt: skip
-    names = {name: values for name, values in names.items() if name not in without}
+    if columns is None:
+        columns = {"m_present_time": flown.pop("time"), **flown, **gps_sensors(gps)}
+    names = {name: values for name, values in columns.items() if name not in without}
     cache = folder / f"{crc}.cac"
     cache.write_text("".join(f"s: T {k} {k} 8 {name} nodim\n" for k, name in enumerate(names)))
     state_bytes = (len(names) + 3) // 4
@@ -133,6 +127,14 @@ def write_dbd(
     path = folder / f"{vehicle}-2023-317-0-0.{ending}"
     path.write_bytes(bytes(data) + b"X")
     return [path, cache]
+
+
+def gps_sensors(gps: Mapping[str, Array]) -> dict[str, Array]:
+    """Name `gps_columns` as a binary log does, with places as ddmm.mmm."""
+    return {
+        "m_gps_lat": nmea(gps["lat"]), "m_gps_lon": nmea(gps["lon"]),
+        "m_gps_status": gps["status"], "m_gps_mag_var": gps["mag_var_rad"],
+    }  # fmt: skip
 
 
 def nmea(degrees: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.samples import DIVES, MAPPING, Flight, add_variables, named, write_netcdf
+from factory.samples import Flight, add_variables, named, write_netcdf
 from twin.geodesy import from_tangent_plane, to_tangent_plane
 
 Array = NDArray[np.float64]
@@ -131,8 +131,7 @@ def _propelled(moment: float, k: int, now: Mapping[str, float]) -> list[bytes]:
 
 
 def write_lsf(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as DUNE's log, with the mapping that says that they are dives."""
-    (folder / MAPPING).write_text(DIVES)
+    """Write dives as DUNE's log."""
     path = folder / "Data.lsf"
     path.write_bytes(b"".join(packets(*flight.with_fixes())))
     return [path]
@@ -210,15 +209,13 @@ def write_along(path: Path, fields: Mapping[str, Array]) -> Path:
 
 
 def write_dorado(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as the vehicle's own logs, with the mapping that says that they are dives."""
-    (folder / MAPPING).write_text(DIVES)
+    """Write dives as the vehicle's own logs."""
     every = instruments(*flight.with_fixes(), west=True)
     return [write_log(folder / f"{name}.log", fields) for name, fields in every.items()]
 
 
 def write_dorado_netcdf(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as netCDF of each instrument, with their mapping."""
-    (folder / MAPPING).write_text(DIVES)
+    """Write dives as netCDF of each instrument."""
     return [
         write_along(folder / f"{name}.nc", {n: v for _, n, v in fields})
         for name, fields in instruments(*flight.with_fixes()).items()
@@ -226,8 +223,7 @@ def write_dorado_netcdf(folder: Path, flight: Flight) -> list[Path]:
 
 
 def write_dorado_product(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as a product of one second, in degree, with their mapping."""
-    (folder / MAPPING).write_text(DIVES)
+    """Write dives as a product of one second, in degree."""
     time = np.arange(flight.time[0], flight.time[-1], 1.0)
     state = flight.state(time)
     latitude, longitude = flight.position(time)

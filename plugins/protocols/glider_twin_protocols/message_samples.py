@@ -8,6 +8,7 @@ longitude [degree], NaN where there is no fix. All but the first three may be mi
 from __future__ import annotations
 
 import struct
+from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.samples import DIVES, MAPPING, Flight
+from factory.samples import Flight
 
 Array = NDArray[np.float64]
 
@@ -29,70 +30,58 @@ def messages(state: Mapping[str, Array], time: Array, types: Any) -> dict[str, l
     Args:
       types: typestore of rosbags.
     """
-    kind = types.types
     nothing = np.zeros(9)
-    found: dict[str, list[Any]] = {"/imu/data": [], "/pressure": []}
-    if "surge" in state:
-        found |= {"/dvl/twist": [], "/thruster/rpm": []}
-    if "latitude" in state:
-        found["/gps"] = []
+    found: dict[str, list[Any]] = defaultdict(list)
+
+    def new(name: str, **fields: Any) -> Any:
+        return types.types[name](**fields)
 
     def point(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
-        return kind["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
+        return new("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
 
     for k, moment in enumerate(time.tolist()):
         now = {name: float(values[k]) for name, values in state.items()}
-        stamp = kind["builtin_interfaces/msg/Time"](
-            sec=int(moment), nanosec=round((moment % 1.0) * 1e9)
-        )
-        header = kind["std_msgs/msg/Header"](stamp=stamp, frame_id="base_link")
-        found["/imu/data"].append(
-            kind["sensor_msgs/msg/Imu"](
-                header=header, orientation=_quaternion(now, kind["geometry_msgs/msg/Quaternion"]),
-                orientation_covariance=nothing,
-                angular_velocity=point(z=0.0 - now.get("yaw_rate", 0.0)),
-                angular_velocity_covariance=nothing, linear_acceleration=point(),
-                linear_acceleration_covariance=np.array([-1.0, *nothing[1:]]),
-            )
-        )  # fmt: skip
-        found["/pressure"].append(
-            kind["sensor_msgs/msg/FluidPressure"](
-                header=header, fluid_pressure=101_325.0 + 1e4 * 1.0065 * now["depth"], variance=0.0
-            )
-        )
+        nanoseconds = round((moment % 1.0) * 1e9)
+        stamp = new("builtin_interfaces/msg/Time", sec=int(moment), nanosec=nanoseconds)
+        header = new("std_msgs/msg/Header", stamp=stamp, frame_id="base_link")
+        found["/imu/data"].append(new(
+            "sensor_msgs/msg/Imu", header=header,
+            orientation=new("geometry_msgs/msg/Quaternion", **_quaternion(now)),
+            orientation_covariance=nothing, angular_velocity_covariance=nothing,
+            angular_velocity=point(z=0.0 - now.get("yaw_rate", 0.0)), linear_acceleration=point(),
+            linear_acceleration_covariance=np.array([-1.0, *nothing[1:]]),
+        ))  # fmt: skip
+        pressure = 101_325.0 + 1e4 * 1.0065 * now["depth"]
+        found["/pressure"].append(new(
+            "sensor_msgs/msg/FluidPressure", header=header, fluid_pressure=pressure, variance=0.0
+        ))  # fmt: skip
         if "surge" in now:
-            twist = kind["geometry_msgs/msg/Twist"](
-                linear=point(now["surge"], -now["sway"]), angular=point()
-            )
-            with_spread = kind["geometry_msgs/msg/TwistWithCovariance"](
-                twist=twist, covariance=np.zeros(36)
-            )
-            found["/dvl/twist"].append(
-                kind["geometry_msgs/msg/TwistWithCovarianceStamped"](
-                    header=header, twist=with_spread
-                )
-            )
-            found["/thruster/rpm"].append(kind["std_msgs/msg/Float64"](data=now["rpm"]))
+            way = point(now["surge"], -now["sway"])
+            twist = new("geometry_msgs/msg/Twist", linear=way, angular=point())
+            found["/dvl/twist"].append(new(
+                "geometry_msgs/msg/TwistWithCovarianceStamped", header=header,
+                twist=new("geometry_msgs/msg/TwistWithCovariance", twist=twist,
+                          covariance=np.zeros(36)),
+            ))  # fmt: skip
+            found["/thruster/rpm"].append(new("std_msgs/msg/Float64", data=now["rpm"]))
         if np.isfinite(now.get("latitude", np.nan)):
-            found["/gps"].append(
-                kind["sensor_msgs/msg/NavSatFix"](
-                    header=header,
-                    status=kind["sensor_msgs/msg/NavSatStatus"](status=0, service=1),
-                    latitude=now["latitude"], longitude=now["longitude"],
-                    altitude=0.0, position_covariance=nothing, position_covariance_type=0,
-                )
-            )  # fmt: skip
+            found["/gps"].append(new(
+                "sensor_msgs/msg/NavSatFix", header=header,
+                status=new("sensor_msgs/msg/NavSatStatus", status=0, service=1),
+                latitude=now["latitude"], longitude=now["longitude"], altitude=0.0,
+                position_covariance=nothing, position_covariance_type=0,
+            ))  # fmt: skip
     return found
 
 
-def _quaternion(now: Mapping[str, float], make: Any) -> Any:
+def _quaternion(now: Mapping[str, float]) -> dict[str, float]:
     roll, pitch = np.radians(now.get("roll", 0.0)), -np.radians(now["pitch"])
     half = [0.5 * angle for angle in (roll, pitch, np.radians(90.0 - now["heading"]))]
     (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
-    return make(
-        w=cr * cp * cy + sr * sp * sy, x=sr * cp * cy - cr * sp * sy,
-        y=cr * sp * cy + sr * cp * sy, z=cr * cp * sy - sr * sp * cy,
-    )  # fmt: skip
+    return {
+        "w": cr * cp * cy + sr * sp * sy, "x": sr * cp * cy - cr * sp * sy,
+        "y": cr * sp * cy + sr * cp * sy, "z": cr * cp * sy - sr * sp * cy,
+    }  # fmt: skip
 
 
 def write_bag(
@@ -106,8 +95,6 @@ def write_bag(
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with Writer(path, version=9, storage_plugin=plugin) as writer:
         for topic, every in messages(state, time, types).items():
-            if not every:
-                continue
             name = every[0].__msgtype__
             connection = writer.add_connection(topic, name, typestore=types)
             for k, message in enumerate(every):
@@ -119,17 +106,16 @@ def write_bag(
 
 
 def write_rosbag2(folder: Path, flight: Flight, storage: str = "sqlite3") -> list[Path]:
-    """Write dives as a recording, with the mapping that says that they are dives."""
+    """Write dives as a recording."""
     time, state = flight.with_fixes()
     bag = write_bag(folder / "bag", state, time, storage)
-    (folder / MAPPING).write_text(DIVES)
     files = [one.rename(folder / one.name) for one in bag.iterdir()]
     bag.rmdir()
     return [one for one in files if one.suffix in (".db3", ".mcap")]
 
 
 def write_mcap(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as one MCAP file, with their mapping."""
+    """Write dives as one MCAP file."""
     (inside,) = write_rosbag2(folder, flight, "mcap")
     (folder / "metadata.yaml").unlink()
     return [inside.rename(folder / "dives.mcap")]
@@ -208,8 +194,7 @@ def write_dataflash(
 
 
 def write_ardusub(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as a dataflash log, with the mapping that says that they are dives."""
-    (folder / MAPPING).write_text(DIVES)
+    """Write dives as a dataflash log."""
     return [write_dataflash(folder / "00000012.BIN", *flight.with_fixes())]
 
 

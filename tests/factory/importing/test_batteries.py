@@ -133,12 +133,8 @@ def test_an_lrauv_counts_what_is_left(tmp_path):
             ("platform_battery_charge", 236.0 - 0.1 * np.arange(len(time)), "Ah"),
             ("platform_battery_voltage", np.full(len(time), 16000.0), "mV"),
         ):
-            letters = np.array([ord(c) for c in unit], np.uint16)
-            columns = {
-                "time": (("n",), time),
-                "value": (("n",), column),
-                "units": (("u",), letters),
-            }
+            columns = {"time": (("n",), time), "value": (("n",), column)}
+            columns["units"] = (("u",), np.array([ord(c) for c in unit], np.uint16))
             add_variables(file.createGroup(name), columns)
     dataset, _ = import_logs("lrauv", [path])
     charge = values(dataset, "measured_charge")

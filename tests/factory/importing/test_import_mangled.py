@@ -15,7 +15,6 @@ from factory.samples import Flight
 from factory.samples.archives import write_og1, write_table
 from factory.samples.gliders import write_basestation, write_seaglider
 from glider_twin_protocols.auv_samples import write_mat
-from glider_twin_protocols.message_samples import write_ardusub
 from twin.errors import InputError
 
 FLIGHT = Flight(dives=2)
@@ -179,7 +178,7 @@ def test_positions_that_are_not_on_earth_begin_no_dive(tmp_path):
 
 def test_a_damaged_dataflash_log_is_read_in_silence_and_closed(tmp_path, capfd):
     pytest.importorskip("pymavlink")
-    (path,) = write_ardusub(tmp_path, FLIGHT)
+    (path,) = samples.write("ardusub", tmp_path, FLIGHT)
     whole = path.read_bytes()
     at = whole.index(b"\xa3\x95", len(whole) // 2)
     path.write_bytes(whole[:at] + bytes(700) + whole[at:])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from logs import refused
 
+from factory import samples
 from factory.importing import import_logs, netcdf
 from factory.importing.netcdf import open_netcdf
 from factory.importing.sample_clock import unix_seconds
@@ -17,7 +18,6 @@ from factory.importing.tally import Tally
 from factory.samples import START, Flight, add_variables, write_csv
 from factory.samples.archives import write_og1
 from factory.samples.gliders import write_seaexplorer
-from glider_twin_protocols.message_samples import write_mcap
 from glider_twin_protocols.ros_messages import unit_quaternions
 
 FLIGHT = Flight()
@@ -113,11 +113,10 @@ def test_fixes_along_a_dimension_of_their_own(tmp_path):
     with netCDF4.Dataset(whole) as source, netCDF4.Dataset(apart, "w") as target:
         known = np.flatnonzero(np.isfinite(source["TIME_GPS"][:].filled(np.nan)))
         for name, variable in source.variables.items():
-            dimension, rows = (
-                ("N_GPS", known) if "_GPS" in name else (*variable.dimensions, slice(None))
-            )
             about = {k: variable.getncattr(k) for k in variable.ncattrs()}
-            add_variables(target, {name: ((dimension,), variable[:][rows], about)})
+            gps = (("N_GPS",), variable[:][known], about)
+            one = gps if name.endswith("_GPS") else (variable.dimensions, variable[:], about)
+            add_variables(target, {name: one})
     one, told_of_one = import_logs("og1", [whole])
     other, told_of_other = import_logs("og1", [apart])
     assert told_of_one.rows_with_fixes == told_of_other.rows_with_fixes == FLIGHT.dives
@@ -194,7 +193,7 @@ def test_a_payload_that_goes_on_alone_is_told(tmp_path):
 
 def test_a_recording_that_was_cut_is_read_to_its_end(tmp_path):
     pytest.importorskip("mcap")
-    (path,) = write_mcap(tmp_path, Flight(depth=30.0))
+    (path,) = samples.write("mcap", tmp_path, Flight(depth=30.0))
     _, whole = import_logs("mcap", [path])
     content = path.read_bytes()
     path.write_bytes(content[:-40])
