@@ -18,12 +18,11 @@ from typing import Any
 import numpy as np
 from logs import SOUND, pack
 
-from factory.samples import Flight
+from factory.samples import MAPPING, Flight
 
 Array = Any
 Random = np.random.Generator
 
-MAPPING = "mine.toml"
 NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e30, 9.96921e36, -9999.0, 99999.0, 0.0, -1.0,
            1e-310, 500.0, 3.0e9)  # fmt: skip
 WORDS = ("", "nan", "inf", "1e400", "x", '"', "9" * 400, "\0", "--", "1,5", "-", "0x1A", "null",

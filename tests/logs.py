@@ -26,7 +26,7 @@ LIBRARIES = {
     ("slocum", "dbd"): "dbdreader", ("ardusub", "dataflash"): "pymavlink", ("lsf", "lsf"): "imcpy",
     ("mcap", "mcap"): "rosbags", ("rosbag2", "sqlite3"): "rosbags",
 }  # fmt: skip
-"""What writes or reads a layout and is an extra of the product"""
+"""Library that writes or reads a layout, an extra of the product"""
 
 
 def write(kind: str, layout: str, folder: Path, flight: Flight = SOUND) -> list[Path]:
@@ -37,7 +37,7 @@ def write(kind: str, layout: str, folder: Path, flight: Flight = SOUND) -> list[
 
 
 def stored(out: Path, kind: str, files: Sequence[Path], **options: Any) -> Path:
-    """Import logs into a store; the store's path."""
+    """Import logs into a store and return its path."""
     factory.import_logs(kind, files, out, **options)
     return out
 
@@ -59,7 +59,7 @@ def part(columns: dict[str, Array], rows: Any) -> dict[str, Array]:
 
 
 def slocum(folder: Path, flight: Flight, name: str = "unit1", **written: Any) -> Any:
-    """What the import makes of the tables of `write_slocum`: dataset and report."""
+    """Import the tables of `write_slocum`: dataset and report."""
     return import_logs("slocum", write_slocum(folder, flight, name, **written))
 
 
