@@ -17,10 +17,11 @@ from typing import Any
 
 import pytest
 from examples import ROOT, blocks, needs_docs, script
-from logs import Flight, write_dbd, write_slocum
 
 from factory.__main__ import PROGRAM as FACTORY
 from factory.exporting.metadata import parse_metadata
+from factory.samples import Flight
+from factory.samples.gliders import write_dbd, write_slocum
 from factory.sampling.parameters import parameter_table
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe

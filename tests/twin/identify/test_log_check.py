@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from logs import SHARED, Flight, write_seaexplorer
+from logs import SHARED, stored
 from simulated_logs import CLIMB_PITCH, PITCH, simulated_log
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaexplorer
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import check_logs
@@ -361,8 +363,7 @@ def test_a_seaexplorers_battery_is_found(tmp_path: Path, vehicle: Vehicle) -> No
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the public logs are not here")
 def test_real_logs_turn_the_other_way_in_climbs(tmp_path: Path) -> None:
     folder = SHARED / "seaexplorer_pyglider"
-    dataset, _ = import_logs("seaexplorer", [folder / "sea046_M45_gli.csv.gz"])
-    store = write_store(dataset, tmp_path / "sea046.zarr")
+    store = stored(tmp_path / "sea046.zarr", "seaexplorer", [folder / "sea046_M45_gli.csv.gz"])
     said = check_logs(store, "seaexplorer").describe()["phases"]
     dive, climb = (said[name]["log"]["turn_per_actuator"] for name in ("dive", "climb"))
     assert 0.01 < dive < 0.03

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import SHARED, Flight, gps_columns, slocum_columns, write_csv
+from logs import SHARED, stored
 
 import twin
-from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import gps_columns, slocum_columns, write_slocum
 from twin.__main__ import PROGRAM
 from twin.logs.energy_timeline import NotCounted, settled
 from twin.logs.energy_use import counted_energy, energy_used, second_half
-from twin.records.store import write_store
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import load_vehicle
 
@@ -58,24 +58,20 @@ def columns() -> dict[str, np.ndarray]:
     return table
 
 
-def stored(folder: Path, columns: dict[str, np.ndarray], name: str = "log.zarr") -> Path:
-    files = [
-        write_csv(folder / "unit1_flight.csv", columns),
-        write_csv(folder / "unit1_gps.csv", gps_columns(FLIGHT)),
-    ]
-    return write_store(import_logs("slocum", files)[0], folder / name)
+def store_of(folder: Path, columns: dict[str, np.ndarray], name: str = "log.zarr") -> Path:
+    return stored(folder / name, "slocum", write_slocum(folder, FLIGHT, **columns))
 
 
 @pytest.fixture(scope="module")
 def store(columns: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return stored(tmp_path_factory.mktemp("energy"), columns)
+    return store_of(tmp_path_factory.mktemp("energy"), columns)
 
 
 @pytest.fixture(scope="module")
 def silent(columns: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store of a log that counts nothing."""
     table = {name: v for name, v in columns.items() if name not in (COUNTER, "m_battery")}
-    return stored(tmp_path_factory.mktemp("silent"), table)
+    return store_of(tmp_path_factory.mktemp("silent"), table)
 
 
 def test_the_consumers_of_a_known_log_are_found_again(store: Path) -> None:
@@ -115,7 +111,7 @@ def test_a_counter_that_starts_again_is_left_out_and_counted(
     charge = columns[COUNTER].copy()
     half = len(charge) // 2
     charge[half:] -= charge[half]
-    found = energy_used(stored(tmp_path, {**columns, COUNTER: charge}), "slocum-200")
+    found = energy_used(store_of(tmp_path, {**columns, COUNTER: charge}), "slocum-200")
     assert found.resets == 1
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
 
@@ -128,10 +124,11 @@ def test_counters_of_two_vehicles_are_not_one(
     for number, name in enumerate(("unit1", "unit2")):
         moved = number * float(np.ptp(columns["time"]) + 30.0)
         counted = {**columns, COUNTER: columns[COUNTER] + 50.0 * number}
-        for kind, table in (("flight", counted), ("gps", gps_columns(FLIGHT))):
-            later = {**table, "time": table["time"] + moved}
-            files.append(write_csv(tmp_path / f"{name}_{kind}.csv", later))
-    path = write_store(import_logs("slocum", files)[0], tmp_path / "both.zarr")
+        counted["time"] = counted["time"] + moved
+        gps = gps_columns(FLIGHT)
+        gps["time"] += moved
+        files += write_slocum(tmp_path, FLIGHT, name, gps=gps, **counted)
+    path = stored(tmp_path / "both.zarr", "slocum", files)
     found = energy_used(path, "slocum-200")
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
     newest = counted_energy(path, "slocum-200", newest=True)
@@ -143,7 +140,7 @@ def test_a_counter_read_rarely_is_enough(columns: dict[str, np.ndarray], tmp_pat
     """A reading in ten minutes: an equation goes from one to the next."""
     seldom = np.arange(len(columns["time"])) % 150 == 0
     charge = np.where(seldom, columns[COUNTER], np.nan)
-    found = energy_used(stored(tmp_path, {**columns, COUNTER: charge}), "slocum-200")
+    found = energy_used(store_of(tmp_path, {**columns, COUNTER: charge}), "slocum-200")
     assert found.hours / found.equations > 1 / 6
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.2)
 
@@ -200,8 +197,8 @@ def test_charge_of_later_dives_of_real_gliders(
         pytest.skip("the shared real logs are absent")
     pytest.importorskip("dbdreader")
     files = sorted([*(place / "raw").glob("*.dbd"), *(place / "raw").glob("*.ebd")])
-    dataset, _ = import_logs("slocum", files, cache=place / (cache or "raw"))
-    tried = second_half(write_store(dataset, tmp_path / "log.zarr"), load_vehicle("slocum-1000"))
+    store = stored(tmp_path / "log.zarr", "slocum", files, cache=place / (cache or "raw"))
+    tried = second_half(store, load_vehicle("slocum-1000"))
     assert tried is not None
     errors = tried.errors()
     assert len(tried.dives) == dives

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from examples import files_of, needs_docs
-from logs import SHARED
+from logs import SHARED, stored
 from simulated_logs import simulated_flight
 
 import twin
@@ -267,13 +267,11 @@ UNIT334 = SHARED / "slocum_unit334_2023"
 @pytest.mark.skipif(not UNIT334.is_dir(), reason=f"no public logs at {UNIT334}")
 def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path: Path) -> None:
     """Identified on the same log without options: the pitch sensor's offset is found."""
-    from factory.importing import import_logs
     from twin.identify import identify, load_calibration, load_logs
     from twin.identify.start_values import start_vehicle
 
     pytest.importorskip("pyarrow")
-    dataset, _ = import_logs("slocum", [UNIT334])
-    path = write_store(dataset, tmp_path / "unit334.zarr")
+    path = stored(tmp_path / "unit334.zarr", "slocum", [UNIT334])
     found = identify(load_logs(path), load_calibration(start_vehicle(path)))
     assert "pitch_offset" in found.determined
     summary = estimate_flight(path, found.calibration).summary()

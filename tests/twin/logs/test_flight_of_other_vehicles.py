@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import pytest
-from logs import Flight, write_mat
+from logs import stored
 
-from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from glider_twin_protocols.auv_samples import write_mat
 from twin.__main__ import PROGRAM
-from twin.records.store import write_store
 
 
 @pytest.fixture(scope="module")
 def lrauv(tmp_path_factory):
     """Of a propelled vehicle: depth and positions, no attitude, no pump."""
     folder = tmp_path_factory.mktemp("lrauv")
-    dataset, _ = import_logs("lrauv", [write_mat(folder / "shore.mat", Flight())])
-    return write_store(dataset, folder / "lrauv.zarr")
+    return stored(folder / "lrauv.zarr", "lrauv", [write_mat(folder / "shore.mat", Flight())])
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from logs import Flight, write_slocum
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 from pictures import call, refused
@@ -17,6 +16,8 @@ from PIL import Image
 from simulated_logs import simulated_log
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from twin.errors import InputError, VehicleError
 from twin.geodesy import offset
 from twin.logs import estimate_flight, logged_trajectory, write_flight

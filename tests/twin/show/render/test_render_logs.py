@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import Flight, write_seaglider
+from logs import stored
 from pictures import call, needs_gl
 from PIL import Image
 
-from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaglider
 from twin.errors import InputError, StoreError
 from twin.logs import logged_trajectory
 from twin.records.logged import LoggedTrajectory
@@ -141,8 +142,7 @@ def test_dives_of_several_deployments_are_named_with_what_to_type(tmp_path: Path
     for name in ("SG171", "SG265"):
         (tmp_path / name).mkdir()
         files += write_seaglider(tmp_path / name, FLIGHT, name)
-    data, _ = import_logs("seaglider", files)
-    store = write_store(data, tmp_path / "both.zarr")
+    store = stored(tmp_path / "both.zarr", "seaglider", files)
     with pytest.raises(InputError, match="of 2 deployments") as raised:
         read_subject(store, missions=[0, 1, 2, 3])
     assert str(raised.value).endswith(": SG171: --missions 0-1; SG265: --missions 2-3")
