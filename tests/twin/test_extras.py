@@ -1,7 +1,5 @@
 """What is optional is named with the command that installs it."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil
@@ -23,9 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(("package", "extra"), [("onnx", "onnx"), ("imageio_ffmpeg", "video")])
-def test_a_missing_package_is_named_with_its_extra(
-    package: str, extra: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_named_with_its_extra(package, extra, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match="this needs") as caught:
         require(package, extra=extra, purpose="this")
@@ -35,23 +31,21 @@ def test_a_missing_package_is_named_with_its_extra(
     assert "\n" not in message
 
 
-def test_only_a_package_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_a_package_that_is_not_there_is_an_error(monkeypatch):
     require("json", extra="video", purpose="this")
     monkeypatch.setitem(sys.modules, "json", None)
     with pytest.raises(InputError, match="the package json,"):
         require("json", extra="video", purpose="this")
 
 
-def test_a_video_needs_the_extra_video(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_video_needs_the_extra_video(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(InputError, match=r'pip install "glider-twin\[video\]"$'):
         encoder(tmp_path / "dive.mp4", Shot(width=64, height=64)).__enter__()
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_suite_names_the_command_that_installs_dm_control(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_suite_names_the_command_that_installs_dm_control(monkeypatch):
     require_dm_control()
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     for version, line in (((3, 12), ""), ((3, 13), f" && {ALONE}")):
@@ -61,7 +55,7 @@ def test_the_suite_names_the_command_that_installs_dm_control(
         assert str(caught.value).endswith(f'pip install "glider-twin[suite]"{line}')
 
 
-def test_a_mujoco_that_dm_control_cannot_use_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mujoco_that_dm_control_cannot_use_is_named(monkeypatch):
     monkeypatch.setattr(metadata, "version", lambda name: {"mujoco": "4.0.0"}[name])
     with pytest.raises(InputError, match=r"below 4, and mujoco 4\.0\.0 is installed") as caught:
         require_dm_control()
@@ -82,7 +76,7 @@ def shadowed(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture
-def overwritten(tmp_path: Path) -> Path:
+def overwritten(tmp_path):
     """A folder with this project's `factory` whose first file another package has replaced."""
     shutil.copytree(ROOT / "factory", tmp_path / "factory")
     (tmp_path / "factory" / "__init__.py").write_text(FOREIGN)
@@ -90,7 +84,7 @@ def overwritten(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_factory_of_somebody_else_is_named(overwritten: Path) -> None:
+def test_a_factory_of_somebody_else_is_named(overwritten):
     where = overwritten / "factory" / "__init__.py"
     for words in (("-m", "factory", "info"), ("-m", "learn", "compare")):
         done = shadowed(overwritten, *words)
@@ -102,7 +96,7 @@ def test_a_factory_of_somebody_else_is_named(overwritten: Path) -> None:
     assert f"{where} is not glider-twin's factory" in done.stderr.splitlines()[-1]
 
 
-def test_a_factory_that_lost_its_first_file_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_factory_that_lost_its_first_file_is_named(monkeypatch):
     require_factory()
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: ModuleSpec(name, None))
     with pytest.raises(InputError, match=r"has no __init__\.py, as after .* factory_boy") as caught:

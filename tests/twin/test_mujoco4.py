@@ -1,7 +1,5 @@
 """Everything but dm_control's tasks flies on MuJoCo 4 as on 3, to rounding."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -60,7 +58,7 @@ def flown(python: str | Path, store: Path) -> tuple[str, str, dict]:
 
 
 @pytest.mark.skipif(not NEWER.exists(), reason="needs .venv-mujoco4: scripts/mujoco4.sh")
-def test_figures_are_those_of_mujoco_3(tmp_path: Path) -> None:
+def test_figures_are_those_of_mujoco_3(tmp_path):
     version, told, figures = flown(sys.executable, tmp_path / "older.zarr")
     assert (version.partition(".")[0], told) == ("3", "loaded")
     newer, told, others = flown(NEWER, tmp_path / "newer.zarr")

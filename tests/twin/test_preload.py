@@ -1,7 +1,5 @@
 """Triton's library goes before OpenGL, so that it does not bind to Mesa's LLVM."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os
@@ -100,7 +98,7 @@ def python(code: str, *folders: Path, **variables: str) -> str:
 
 
 @pytest.fixture
-def stand_in(tmp_path: Path) -> Path:
+def stand_in(tmp_path):
     """A folder with a package `triton` whose library is some small one; importing it fails."""
     library = tmp_path / "triton" / "_C" / "libtriton.so"
     library.parent.mkdir(parents=True)
@@ -116,7 +114,7 @@ def is_opengl(library: str) -> bool:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Mesa's LLVM is Linux's affair")
 @pytest.mark.parametrize("backend", ["", "egl"])
 @pytest.mark.parametrize("place", PLACES)
-def test_triton_is_opened_before_opengl(place: str, backend: str, stand_in: Path) -> None:
+def test_triton_is_opened_before_opengl(place, backend, stand_in):
     if backend and available_backend() is None:
         pytest.skip("nothing here can draw")
     code = f"{REPORT}{PLACES[place]}\nprint(json.dumps(opened))"
@@ -127,13 +125,13 @@ def test_triton_is_opened_before_opengl(place: str, backend: str, stand_in: Path
     assert triton < opengl[0], opened
 
 
-def test_a_library_that_does_not_load_is_left_alone(stand_in: Path) -> None:
+def test_a_library_that_does_not_load_is_left_alone(stand_in):
     (stand_in / "triton" / "_C" / "libtriton.so").write_text("no library")
     code = f"{REPORT}from twin.extras import preload_triton\npreload_triton()\nprint(opened)"
     assert "libtriton.so" in python(code, stand_in)
 
 
-def test_without_triton_nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_triton_nothing_is_opened(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "triton", raising=False)
     opened: list[str] = []
@@ -149,6 +147,6 @@ def test_without_triton_nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> No
 )
 @pytest.mark.skipif(available_backend() is None, reason="nothing here can draw")
 @pytest.mark.parametrize("who", DRAWN_BEFORE)
-def test_training_after_drawing(who: str) -> None:
+def test_training_after_drawing(who):
     code = f"import sys\n{DRAWN_BEFORE[who]}{TRAIN}"
     assert python(code, MUJOCO_GL=available_backend() or "") == "alive True\n"

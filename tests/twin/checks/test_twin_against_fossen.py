@@ -1,7 +1,5 @@
 """The MuJoCo twin against the independent Fossen model and against the published figures."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

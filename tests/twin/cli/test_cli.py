@@ -1,7 +1,5 @@
 """The commands of `twin` as a user and a program meet them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """`twin compile`: afterwards no flight compiles."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Durations: one way to write them in every option that is a time."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest
@@ -20,12 +18,12 @@ from twin.errors import InputError
     [("6h", "s", 21600.0), ("90min", "h", 1.5), ("90 MIN", "s", 5400.0), ("2d", "h", 48.0),
      ("12", "h", 12.0), ("1e3", "s", 1000.0), ("0.1", "h", 0.1), (".5h", "min", 30.0)],
 )  # fmt: skip
-def test_units(text: str, unit: str, expected: float) -> None:
+def test_units(text, unit, expected):
     assert duration(text, unit) == expected
 
 
 @pytest.mark.parametrize("text", ["", "h", "6 weeks", "1h30", "six", "nan", "inf", "1e999h"])
-def test_what_is_none_is_refused(text: str) -> None:
+def test_what_is_none_is_refused(text):
     with pytest.raises(InputError, match="is no duration: give a number with s, min, h or d"):
         duration(text, "s")
 
@@ -35,7 +33,7 @@ def test_what_is_none_is_refused(text: str) -> None:
     [(Simulate, "duration", 3600.0, 90.0), (ForecastSurfacings, "hours", 1.0, 90.0),
      (Generate, "hours", 1.0, 90.0)],
 )  # fmt: skip
-def test_options_take_both(command: type, option: str, hour: float, bare: float) -> None:
+def test_options_take_both(command, option, hour, bare):
     for word, expected in (("60min", hour), ("90", bare)):
         found = parse_options(command, prog="x", words=[f"--{option}", word])
         assert found is not None
@@ -53,12 +51,12 @@ def test_options_take_both(command: type, option: str, hour: float, bare: float)
         (Serve, ["--silence", "2", "s"], "--silence: '2 s' is no duration: .*such as 2s"),
     ],
 )
-def test_a_unit_that_stands_alone_is_no_mission(command: type, words: list, told: str) -> None:
+def test_a_unit_that_stands_alone_is_no_mission(command, words, told):
     with pytest.raises(InputError, match=told):
         parse_options(command, prog="x", words=words)
 
 
-def test_a_mission_may_stand_behind_a_duration() -> None:
+def test_a_mission_may_stand_behind_a_duration():
     for number in ("3600", "6h"):
         found = parse_options(Simulate, prog="x", words=["--duration", number, "transects"])
         assert found is not None

@@ -1,7 +1,5 @@
 """What ends a command from outside: it tidies up, says how to go on, and has its own exit code."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

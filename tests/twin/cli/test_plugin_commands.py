@@ -1,7 +1,5 @@
 """Commands of plugins: named by `--help`, found by entry points; what a shell completes of all."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path
@@ -129,7 +127,7 @@ def script_of(shell: str) -> str:
         (["twin", "identify", "--exp"], {"--export"}),
     ],
 )
-def test_bash_completes(words: list[str], expected: set[str], tmp_path: Path) -> None:
+def test_bash_completes(words, expected, tmp_path):
     script = tmp_path / "twin.bash"
     script.write_text(script_of("bash"))
     quoted = " ".join(f"'{word}'" for word in words)
@@ -143,7 +141,7 @@ def test_bash_completes(words: list[str], expected: set[str], tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_every_command_is_in_the_script(shell: str, tmp_path: Path) -> None:
+def test_every_command_is_in_the_script(shell, tmp_path):
     script = script_of(shell)
     assert all(command.name in script for command in INSTALLED)
     if shutil.which(shell) is None:
@@ -152,7 +150,7 @@ def test_every_command_is_in_the_script(shell: str, tmp_path: Path) -> None:
     subprocess.run([shell, "-n", str(tmp_path / "script")], check=True)
 
 
-def test_another_shell_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_another_shell_is_refused(capsys):
     with pytest.raises(InputError, match="unknown shell 'csh'"):
         script_of("csh")
     assert TWIN.main(["--completion"]) == 2

@@ -1,7 +1,5 @@
 """Compiled code follows the content of everything it was compiled from."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -231,7 +229,7 @@ def test_without_a_folder_it_compiles_and_says_so(monkeypatch, tmp_path):
     assert third(6.0) == 2.0
 
 
-def test_two_threads_that_compile_do_not_wait_for_each_other() -> None:
+def test_two_threads_that_compile_do_not_wait_for_each_other():
     from numba import types
     from numba.core.compiler_lock import global_compiler_lock
 

@@ -1,7 +1,5 @@
 """Compiled code is kept only where no other user can write, at every level."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """Compiled functions: for Python and for compiled code, with borrowed arrays, and generated."""
 
-from __future__ import annotations
-
 import logging
 import math
 import sys

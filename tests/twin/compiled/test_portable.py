@@ -1,10 +1,7 @@
 """Elementary functions against NumPy's, and functions compiled once more with them."""
 
-from __future__ import annotations
-
 import math
 from math import tan
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,7 +31,7 @@ table = generate(
 )
 
 
-def test_the_same_source_with_elementary_functions() -> None:
+def test_the_same_source_with_elementary_functions():
     x = np.random.default_rng(1).uniform(-1.0, 1.0, 500).tolist()
     mine = [elementary.cos(v) + elementary.tan(v) for v in x]
     assert [portable(outer)(v) for v in x] == mine
@@ -47,7 +44,7 @@ def test_the_same_source_with_elementary_functions() -> None:
     assert portable(outer) is portable(outer)
 
 
-def test_another_processor_has_compiled_code_of_its_own(tmp_path: Path) -> None:
+def test_another_processor_has_compiled_code_of_its_own(tmp_path):
     """numba's switches say which; the cache must not hand it code with other instructions."""
     run = own_module(
         tmp_path, "from twin.compiled import jit\n\n@jit\ndef twice(x):\n    return x + x\n"

@@ -1,7 +1,5 @@
 """The tasks for dm_control, in the manner of its own suite's tests."""
 
-from __future__ import annotations
-
 import math
 import re
 

@@ -1,7 +1,5 @@
 """The tasks' physics: the batch's own, bit for bit, however dm_control loads and copies it."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

@@ -1,7 +1,5 @@
 """What each task rewards, when it ends, and what moving costs."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,8 +1,6 @@
 """The tasks as Gymnasium environments of one vehicle."""
 
 # ruff: noqa: E402 - the packages are those of an extra
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

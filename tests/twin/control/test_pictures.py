@@ -1,7 +1,5 @@
 """Pictures of the tasks, without dm_control and as dm_control draws them; processes that draw."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Simulations of the Fossen model: order, conservation, symmetries, currents, errors."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -31,12 +29,12 @@ CRUISE = FossenState(
 
 
 @pytest.fixture(scope="module")
-def seawing() -> Vehicle:
+def seawing():
     return load_vehicle("glider")
 
 
 @pytest.fixture(scope="module")
-def model(seawing: Vehicle) -> FossenModel:
+def model(seawing):
     return FossenModel(seawing)
 
 

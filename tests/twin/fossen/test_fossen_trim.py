@@ -1,7 +1,5 @@
 """Steady motions of the Fossen model against published and independently computed figures."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,7 +9,7 @@ from twin.errors import InputError, NoSteadyState
 from twin.fossen import FossenModel
 from twin.fossen.steady import SteadyProblem, steady_motions
 from twin.vehicle.steady_motion import Trim, solve_steady_state, trim_positions
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.vehicle.vehicle import load_vehicle
 
 # net mass kg, block position m, rotation deg: V, alpha, beta, roll, pitch, turn rate, down.
 # Computed with an independent solver of the equations of Zhang et al. (2013).
@@ -25,12 +23,12 @@ COMPUTED = [
 
 
 @pytest.fixture(scope="module")
-def seawing() -> Vehicle:
+def seawing():
     return load_vehicle("glider")
 
 
 @pytest.fixture(scope="module")
-def model(seawing: Vehicle) -> FossenModel:
+def model(seawing):
     return FossenModel(seawing)
 
 

@@ -1,7 +1,5 @@
 """Lanes against the scalar Fossen model, against MuJoCo, and against limits that must hold."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import itertools

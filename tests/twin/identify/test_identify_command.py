@@ -1,10 +1,7 @@
 """`twin identify` as a user meets it: its help, its progress, and its picture."""
 
-from __future__ import annotations
-
 import io
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ from twin.records.store import write_store
 from twin.version import IMPORT_VERSION
 
 
-def test_the_help_says_what_no_fixes_does(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_help_says_what_no_fixes_does(capsys):
     assert PROGRAM.main(["identify", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "--no-fixes fit the depth rate only" in said
@@ -25,9 +22,7 @@ def test_the_help_says_what_no_fixes_does(capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.parametrize(("vehicle", "warned"), [("seaglider", True), ("slocum-200", False)])
-def test_a_vehicle_of_another_kind_than_the_log_s_is_warned_of(
-    vehicle: str, warned: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_vehicle_of_another_kind_than_the_log_s_is_warned_of(vehicle, warned, tmp_path, capsys):
     data = xr.Dataset(
         {"n_samples": ("mission", [3])},
         {"time": [0.0, 0.5, 1.0]},
@@ -39,7 +34,7 @@ def test_a_vehicle_of_another_kind_than_the_log_s_is_warned_of(
     assert ("warning: vehicle seaglider (seaglider) is of another kind" in said) == warned
 
 
-def test_a_share_is_percent_and_time_left_and_an_interrupted_task_has_no_last_line() -> None:
+def test_a_share_is_percent_and_time_left_and_an_interrupted_task_has_no_last_line():
     clock, stream = iter(np.arange(0.0, 1000.0, 15.0)).__next__, io.StringIO()
     progress = Progress(
         total=1.0, label="identify", unit="", stream=stream, interval_s=30.0, clock=clock

@@ -1,7 +1,5 @@
 """Days left by the dives so far: level, slope and walk of their power."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -28,7 +26,7 @@ def used(power: np.ndarray, afloat: float = 0.0) -> EnergyUse:
     )  # fmt: skip
 
 
-def test_an_even_power_is_the_energy_over_it() -> None:
+def test_an_even_power_is_the_energy_over_it():
     found = endurance_of(used(np.full(20, 3.0), afloat=8.0), 3.6)
     assert found is not None
     assert found.days == pytest.approx(50.0, rel=1e-3)
@@ -37,7 +35,7 @@ def test_an_even_power_is_the_energy_over_it() -> None:
     assert np.median(found.days_drawn(added=3.0)) == pytest.approx(25.0, rel=0.02)
 
 
-def test_more_dives_promise_more() -> None:
+def test_more_dives_promise_more():
     rng = np.random.default_rng(0)
     width: dict[int, list[float]] = {5: [], 50: []}
     for count in 20 * [5, 50]:
@@ -48,14 +46,14 @@ def test_more_dives_promise_more() -> None:
     assert np.mean(width[50]) < 0.6 * np.mean(width[5])
 
 
-def test_a_power_that_grows_is_expected_to_grow_on() -> None:
+def test_a_power_that_grows_is_expected_to_grow_on():
     power = np.linspace(3.0, 4.0, 100) + 0.02 * np.random.default_rng(1).standard_normal(100)
     found = endurance_of(used(power), 1.0)
     assert found is not None
     assert found.power > 4.0 > used(power).power + 0.4
 
 
-def test_a_plan_that_changed_counts_more_than_what_was_before() -> None:
+def test_a_plan_that_changed_counts_more_than_what_was_before():
     power = np.r_[np.full(30, 2.0), np.full(30, 3.0)]
     power += 0.05 * np.random.default_rng(2).standard_normal(60)
     found = endurance_of(used(power), 1.0)
@@ -63,7 +61,7 @@ def test_a_plan_that_changed_counts_more_than_what_was_before() -> None:
     assert found.power == pytest.approx(3.0, abs=0.15)
 
 
-def test_two_dives_tell_nothing_and_no_energy_no_days() -> None:
+def test_two_dives_tell_nothing_and_no_energy_no_days():
     assert endurance_of(used(np.full(2, 3.0)), 1.0) is None
     found = endurance_of(used(np.full(5, 3.0)), -0.1)
     assert found is not None

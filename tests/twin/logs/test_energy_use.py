@@ -1,7 +1,5 @@
 """Energy of a deployment: consumers found again in a log that was made of them; real counters."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from pathlib import Path
@@ -41,7 +39,7 @@ def used(time: np.ndarray, depth: np.ndarray, pump: np.ndarray, sampling: np.nda
 
 
 @pytest.fixture(scope="module")
-def columns() -> dict[str, np.ndarray]:
+def columns():
     """Dives of different depths, the payload on in every second one."""
     table = slocum_columns(FLIGHT)
     dive = FLIGHT.state(table["time"])["dive"]
@@ -67,18 +65,18 @@ def stored(folder: Path, columns: dict[str, np.ndarray], name: str = "log.zarr")
 
 
 @pytest.fixture(scope="module")
-def store(columns: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(columns, tmp_path_factory):
     return stored(tmp_path_factory.mktemp("energy"), columns)
 
 
 @pytest.fixture(scope="module")
-def silent(columns: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def silent(columns, tmp_path_factory):
     """A store of a log that counts nothing."""
     table = {name: v for name, v in columns.items() if name not in (COUNTER, "m_battery")}
     return stored(tmp_path_factory.mktemp("silent"), table)
 
 
-def test_the_consumers_of_a_known_log_are_found_again(store: Path) -> None:
+def test_the_consumers_of_a_known_log_are_found_again(store):
     found = energy_used(store, "slocum-200")
     terms = {one.name: one for one in found.terms}
     for name, right in (
@@ -97,7 +95,7 @@ def test_the_consumers_of_a_known_log_are_found_again(store: Path) -> None:
     assert found.consumption.pump_efficiency == pytest.approx(EFFICIENCY, rel=0.06)
 
 
-def test_later_dives_are_foretold_by_what_they_do(store: Path) -> None:
+def test_later_dives_are_foretold_by_what_they_do(store):
     """Each dive's charge; its hours alone say less, since depths and payload differ."""
     tried = second_half(store, load_vehicle("slocum-200"))
     assert tried is not None
@@ -109,9 +107,7 @@ def test_later_dives_are_foretold_by_what_they_do(store: Path) -> None:
     assert tried.each == pytest.approx(mean, rel=0.01)
 
 
-def test_a_counter_that_starts_again_is_left_out_and_counted(
-    columns: dict[str, np.ndarray], tmp_path: Path
-) -> None:
+def test_a_counter_that_starts_again_is_left_out_and_counted(columns, tmp_path):
     charge = columns[COUNTER].copy()
     half = len(charge) // 2
     charge[half:] -= charge[half]
@@ -120,9 +116,7 @@ def test_a_counter_that_starts_again_is_left_out_and_counted(
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.06)
 
 
-def test_counters_of_two_vehicles_are_not_one(
-    columns: dict[str, np.ndarray], tmp_path: Path
-) -> None:
+def test_counters_of_two_vehicles_are_not_one(columns, tmp_path):
     """The second begins within a minute of the first one's end, at another count."""
     files = []
     for number, name in enumerate(("unit1", "unit2")):
@@ -139,7 +133,7 @@ def test_counters_of_two_vehicles_are_not_one(
     assert len(newest.dives) * 2 == len(found.dives)
 
 
-def test_a_counter_read_rarely_is_enough(columns: dict[str, np.ndarray], tmp_path: Path) -> None:
+def test_a_counter_read_rarely_is_enough(columns, tmp_path):
     """A reading in ten minutes: an equation goes from one to the next."""
     seldom = np.arange(len(columns["time"])) % 150 == 0
     charge = np.where(seldom, columns[COUNTER], np.nan)
@@ -148,9 +142,7 @@ def test_a_counter_read_rarely_is_enough(columns: dict[str, np.ndarray], tmp_pat
     assert found.terms[0].value == pytest.approx(HOTEL, rel=0.2)
 
 
-def test_a_log_that_does_not_count_says_so(
-    silent: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_log_that_does_not_count_says_so(silent, capsys):
     with pytest.raises(NotCounted, match="lacks measured_charge and measured_voltage"):
         energy_used(silent)
     assert counted_energy(silent, "slocum-200") is None
@@ -158,7 +150,7 @@ def test_a_log_that_does_not_count_says_so(
     assert COUNTER in capsys.readouterr().err
 
 
-def test_noise_of_an_encoder_is_no_move() -> None:
+def test_noise_of_an_encoder_is_no_move():
     rng = np.random.default_rng(1)
     moves = np.repeat([-200.0, 200.0, -200.0], 500)
     noisy = moves + rng.normal(0.0, 0.3, len(moves))
@@ -167,9 +159,7 @@ def test_noise_of_an_encoder_is_no_move() -> None:
     assert np.abs(np.diff(followed)).sum() == pytest.approx(800.0, rel=0.02)
 
 
-def test_the_command_tells_and_writes_a_vehicle_that_takes_as_much(
-    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_tells_and_writes_a_vehicle_that_takes_as_much(store, tmp_path, capsys):
     out = tmp_path / "mine.xml"
     words = ["energy", str(store), "--vehicle", "slocum-200", "--out", str(out)]
     assert PROGRAM.main([*words, "--energy-left-kwh", "1.2", "--json"]) == 0
@@ -191,9 +181,7 @@ def test_the_command_tells_and_writes_a_vehicle_that_takes_as_much(
     ("folder", "cache", "dives"),
     [("slocum_barnacle_2022", None, 5), ("slocum_electa_2022", "cache", 7)],
 )
-def test_charge_of_later_dives_of_real_gliders(
-    folder: str, cache: str | None, dives: int, tmp_path: Path
-) -> None:
+def test_charge_of_later_dives_of_real_gliders(folder, cache, dives, tmp_path):
     """Within a tenth, better than by the hour; electa's thruster runs in the later ones alone."""
     place = SHARED / folder
     if not place.is_dir():
@@ -210,9 +198,7 @@ def test_charge_of_later_dives_of_real_gliders(
     assert errors["model_per_dive"] < 0.5 * errors["each_per_dive"]
 
 
-def test_a_flight_tells_power_and_days_left(
-    store: Path, silent: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_flight_tells_power_and_days_left(store, silent, tmp_path, capsys):
     words = ["--vehicle", "slocum-200", "--estimator", "steady", "--overwrite", "--json"]
     words += ["--out", str(tmp_path / "flight.nc")]
     used = energy_used(store, "slocum-200")
@@ -228,9 +214,7 @@ def test_a_flight_tells_power_and_days_left(
     assert "lacks measured_charge and measured_voltage" in capsys.readouterr().err
 
 
-def test_a_forecast_takes_the_power_that_the_log_has_counted(
-    store: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_forecast_takes_the_power_that_the_log_has_counted(store, capsys):
     place = ["--goto", "49.6,-57.9", "--vehicle", "slocum-200", "--members", "10", "--hours", "1"]
     words = ["forecast", *place, "--json", "--energy-left-kwh", "1.2"]
     told = []
@@ -246,9 +230,7 @@ def test_a_forecast_takes_the_power_that_the_log_has_counted(
     assert counted["days_left"] == pytest.approx(1200.0 / counted["power_W"] / 24.0)
 
 
-def test_an_identified_vehicle_takes_what_its_log_has_counted(
-    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_identified_vehicle_takes_what_its_log_has_counted(store, tmp_path, monkeypatch):
     monkeypatch.setattr("twin.identify.fit.BAD", np.inf)  # this log's flight is kinematic
     out = tmp_path / "mine.xml"
     words = ["identify", str(store), "--vehicle", "slocum-200", "--out", str(out)]
@@ -261,9 +243,7 @@ def test_an_identified_vehicle_takes_what_its_log_has_counted(
     assert losses.hull_vacuum == pytest.approx(VACUUM_INHG * 3386.389, rel=1e-4)
 
 
-def test_a_solver_that_multiplies_by_infinity_is_not_heard(
-    store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_solver_that_multiplies_by_infinity_is_not_heard(store, monkeypatch):
     """As SciPy's does where a gradient is zero along an endless step; the answer stands."""
     import scipy.optimize
 

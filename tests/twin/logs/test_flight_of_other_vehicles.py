@@ -1,7 +1,5 @@
 """`twin flight` of logs that no flight model can read: told in a line that sends nobody round."""
 
-from __future__ import annotations
-
 import pytest
 from logs import Flight, write_mat
 

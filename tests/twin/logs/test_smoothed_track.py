@@ -1,7 +1,5 @@
 """The smoothed track: it meets its fixes, follows a tide within dives, and knows how well."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,7 +49,7 @@ def tidal(count: int) -> np.ndarray:
     return TIDE * np.stack([np.cos(phase), 0.3 * np.sin(phase)], axis=1)
 
 
-def test_in_a_tide_it_errs_by_far_less_than_the_linear_correction() -> None:
+def test_in_a_tide_it_errs_by_far_less_than_the_linear_correction():
     way, truth = way_of(tidal(10 * (DIVE + SURFACE)), np.random.default_rng(2))
     parameters = track_parameters([[way]], PERIOD, LATITUDE)
     ((position, deviation),) = smoothed_tracks([way], PERIOD, LATITUDE, parameters)
@@ -67,7 +65,7 @@ def test_in_a_tide_it_errs_by_far_less_than_the_linear_correction() -> None:
     assert deviation[DIVE // 2] > way.fixes.deviation
 
 
-def test_its_deviation_is_right_for_the_currents_and_errors_that_it_models() -> None:
+def test_its_deviation_is_right_for_the_currents_and_errors_that_it_models():
     """Currents and velocities drawn from the filter's own equations, 25 times."""
     rng = np.random.default_rng(8)
     parameters = CurrentParameters(
@@ -97,7 +95,7 @@ def test_its_deviation_is_right_for_the_currents_and_errors_that_it_models() -> 
     assert np.sqrt(np.mean(normalised)) == pytest.approx(1.0, abs=0.15)
 
 
-def test_several_missions_of_a_deployment_are_smoothed_together() -> None:
+def test_several_missions_of_a_deployment_are_smoothed_together():
     """The dives before and after tell the course of the current within one."""
     way, truth = way_of(tidal(8 * (DIVE + SURFACE)), np.random.default_rng(3))
     parameters = track_parameters([[way]], PERIOD, LATITUDE)
@@ -128,7 +126,7 @@ def test_several_missions_of_a_deployment_are_smoothed_together() -> None:
     assert np.mean([t[1].max() for t in together]) < np.mean([t[1].max() for t in alone])
 
 
-def test_before_the_first_and_after_the_last_fix_it_grows_unsure() -> None:
+def test_before_the_first_and_after_the_last_fix_it_grows_unsure():
     way, truth = way_of(np.full((500, 2), 0.05), np.random.default_rng(4))
     few = (way.fixes.sample > 100) & (way.fixes.sample < 400)
     fixes = Fixes(sample=way.fixes.sample[few], position=way.fixes.position[few])
@@ -139,7 +137,7 @@ def test_before_the_first_and_after_the_last_fix_it_grows_unsure() -> None:
         assert np.hypot(*(position - truth)[end]) < 4.0 * deviation[end]
 
 
-def test_without_a_fix_it_begins_at_the_origin() -> None:
+def test_without_a_fix_it_begins_at_the_origin():
     nothing = Fixes(sample=np.zeros(0, np.intp), position=np.zeros((0, 2)))
     position, deviation = corrected_track(np.full((101, 2), 0.1), PERIOD, nothing)
     np.testing.assert_allclose(position[[0, -1]], [[0.0, 0.0], [600.0, 600.0]], atol=1e-6)
@@ -148,7 +146,7 @@ def test_without_a_fix_it_begins_at_the_origin() -> None:
     assert corrected_track(np.zeros((1, 2)), PERIOD, nothing)[0].shape == (1, 2)
 
 
-def test_a_stay_is_a_run_of_fixes() -> None:
+def test_a_stay_is_a_run_of_fixes():
     fixes = Fixes(sample=np.array([0, 1, 2, 60, 61, 200]), position=np.zeros((6, 2)))
     assert stays(fixes, 10.0) == [(0, 2), (3, 4), (5, 5)]
     assert stays(fixes, 100.0) == [(0, 2), (3, 4), (5, 5)]
@@ -167,7 +165,7 @@ def dive_of(down: float, up: float):
     )
 
 
-def test_a_heavy_vehicle_is_faster_down_and_slower_up() -> None:
+def test_a_heavy_vehicle_is_faster_down_and_slower_up():
     speed = phase_speed([dive_of(1.2, 0.9)], 2.0)
     assert (speed.descent, speed.climb) == pytest.approx((1.2, 0.9), rel=1e-9)  # in a still sea
     scaled = speed.scaled(dive_of(1.2, 0.9))
@@ -177,19 +175,19 @@ def test_a_heavy_vehicle_is_faster_down_and_slower_up() -> None:
     assert phase_speed([], 2.0).descent == 1.0
 
 
-def test_the_sea_s_own_motion_is_not_taken_for_ballast() -> None:
+def test_the_sea_s_own_motion_is_not_taken_for_ballast():
     dive = dive_of(1.2, 1.0)
     swell = 0.5 * np.sin(np.arange(800) / 9.0)
     rough = SimpleNamespace(**{**vars(dive), "water_up": dive.water_up + swell})
     assert 1.0 < phase_speed([rough], 2.0).descent < 1.05
 
 
-def test_an_unknown_correction_is_named(tmp_path) -> None:
+def test_an_unknown_correction_is_named(tmp_path):
     with pytest.raises(UnknownName, match="did you mean 'linear'"):
         estimate_flight(tmp_path / "no.zarr", track="linaer")
 
 
-def test_parameters_of_several_records_are_found_together() -> None:
+def test_parameters_of_several_records_are_found_together():
     rng = np.random.default_rng(5)
     ways = [
         way_of(np.zeros((DIVE + SURFACE + 1, 2)) + rng.normal(0, 0.03, 2), rng)[0]

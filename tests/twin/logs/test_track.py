@@ -1,7 +1,5 @@
 """Corrected tracks, their deviation, and the currents that they are made of."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -22,7 +20,7 @@ def fixes(sample: list[int], position: list[tuple[float, float]]) -> Fixes:
     return Fixes(sample=np.array(sample, np.intp), position=np.array(position).reshape(-1, 2))
 
 
-def test_the_track_goes_through_every_fix_and_bends_between_as_the_dead_reckoning_does() -> None:
+def test_the_track_goes_through_every_fix_and_bends_between_as_the_dead_reckoning_does():
     velocity = through_water()
     given = fixes([10, 300, 590], [(5.0, -3.0), (120.0, 60.0), (100.0, 250.0)])
     position, deviation = linear_track(velocity, PERIOD, given, DRIFT)
@@ -33,7 +31,7 @@ def test_the_track_goes_through_every_fix_and_bends_between_as_the_dead_reckonin
     np.testing.assert_allclose(extra, np.broadcast_to(extra[0], extra.shape), atol=1e-9)
 
 
-def test_a_steady_current_is_corrected_to_nothing() -> None:
+def test_a_steady_current_is_corrected_to_nothing():
     velocity, current = through_water(), np.array([0.08, -0.05])
     truth, _ = linear_track(velocity + current, PERIOD, fixes([0], [(0.0, 0.0)]), DRIFT)
     given = fixes([0, 400], [tuple(truth[0]), tuple(truth[400])])
@@ -41,7 +39,7 @@ def test_a_steady_current_is_corrected_to_nothing() -> None:
     np.testing.assert_allclose(position, truth, atol=1e-6)  # after the last fix too
 
 
-def test_two_fixes_of_one_stay_at_the_surface_tell_no_current() -> None:
+def test_two_fixes_of_one_stay_at_the_surface_tell_no_current():
     """5 m of noise within 2 s would be a current of 2.5 m/s for the rest of the mission."""
     given = fixes([598, 599], [(100.0, 0.0), (105.0, 0.0)])
     position, _ = linear_track(np.zeros((601, 2)), PERIOD, given, DRIFT)
@@ -49,7 +47,7 @@ def test_two_fixes_of_one_stay_at_the_surface_tell_no_current() -> None:
     np.testing.assert_allclose(position[-1], [105.0, 0.0])
 
 
-def test_the_deviation_is_that_of_a_random_walk_tied_to_both_fixes() -> None:
+def test_the_deviation_is_that_of_a_random_walk_tied_to_both_fixes():
     """Against walks of that diffusivity, bridged in the same way."""
     rng, samples, walks = np.random.default_rng(5), 401, 400
     sigma = np.sqrt(DRIFT.diffusivity * PERIOD)
@@ -66,7 +64,7 @@ def test_the_deviation_is_that_of_a_random_walk_tied_to_both_fixes() -> None:
     np.testing.assert_allclose(seen[20:-20], deviation[20:-20], rtol=0.12)
 
 
-def test_without_fixes_the_track_starts_at_the_origin_and_grows_unsure() -> None:
+def test_without_fixes_the_track_starts_at_the_origin_and_grows_unsure():
     drift = Drift(diffusivity=2.0, change=0.03, usual=(0.1, 0.0))
     position, deviation = linear_track(np.zeros((501, 2)), PERIOD, fixes([], []), drift)
     np.testing.assert_allclose(position[-1], [100.0, 0.0])
@@ -84,7 +82,7 @@ def dive(velocity: np.ndarray, current: tuple[float, float], start: float, missi
     return currents(mission, velocity, depth, PERIOD, given, start)
 
 
-def test_the_current_of_a_dive_and_its_deviation() -> None:
+def test_the_current_of_a_dive_and_its_deviation():
     (found,) = dive(through_water(), (0.08, -0.05), 0.0, 3)
     assert (found.north, found.east) == pytest.approx((0.08, -0.05), abs=1e-9)
     assert (found.mission, found.duration) == (3, 1200.0)
@@ -94,7 +92,7 @@ def test_the_current_of_a_dive_and_its_deviation() -> None:
     assert currents(0, through_water(), np.zeros(601), PERIOD, flat, 0.0) == []
 
 
-def test_the_change_of_the_current_sets_the_diffusivity() -> None:
+def test_the_change_of_the_current_sets_the_diffusivity():
     steady = [dive(through_water(), (0.1, 0.0), 1200.0 * k, k)[0] for k in range(6)]
     turning = [dive(through_water(), (0.1, 0.05 * (-1) ** k), 1200.0 * k, k)[0] for k in range(6)]
     assert drift_of(steady).diffusivity == pytest.approx(0.0, abs=1e-12)

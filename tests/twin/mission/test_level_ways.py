@@ -1,7 +1,5 @@
 """Transects, circles, lawn-mowers and hovers: flown, and what is refused of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,7 +8,7 @@ from torpedo import TORPEDO
 
 import twin
 from twin.errors import MissionError
-from twin.mission import Circle, Hover, LawnMower, Mission, SawTooth, Segment, Surface, Transect
+from twin.mission import Circle, Hover, LawnMower, Mission, SawTooth, Surface, Transect
 from twin.mission.glide_balance import imbalance
 from twin.mission.turning import turn_factor, turn_per_position
 from twin.mission.way import level_way, way
@@ -211,7 +209,7 @@ SLOW = 0.8
         Transect(depth_m=10.0, heading_deg=30.0, speed_m_s=SLOW, duration_s=300.0),
     ],
 )
-def test_pump_and_battery_take_it_under_water(vehicle: str, segment: Segment) -> None:
+def test_pump_and_battery_take_it_under_water(vehicle, segment):
     """An elevator alone lifts the tail out of the water, and the hull stays awash."""
     plan = Mission(
         segments=(segment, Surface(duration_s=200.0), segment), duration_s=900.0, at_end="hold"

@@ -22,11 +22,11 @@ from twin.mission import (
 )
 from twin.mission import mission_file as g
 from twin.mission.shipped_missions import PROPELLED
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.vehicle.vehicle import load_vehicle
 
 
 @pytest.fixture(scope="module")
-def vehicle() -> Vehicle:
+def vehicle():
     return load_vehicle("glider")
 
 

@@ -1,7 +1,5 @@
 """The gliders in use: they glide, stay stable, steer both ways and fly, in both models."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Steady glides, and how a vehicle turns for the position of what turns it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

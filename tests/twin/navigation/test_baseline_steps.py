@@ -1,7 +1,5 @@
 """Baselines sample by sample: what they say of the last sample of what was seen so far."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from torpedo import TORPEDO

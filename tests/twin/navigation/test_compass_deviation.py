@@ -1,7 +1,5 @@
 """The compass' deviation, learned from what gyros and compass say of the same turns."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -48,7 +46,7 @@ def shown(true: dict[str, np.ndarray]) -> np.ndarray:
     return found
 
 
-def test_the_sensitivities_are_those_of_the_compass_model() -> None:
+def test_the_sensitivities_are_those_of_the_compass_model():
     """The iron as the sensor model has it, to first order, at all attitudes."""
     rng = np.random.default_rng(3)
     small = 1e-3  # [degree], so that products do not count
@@ -85,7 +83,7 @@ def learned(bias=(0.0, 0.0), noise: float = 0.0) -> CompassDeviation:
 
 
 @pytest.mark.parametrize("bias", [(0.0, 0.0), (0.05 * DEG, -0.04 * DEG)])
-def test_turns_tell_the_iron_whatever_the_gyros_biases_are(bias) -> None:
+def test_turns_tell_the_iron_whatever_the_gyros_biases_are(bias):
     found = learned(bias, noise=0.2 * DEG)
     off = np.abs(found.iron - IRON)
     assert (off < 1.2 * found.iron_deviation + 0.05 * DEG).all()
@@ -93,14 +91,14 @@ def test_turns_tell_the_iron_whatever_the_gyros_biases_are(bias) -> None:
     assert found.iron_deviation[0] < 0.8 * CompassDeviation(PERIOD).iron_deviation[0]
 
 
-def test_a_compass_that_is_right_is_left_alone() -> None:
+def test_a_compass_that_is_right_is_left_alone():
     true, found = box(seconds=150.0, turn=40.0, sides=6), CompassDeviation(PERIOD)
     for k, angle in enumerate(true["heading"]):
         found.step(true["roll"][k], true["pitch"][k], angle, true["rates"][k, 1:])
     assert (np.abs(found.iron) < 0.03 * DEG).all()
 
 
-def test_without_gyros_nothing_is_learned() -> None:
+def test_without_gyros_nothing_is_learned():
     found = CompassDeviation(PERIOD)
     for k in range(200):
         found.step(0.1, 0.4, 0.01 * k, np.full(2, np.nan))
@@ -133,7 +131,7 @@ def flown(true, *, rates: bool) -> tuple[np.ndarray, Navigator]:
     return np.array([state.north, state.east]), navigator
 
 
-def test_the_way_before_a_turn_is_corrected_by_what_the_turn_tells() -> None:
+def test_the_way_before_a_turn_is_corrected_by_what_the_turn_tells():
     true = box()
     attitude = AttitudeSeries(roll=true["roll"], pitch=true["pitch"], heading=true["heading"])
     velocity = np.tile([SURGE, 0.0, 0.0], (len(true["roll"]), 1))

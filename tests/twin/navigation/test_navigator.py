@@ -1,7 +1,5 @@
 """The navigator: the track of dead reckoning, sample by sample, with fixes and a state."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from navigation import PERIOD, add_fixes, steady_mission

@@ -1,7 +1,5 @@
 """Added mass: exact in the mass matrix, at any ratio, under every integrator."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import mujoco

@@ -5,8 +5,6 @@ integrator with the twin. It takes the battery as held in place, so the commands
 are the pump's, which moves no mass; one test moves the battery, slowly.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The ellipsoid model: MuJoCo's own law in still water, but at the water-relative velocity."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The hull in its water: weighed, squeezed and warmed, in both models."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from physics import held

@@ -4,8 +4,6 @@ docs/physics/equations.md says why. Here one glide is flown with the right-hand 
 model and another account of the added mass, in plain NumPy.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

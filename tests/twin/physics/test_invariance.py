@@ -1,7 +1,5 @@
 """Invariances of the physics: heading, mirror image, uniform current; and its power."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

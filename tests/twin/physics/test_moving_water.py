@@ -1,7 +1,5 @@
 """Water that accelerates, shears and strains: limits that hold whatever the vehicle's law is."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from typing import Any, ClassVar

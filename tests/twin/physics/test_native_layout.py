@@ -1,7 +1,5 @@
 """Native callbacks: where MuJoCo keeps its fields, whom they touch, and what is compiled late."""
 
-from __future__ import annotations
-
 import logging
 import signal
 import threading

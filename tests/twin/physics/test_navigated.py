@@ -1,7 +1,5 @@
 """Navigated simulations: guidance by what is known on board, and nothing of the truth."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Simulations: determinism, batches, actuators, buoyancy, surface, instability, replay."""
 
-from __future__ import annotations
-
 import json
 
 import mujoco

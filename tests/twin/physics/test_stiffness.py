@@ -1,7 +1,5 @@
 """Stiff vehicles: what a step solves for, what it extrapolates, and which step is too long."""
 
-from __future__ import annotations
-
 import math
 import warnings
 

@@ -1,7 +1,5 @@
 """The twin beside the independent Fossen model where `twin check` does not go."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

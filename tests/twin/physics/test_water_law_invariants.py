@@ -1,7 +1,5 @@
 """Invariants of the hull law and of the models: mirror, tumbling, damping, continuity, density."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

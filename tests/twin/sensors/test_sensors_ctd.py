@@ -1,7 +1,5 @@
 """The CTD: Sea-Bird's figures, the lag of its cell, and where there is none."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import gsw

@@ -1,7 +1,5 @@
 """Live sensors: every sensor measures sample by sample what it measures of a whole mission."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

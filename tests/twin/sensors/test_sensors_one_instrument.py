@@ -1,7 +1,5 @@
 """Attitude and heading err as the IMU that they are made of: no second measurement of gravity."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parts and laws that a program puts into a vehicle file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

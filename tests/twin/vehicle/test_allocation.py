@@ -1,7 +1,5 @@
 """Several parts of a kind share what guidance asks: two screws, an X tail, six fins."""
 
-from __future__ import annotations
-
 import math
 import warnings
 

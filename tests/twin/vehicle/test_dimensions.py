@@ -1,7 +1,5 @@
 """A vehicle from its dimensions: Lamb's table, published vehicles, and what cannot be."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -18,9 +16,7 @@ from twin.vehicle.dimensions import _lamb
     [(1.5, 0.305, 0.621, 0.094), (2.51, 0.156, 0.763, 0.367), (6.01, 0.045, 0.918, 0.764),
      (9.97, 0.021, 0.960, 0.883)],
 )  # fmt: skip
-def test_spheroids_are_those_of_lambs_table(
-    slenderness: float, along: float, across: float, turning: float
-) -> None:
+def test_spheroids_are_those_of_lambs_table(slenderness, along, across, turning):
     """Lamb 1932, article 115, k1, k2 and k'."""
     assert _lamb(slenderness) == pytest.approx((along, across, turning), abs=2e-3)
 
@@ -32,7 +28,7 @@ def of(name: str, **known: float) -> tuple[Any, Any]:
 
 
 @pytest.mark.parametrize("name", ["remus", "tethys"])
-def test_published_vehicles_are_near(name: str) -> None:
+def test_published_vehicles_are_near(name):
     published, made = of(name)
     assert made.mass == pytest.approx(published.mass)
     across = made.added_mass[1, 1] / published.added_mass[1, 1]
@@ -47,7 +43,7 @@ def test_published_vehicles_are_near(name: str) -> None:
     assert -munk < ours["Muw"] < 0.0
 
 
-def test_it_flies_straight_and_turns_to_port() -> None:
+def test_it_flies_straight_and_turns_to_port():
     _, made = of("remus", screw=0.14)
 
     def controller(seen: Any) -> twin.Command:
@@ -72,6 +68,6 @@ def test_it_flies_straight_and_turns_to_port() -> None:
         ({"length": 1.3, "diameter": 0.19, "mass": 30.0, "density": 1.03}, "950 to 1100"),
     ],
 )
-def test_what_cannot_be_is_refused(numbers: dict[str, float], says: str) -> None:
+def test_what_cannot_be_is_refused(numbers, says):
     with pytest.raises(InputError, match=says):
         Dimensions.of(numbers)

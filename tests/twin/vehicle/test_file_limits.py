@@ -1,7 +1,5 @@
 """A vehicle file is the whole vehicle, and asks for no more than a vehicle needs."""
 
-from __future__ import annotations
-
 import pytest
 from patience import little_work
 

@@ -1,7 +1,5 @@
 """Neutral positions: a hull that is not quite even is steered straight by a part that is turned."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A part, a hull law and a kind of segment from one file outside the package fly in both models."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Presets of a vehicle file: other numbers of one vehicle, each a complete MJCF text."""
 
-from __future__ import annotations
-
 import mujoco
 import pytest
 

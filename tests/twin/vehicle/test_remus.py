@@ -1,7 +1,5 @@
 """REMUS: a third propelled vehicle, by its file alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

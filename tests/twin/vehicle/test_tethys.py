@@ -5,8 +5,6 @@ their tolerances, flown by `tethys:gazebo`. Figures of the equations are compute
 simulator.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -4,8 +4,6 @@ The rows are those of osrf/lrauv at e7ad598 (missions moved to lrauv-application
 `tethys:gazebo`; the leg of a yo-yo is MBARI's own simulator's (issue 50 there).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A vehicle that is no glider passes through the whole of `twin`."""
 
-from __future__ import annotations
-
 import functools
 import json
 from pathlib import Path

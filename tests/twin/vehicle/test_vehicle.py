@@ -1,7 +1,5 @@
 """Vehicle files: read by name, agree with MuJoCo, and say what is wrong with them."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Analytic currents against their formulas, invariants and statistics."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

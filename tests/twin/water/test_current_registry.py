@@ -1,7 +1,5 @@
 """Every registered kind is whole: kernel, text, description, documents, exact derivatives."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

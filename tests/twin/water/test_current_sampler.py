@@ -1,7 +1,5 @@
 """The compiled sampler: its rate is the exact derivative of what it interpolates."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

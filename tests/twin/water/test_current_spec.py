@@ -1,7 +1,5 @@
 """Currents from a line of text, and currents that describe themselves."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

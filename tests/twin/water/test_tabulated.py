@@ -1,7 +1,5 @@
 """A plain Python function flies as a current, as near as is asked, or is refused."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures: every one a Figure with units on its axes, from truth or measurements; the command."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

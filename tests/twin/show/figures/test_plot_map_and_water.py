@@ -1,7 +1,5 @@
 """Map and water: coast, graticule, scale bar, TS diagram, sections, colour maps of the ocean."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import gsw
@@ -16,7 +14,6 @@ from matplotlib.path import Path
 from matplotlib.quiver import Quiver
 
 from twin.errors import InputError
-from twin.records.trajectory import Trajectory
 from twin.show.figures import figure, section_figure
 from twin.show.figures.map import joined
 from twin.show.figures.map_ground import (
@@ -55,11 +52,11 @@ def on_land(latitude: float, longitude: float) -> bool:
         (-65.0, 100.0, False),
     ],
 )
-def test_the_coast_parts_land_and_sea(latitude: float, longitude: float, land: bool) -> None:
+def test_the_coast_parts_land_and_sea(latitude, longitude, land):
     assert on_land(latitude, longitude) is land
 
 
-def test_the_coast_is_closed_and_lies_on_the_earth() -> None:
+def test_the_coast_is_closed_and_lies_on_the_earth():
     assert len(rings()) == 1421
     for ring in rings():
         assert (ring[0] == ring[-1]).all()
@@ -67,7 +64,7 @@ def test_the_coast_is_closed_and_lies_on_the_earth() -> None:
         assert np.abs(np.diff(ring[:, 0]))[np.abs(ring[1:, 1]) < 89.0].max(initial=0.0) < 20.0
 
 
-def test_the_open_ocean_has_no_coast() -> None:
+def test_the_open_ocean_has_no_coast():
     assert coast_within(-6.5, -5.0, 49.5, 50.5)
     assert not coast_within(-41.0, -39.0, 29.0, 31.0)
     axes = Figure().add_subplot()
@@ -89,11 +86,11 @@ def test_the_open_ocean_has_no_coast() -> None:
         (49.99999, 1.0, "50°00′N"),
     ],
 )
-def test_latitudes_read_as_on_charts(value: float, step: float, text: str) -> None:
+def test_latitudes_read_as_on_charts(value, step, text):
     assert latitude_text(value, step) == text
 
 
-def test_longitudes_turn_at_180() -> None:
+def test_longitudes_turn_at_180():
     assert longitude_text(-58.25, 5.0) == "58°15′W"
     assert longitude_text(190.0, 60.0) == "170°W"
     assert longitude_text(180.0, 60.0) == "180°"
@@ -101,7 +98,7 @@ def test_longitudes_turn_at_180() -> None:
 
 
 @given(span=st.floats(0.004, 100.0), most=st.integers(2, 6))
-def test_lines_of_a_map_are_few_and_round(span: float, most: int) -> None:
+def test_lines_of_a_map_are_few_and_round(span, most):
     step = line_step(span, most)
     assert step in STEPS
     assert 60.0 * span / step <= most or step == STEPS[-1]
@@ -114,9 +111,7 @@ def test_lines_of_a_map_are_few_and_round(span: float, most: int) -> None:
     east=st.floats(0.0, 2.0),
     shape=st.floats(0.5, 2.0),
 )
-def test_a_box_holds_its_points_and_has_its_shape(
-    latitude: float, longitude: float, north: float, east: float, shape: float
-) -> None:
+def test_a_box_holds_its_points_and_has_its_shape(latitude, longitude, north, east, shape):
     points = np.array([latitude, latitude + north]), np.array([longitude, longitude + east])
     west, far, south, top = box_around(*points, shape)
     assert west < longitude
@@ -127,7 +122,7 @@ def test_a_box_holds_its_points_and_has_its_shape(
     assert (far - west) * np.cos(middle) / (top - south) == pytest.approx(shape, rel=0.01)
 
 
-def test_the_scale_bar_is_as_long_as_it_says() -> None:
+def test_the_scale_bar_is_as_long_as_it_says():
     axes = Figure().add_subplot()
     box = (-6.0, -5.0, 49.5, 50.2)
     draw_graticule(axes, box)
@@ -138,7 +133,7 @@ def test_the_scale_bar_is_as_long_as_it_says() -> None:
     assert axes.texts[0].get_text() == f"{metres / 1000:g} km"
 
 
-def test_the_map_has_coordinates_and_the_true_track(trajectory: Trajectory) -> None:
+def test_the_map_has_coordinates_and_the_true_track(trajectory):
     drawn = figure(trajectory, "map")
     drawn.canvas.draw()
     axes = drawn.axes[0]
@@ -169,13 +164,13 @@ def test_the_map_has_coordinates_and_the_true_track(trajectory: Trajectory) -> N
         assert box.y1 <= height + 1
 
 
-def test_a_mission_without_a_place_has_no_map(trajectory: Trajectory) -> None:
+def test_a_mission_without_a_place_has_no_map(trajectory):
     nowhere = dataclasses.replace(trajectory, provenance={})
     with pytest.raises(InputError, match="the track figure draws it in metres"):
         figure(nowhere, "map")
 
 
-def test_the_ts_diagram_is_teos_10(trajectory: Trajectory) -> None:
+def test_the_ts_diagram_is_teos_10(trajectory):
     axes = figure(trajectory, "ts").axes[0]
     (dots,) = [c for c in axes.collections if len(c.get_offsets()) > 10]
     depth = trajectory["true_depth"]
@@ -194,7 +189,7 @@ def test_the_ts_diagram_is_teos_10(trajectory: Trajectory) -> None:
     assert figure(nowhere, "ts").axes[0].get_xlabel().startswith("reference salinity")
 
 
-def test_sections_of_the_water_run_down_in_cmocean_s_maps(trajectory: Trajectory) -> None:
+def test_sections_of_the_water_run_down_in_cmocean_s_maps(trajectory):
     for name in ("hydrography", "transect"):
         panels = [axes for axes in figure(trajectory, name).axes if axes.get_title(loc="left")]
         for axes, quantity in zip(panels, ("temperature", "salinity"), strict=True):
@@ -208,20 +203,20 @@ def test_sections_of_the_water_run_down_in_cmocean_s_maps(trajectory: Trajectory
     assert dots.get_offsets()[-1, 0] == pytest.approx(way)
 
 
-def test_a_mission_without_a_ctd_says_so(trajectory: Trajectory) -> None:
+def test_a_mission_without_a_ctd_says_so(trajectory):
     dry = {n: v for n, v in trajectory.items() if "temperature" not in n}
     for name in ("ts", "hydrography", "transect"):
         with pytest.raises(InputError, match="no temperature and salinity: a log has them"):
             figure(dataclasses.replace(trajectory, signals=dry), name)
 
 
-def test_a_section_is_coloured_by_the_water(trajectory: Trajectory) -> None:
+def test_a_section_is_coloured_by_the_water(trajectory):
     axes = section_figure(trajectory, "temperature").axes
     assert axes[0].collections[0].get_cmap().name == "thermal"
     assert axes[1].get_ylabel() == "temperature [°C]"
 
 
-def test_colour_maps_exist_and_signed_ones_have_a_middle() -> None:
+def test_colour_maps_exist_and_signed_ones_have_a_middle():
     for quantity in OCEAN_MAPS:
         assert ocean_map(quantity).N == 256
     balance = ocean_map("vertical_velocity")
@@ -230,7 +225,7 @@ def test_colour_maps_exist_and_signed_ones_have_a_middle() -> None:
     assert ocean_map("pitch") in matplotlib.colormaps
 
 
-def test_the_label_below_a_map_with_a_caption_is_whole() -> None:
+def test_the_label_below_a_map_with_a_caption_is_whole():
     from twin.show.figures.map import MapContent, draw_content
     from twin.show.figures.page_layout import add_caption
 

@@ -1,7 +1,5 @@
 """Files that `twin render` writes, with one worker or two; OpenGL found, released or missing."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil

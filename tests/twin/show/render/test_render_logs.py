@@ -1,9 +1,6 @@
 """Pictures of logs: what is drawn, what colours it, and that no readout shows what is unknown."""
 
-from __future__ import annotations
-
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +24,7 @@ FLIGHT = Flight(dives=2)
 
 
 @pytest.fixture(scope="module")
-def log(dives: Path) -> LoggedTrajectory:
+def log(dives):
     return logged_trajectory(dives, [0])
 
 
@@ -42,9 +39,7 @@ def deep(log: LoggedTrajectory) -> int:
     return int(np.argmax((log["true_depth"] > 20.0) & (log["measured_gap"] == 0.0)))
 
 
-def test_a_log_s_pose_is_the_corrected_track_and_the_measured_attitude(
-    log: LoggedTrajectory,
-) -> None:
+def test_a_log_s_pose_is_the_corrected_track_and_the_measured_attitude(log):
     k = deep(log)
     found = poses(log, log.time[[k]])
     expected = [log[f"true_{name}"][k] for name in ("north", "east", "depth")]
@@ -55,7 +50,7 @@ def test_a_log_s_pose_is_the_corrected_track_and_the_measured_attitude(
     assert shown["SPEED"] == f"{np.linalg.norm(log.v_rel[k]):.2f} m/s"
 
 
-def test_what_nobody_knows_has_no_readout(log: LoggedTrajectory) -> None:
+def test_what_nobody_knows_has_no_readout(log):
     shown = values(log, log.time[deep(log)])
     assert "NET BUOYANCY" not in shown
     assert shown["PUMPED"].endswith(" cm³")
@@ -64,7 +59,7 @@ def test_what_nobody_knows_has_no_readout(log: LoggedTrajectory) -> None:
     assert not {"SPEED", "HEADING"} & set(values(bare, log.time[deep(log)]))
 
 
-def test_in_a_gap_only_the_time_is_known(log: LoggedTrajectory) -> None:
+def test_in_a_gap_only_the_time_is_known(log):
     gap = np.zeros(len(log.time))
     k = deep(log)
     gap[k : k + 3] = 1.0
@@ -78,7 +73,7 @@ def test_in_a_gap_only_the_time_is_known(log: LoggedTrajectory) -> None:
     assert UNKNOWN not in {item.value for item in after}
 
 
-def test_a_still_is_of_the_last_moment_outside_gaps(log: LoggedTrajectory) -> None:
+def test_a_still_is_of_the_last_moment_outside_gaps(log):
     gap, north = np.zeros(len(log.time)), log["true_north"].copy()
     gap[-4:], north[-6:-4] = 1.0, np.nan
     holed = dataclasses.replace(
@@ -89,7 +84,7 @@ def test_a_still_is_of_the_last_moment_outside_gaps(log: LoggedTrajectory) -> No
     assert Shot().still_time(holed.time, float(log.time[-2]), known_samples(holed)) == log.time[-2]
 
 
-def test_a_log_without_attitude_is_drawn_along_its_track(log: LoggedTrajectory) -> None:
+def test_a_log_without_attitude_is_drawn_along_its_track(log):
     angles = ("pitch", "roll", "heading")
     names = {n: v for n, v in log.items() if not n.endswith(angles)}
     plain = dataclasses.replace(log, signals=names)
@@ -101,7 +96,7 @@ def test_a_log_without_attitude_is_drawn_along_its_track(log: LoggedTrajectory) 
     assert not {"PITCH", "HEADING"} & set(values(plain, log.time[k]))
 
 
-def test_the_track_is_coloured_by_what_is_known(log: LoggedTrajectory) -> None:
+def test_the_track_is_coloured_by_what_is_known(log):
     everywhere = np.ones(len(log.time), bool)
     _, scale = track_values(log, None, everywhere, ())
     assert scale.label == "speed through water, flight model [m/s]"
@@ -119,12 +114,12 @@ def test_the_track_is_coloured_by_what_is_known(log: LoggedTrajectory) -> None:
     np.testing.assert_allclose(grey[0], 0.6)
 
 
-def test_parts_without_a_command_move_too() -> None:
+def test_parts_without_a_command_move_too():
     names = {"measured_shift": 0, "true_shift": 0, "commanded_shift": 0, "measured_rotation": 0}
     assert moving_parts(names) == ("shift", "rotation")
 
 
-def test_the_subject_of_a_log_says_which_dive_it_is(dives: Path) -> None:
+def test_the_subject_of_a_log_says_which_dive_it_is(dives):
     subject = read_subject(dives, 1)
     assert "SG1" in subject.title
     assert "mission 1" in subject.title
@@ -136,7 +131,7 @@ def test_the_subject_of_a_log_says_which_dive_it_is(dives: Path) -> None:
     assert drawn.vehicle.name == "tethys"
 
 
-def test_dives_of_several_deployments_are_named_with_what_to_type(tmp_path: Path) -> None:
+def test_dives_of_several_deployments_are_named_with_what_to_type(tmp_path):
     files = []
     for name in ("SG171", "SG265"):
         (tmp_path / name).mkdir()
@@ -148,7 +143,7 @@ def test_dives_of_several_deployments_are_named_with_what_to_type(tmp_path: Path
     assert str(raised.value).endswith(": SG171: --missions 0-1; SG265: --missions 2-3")
 
 
-def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
+def test_a_log_without_any_track_says_why(dives, tmp_path):
     data = MissionStore(dives).dataset.load().drop_vars(["measured_pump", "position_method"])
     for name in ("displacement_north", "displacement_east"):
         data[name] = data[name] * np.nan
@@ -158,9 +153,7 @@ def test_a_log_without_any_track_says_why(dives: Path, tmp_path: Path) -> None:
 
 
 @needs_gl
-def test_a_picture_of_a_log(
-    dives: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_picture_of_a_log(dives, tmp_path, capsys):
     words = ("render", dives, "--missions", "all", "--size", "320x180", "--out", tmp_path / "a.png")
     code, _, err = call(capsys, *words)
     assert (code, err) == (0, "")

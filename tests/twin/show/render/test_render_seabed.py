@@ -1,7 +1,5 @@
 """Seabed: pictures show the mission's own sea floor where it has one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """`twin view`: what it shows, what its keys do, and what it says without a screen."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

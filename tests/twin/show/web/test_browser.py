@@ -1,7 +1,5 @@
 """The page in a real browser: it opens without a complaint, and shows what the store holds."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 

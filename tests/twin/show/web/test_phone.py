@@ -1,10 +1,5 @@
 """The page on a phone: fingers in headless Chromium, 390 x 844 CSS pixels of three each way."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
@@ -16,7 +11,7 @@ WIDE, HIGH = 390, 844
 
 
 @pytest.fixture(scope="module")
-def phone(page: Path) -> Iterator[Browser]:
+def phone(page):
     """The page of a short mission, opened on it."""
     with Browser() as browser:
         browser.resize(WIDE, HIGH, phone=True)
