@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).parents[2]
 NEWER = ROOT / ".venv-mujoco4" / "bin" / "python"
 FLY = """
 import json, sys

@@ -161,21 +161,6 @@ def test_a_closed_output_is_no_error():
     assert done.stderr == ""
 
 
-def test_a_current_beyond_the_vehicle_is_named(capsys, tmp_path):
-    mission = tmp_path / "wp.toml"
-    mission.write_text(
-        'duration_s = 900\n[[segments]]\nkind = "waypoint"\nmax_depth_m = 30\n'
-        "targets = [{ north_m = 1500, east_m = 0 }]\n",
-        encoding="utf-8",
-    )
-    code, _, err = call(capsys, "simulate", str(mission), "--current", "uniform:-0.6,0")
-    assert code == 0
-    assert "the current of 0.60 m/s is stronger than the vehicle" in err
-    (short,) = [line for line in err.splitlines() if "short of" in line]
-    assert "km short of target 1 of 1, at 900 s" in short
-    assert 1.5 < float(short.split("ended ")[1].split(" km")[0]) < 2.2
-
-
 @pytest.mark.parametrize(
     "text",
     [

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pytest
 from dm_control import mujoco as dm_mujoco
-from dm_control import suite as dm_suite
 from dm_control.rl.control import PhysicsError
 
 from twin import control
@@ -21,7 +20,6 @@ from twin.mission.controller import Schedule
 from twin.physics.model_block import header
 from twin.physics.mujoco_model import compile_model
 from twin.physics.native import block as b
-from twin.physics.native.install import install, uninstall
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import Simulation
 from twin.physics.start import Start
@@ -333,23 +331,6 @@ def test_two_environments_do_not_disturb_each_other():
     together = steps([make(*pair) for pair in pairs])
     alone = [steps([make(*pair)])[0] for pair in pairs]
     np.testing.assert_array_equal(together, alone)
-
-
-def test_foreign_models_are_untouched():
-    def swim():
-        environment = dm_suite.load("swimmer", "swimmer6", task_kwargs={"random": 0})
-        environment.reset()
-        for _ in range(30):
-            environment.step(np.full(5, 0.4))
-        return environment.physics.get_state()
-
-    with_gliders = swim()
-    uninstall()
-    try:
-        without = swim()
-    finally:
-        install()
-    np.testing.assert_array_equal(with_gliders, without)
 
 
 @needs_gl

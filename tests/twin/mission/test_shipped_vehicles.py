@@ -10,7 +10,6 @@ import pytest
 
 import twin
 from twin.__main__ import PROGRAM
-from twin.checks.agreement import check_manoeuvres
 from twin.fossen import FossenModel
 from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide
@@ -109,11 +108,6 @@ def test_slocums_answer_their_rudder_as_the_logs_do(name, dive, climb):
         shift, net_mass = usual(vehicle, sense)
         found = FossenModel(vehicle).trim(shift, math.radians(5.0), net_mass)
         assert math.degrees(found.turn_rate_rad_s) / 5.0 == pytest.approx(logged, rel=0.25)
-
-
-@pytest.mark.parametrize("name", IN_USE)
-def test_both_models_agree(name):
-    assert all(found.ok for found in check_manoeuvres(load_vehicle(name), count=2, seed=2))
 
 
 @pytest.mark.parametrize("name", IN_USE)

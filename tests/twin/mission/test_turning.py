@@ -8,9 +8,10 @@ from torpedo import TORPEDO
 
 from twin.errors import MissionError
 from twin.fossen import FossenModel
-from twin.mission import Mission, SawTooth, steady_glide
-from twin.mission.glide_balance import imbalance
+from twin.mission import Mission
+from twin.mission.glide_balance import imbalance, steady_glide
 from twin.mission.mission_file import CLIMB_TURN, DIVE_TURN
+from twin.mission.segments import SawTooth
 from twin.mission.turning import LARGEST_FACTOR, turn_factor, turn_per_position
 from twin.mission.way import way
 from twin.physics.scenario import Scenario
@@ -112,22 +113,6 @@ def test_the_loop_is_as_strong_on_every_way_as_on_the_usual_one(pitch, net_mass)
     assert turned != pytest.approx(turn_per_position(PRINTED, usual), rel=0.1)
     looped = turn_factor(PRINTED, here) * turned
     assert looped == pytest.approx(turn_per_position(PRINTED, usual), rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("net_mass", "pitch_deg", "shift", "speed", "alpha_deg", "down"),
-    [
-        (0.30, -32.973, 0.0200, 0.4729, 1.457, 0.2674),
-        (0.30, -17.984, 0.0100, 0.3586, 2.826, 0.1274),
-        (-0.30, 35.058, -0.0200, 0.4861, -1.257, -0.2879),
-    ],
-)
-def test_sea_wing_glides_of_the_reference_table(net_mass, pitch_deg, shift, speed, alpha_deg, down):
-    glide = steady_glide(load_vehicle("glider"), math.radians(pitch_deg), net_mass)
-    assert glide.shift == pytest.approx(shift, abs=1e-5)
-    assert glide.speed == pytest.approx(speed, abs=1e-4)
-    assert math.degrees(glide.angle_of_attack) == pytest.approx(alpha_deg, abs=1e-3)
-    assert glide.vertical_speed == pytest.approx(down, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["glider", "rogue", "graver-2005"])

@@ -2,22 +2,22 @@
 
 import numpy as np
 import pytest
+from navigation import PERIOD
 from torpedo import TORPEDO
 
 import twin
 from twin.errors import InputError
 from twin.navigation.estimators import (
-    VELOCITY_ESTIMATORS,
     BodyVelocity,
     VelocityEstimator,
     baselines,
     open_velocity_estimator,
     usual_velocity_estimator,
 )
+from twin.seams import VELOCITY_ESTIMATORS
 from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("glider")
-PERIOD = 0.5
 STEPPED = [name for name in VELOCITY_ESTIMATORS.shipped() if name != "onboard"]
 
 

@@ -20,12 +20,10 @@ from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current import register
 from twin.water.current.base import Current, parse_current
-from twin.water.current.sampler import sample_gradient
 
 VEHICLE = load_vehicle("glider")
 NEUTRAL = (0.0, 0.0, 0.0)
 ONE_DENSITY = (np.zeros(1), np.array([VEHICLE.reference_density]))
-HOUR = 3600.0
 FLIGHT = 1800.0
 
 
@@ -246,20 +244,3 @@ def test_a_shear_across_the_track_turns_the_hull_as_its_yaw_damping_says():
     assert heading[-1] < 1.0  # it has turned from 1.57
     assert np.abs(heading - expected).max() < 0.2
     assert np.abs(heading - np.unwrap(theirs.attitude[:, 2])).max() < 1e-3
-
-
-@pytest.mark.parametrize("text", CURRENTS)
-def test_the_gradient_of_every_current_is_that_of_its_velocity(text):
-    """Central differences of the velocity, so that no derivative is left out."""
-    program, step = parse_current(text).compile(HOUR), 1e-3
-    place = np.array([1234.5, 10.0, -20.0, 37.0])
-    found = np.array(sample_gradient(program, *place))
-    for axis in range(4):
-        move = np.zeros(4)
-        move[axis] = step
-        change = np.subtract(
-            sample_gradient(program, *(place + move))[:3],
-            sample_gradient(program, *(place - move))[:3],
-        ) / (2 * step)  # fmt: skip
-        given = found[3:6] if axis == 0 else found[6:].reshape(3, 3)[:, axis - 1]
-        np.testing.assert_allclose(given, change, atol=1e-9)

@@ -9,7 +9,7 @@ from twin.errors import InputError
 from twin.sensors import Compass
 from twin.vehicle.vehicle import load_vehicle
 
-DEG = np.pi / 180
+DEG = math.pi / 180.0
 HEADINGS = np.arange(0.0, 360.0, 2.0)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import twin
-from twin.checks.agreement import check_manoeuvres
 from twin.mission.glide_balance import cruise_rate
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import load_vehicle
@@ -45,10 +44,6 @@ def test_a_deflection_adds_what_the_thesis_has():
         assert wrench[axis] == pytest.approx(sense * FIN, rel=1e-3)
         assert wrench[moment] == pytest.approx(-6.15, rel=1e-3)
         assert np.abs(part.wrench(0.0, ahead, 1030.0, 10.0)).max() == 0.0  # the list holds it
-
-
-def test_manoeuvres_agree_with_fossen():
-    assert all(found.ok for found in check_manoeuvres(REMUS, count=2))
 
 
 def test_it_flies_the_shipped_survey():
