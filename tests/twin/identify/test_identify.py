@@ -247,8 +247,9 @@ def test_damaged_sensor_errors_are_named(tmp_path):
 
 def test_store_hash_follows_the_content(store, tmp_path, run):
     assert store_hash(store) == store_hash(store)
-    other = simulated.flown(VEHICLE, 8, max_depth=40.0, yos=1)
-    assert store_hash(simulated.stored(tmp_path / "b.zarr", [other])) != store_hash(store)
+    other = simulated.stored(tmp_path / "b.zarr", [simulated.add_pitch_offset(run, 1e-3)])
+    simulated.add_pitch_offset(run, -1e-3)
+    assert store_hash(other) != store_hash(store)
 
 
 def test_logs_that_cannot_be_used_are_named(tmp_path, store, nominal):

@@ -39,6 +39,12 @@ def log(vehicle, tmp_path_factory):
     return simulated_log(tmp_path_factory.mktemp("log"), vehicle)
 
 
+@pytest.fixture(scope="module")
+def own(log, vehicle):
+    """The log beside the vehicle that flew it."""
+    return check_logs(log, vehicle)
+
+
 def changed(store: Path, out: Path, **signals: float | None) -> Path:
     """A copy of a store of logs; a signal becomes a constant, or is taken out with None."""
     dataset = xr.open_zarr(store).load()
@@ -53,11 +59,10 @@ def changed(store: Path, out: Path, **signals: float | None) -> Path:
 # --- the comparison -------------------------------------------------------------------------------
 
 
-def test_a_vehicle_flies_as_its_own_log(log, vehicle):
-    found = check_logs(log, vehicle)
-    assert found.beyond == []
+def test_a_vehicle_flies_as_its_own_log(own):
+    assert own.beyond == []
     for name, way, pitch in (("dive", 1.0, -PITCH), ("climb", -1.0, CLIMB_PITCH)):
-        phase = found.phases[name]  # type: ignore[index]
+        phase = own.phases[name]
         assert phase.twin is not None
         assert way * phase.log.depth_rate > 0.05
         assert phase.twin.depth_rate == pytest.approx(phase.log.depth_rate, rel=0.01)
@@ -87,8 +92,8 @@ def test_dives_under_the_thruster_are_left_out_of_the_check(tmp_path, log, vehic
         check_logs(powered, vehicle)
 
 
-def test_the_twin_turns_as_its_own_log_by_its_part(log, vehicle):
-    dive = check_logs(log, vehicle).phases["dive"]
+def test_the_twin_turns_as_its_own_log_by_its_part(log, vehicle, own):
+    dive = own.phases["dive"]
     assert dive.same_part
     assert dive.twin is not None
     assert dive.log.turn_per_actuator == pytest.approx(0.043, rel=0.1)
@@ -118,8 +123,8 @@ def test_the_twin_flies_in_the_water_of_the_log(log, vehicle, tmp_path):
     assert phases["climb"]["ratio"]["depth_rate_m_s"] > 1.05
 
 
-def test_what_is_said_is_json_with_the_figures_of_each_phase(log, vehicle):
-    said = json.loads(json.dumps(check_logs(log, vehicle).describe()))
+def test_what_is_said_is_json_with_the_figures_of_each_phase(own):
+    said = json.loads(json.dumps(own.describe()))
     assert said["dives"] == 1
     assert said["legs"] == {"dive": 2, "climb": 2}
     assert set(said["phases"]) == {"dive", "climb"}
@@ -132,7 +137,7 @@ def test_what_is_said_is_json_with_the_figures_of_each_phase(log, vehicle):
         )
 
 
-def test_what_the_log_lacks_is_said(log, vehicle, tmp_path):
+def test_what_the_log_lacks_is_said(log, vehicle, own, tmp_path):
     lacking = changed(
         log, tmp_path / "lacking.zarr", measured_heading=None, measured_rotation=None,
         true_surge=None,
@@ -144,9 +149,7 @@ def test_what_the_log_lacks_is_said(log, vehicle, tmp_path):
     log_figures = found.phases["dive"].log
     assert log_figures.heading_sd is None
     assert log_figures.turn_per_actuator is None
-    assert log_figures.speed == pytest.approx(
-        check_logs(log, vehicle).phases["dive"].log.speed, rel=0.02
-    )
+    assert log_figures.speed == pytest.approx(own.phases["dive"].log.speed, rel=0.02)
 
 
 def test_a_rudder_is_not_compared_with_a_battery(log, vehicle, tmp_path):

@@ -77,8 +77,12 @@ def silent(columns, tmp_path_factory):
     return stored(tmp_path_factory.mktemp("silent"), table)
 
 
-def test_the_consumers_of_a_known_log_are_found_again(store):
-    found = energy_used(store, "slocum-200")
+@pytest.fixture(scope="module")
+def found(store):
+    return energy_used(store, "slocum-200")
+
+
+def test_the_consumers_of_a_known_log_are_found_again(found):
     terms = {one.name: one for one in found.terms}
     for name, right in (
         ("hotel", HOTEL), ("surface", SURFACE), ("payload", PAYLOAD), ("pump", 1.0 / EFFICIENCY),
@@ -96,7 +100,7 @@ def test_the_consumers_of_a_known_log_are_found_again(store):
     assert found.consumption.pump_efficiency == pytest.approx(EFFICIENCY, rel=0.06)
 
 
-def test_later_dives_are_foretold_by_what_they_do(store):
+def test_later_dives_are_foretold_by_what_they_do(store, found):
     """Each dive's charge; its hours alone say less, since depths and payload differ."""
     tried = second_half(store, load_vehicle("slocum-200"))
     assert tried is not None
@@ -104,7 +108,7 @@ def test_later_dives_are_foretold_by_what_they_do(store):
     errors = tried.errors()
     assert errors["model_per_dive"] < 0.02
     assert errors["per_hour_per_dive"] > 0.05
-    mean = np.mean([one.measured for one in energy_used(store, "slocum-200").dives[:6]])
+    mean = np.mean([one.measured for one in found.dives[:6]])
     assert tried.each == pytest.approx(mean, rel=0.01)
 
 
@@ -199,15 +203,14 @@ def test_charge_of_later_dives_of_real_gliders(folder, cache, dives, tmp_path):
     assert errors["model_per_dive"] < 0.5 * errors["each_per_dive"]
 
 
-def test_a_flight_tells_power_and_days_left(store, silent, tmp_path, capsys):
+def test_a_flight_tells_power_and_days_left(store, silent, found, tmp_path, capsys):
     words = ["--vehicle", "slocum-200", "--estimator", "steady", "--overwrite", "--json"]
     words += ["--out", str(tmp_path / "flight.nc")]
-    used = energy_used(store, "slocum-200")
     left = ["--energy-left-kwh", "1.2"]
-    for more, days in ((left, pytest.approx(1200.0 / used.power / 24.0)), ([], None)):
+    for more, days in ((left, pytest.approx(1200.0 / found.power / 24.0)), ([], None)):
         assert PROGRAM.main(["flight", str(store), *words, *more]) == 0
         told = json.loads(capsys.readouterr().out)
-        assert told["power_w"] == pytest.approx(used.power)
+        assert told["power_w"] == pytest.approx(found.power)
         assert told["days_left"] == days
     assert PROGRAM.main(["flight", str(store), *words, "--energy-left-kwh", "-1"]) == 2
     assert "--energy-left-kwh -1 must be above 0" in capsys.readouterr().err
@@ -215,7 +218,7 @@ def test_a_flight_tells_power_and_days_left(store, silent, tmp_path, capsys):
     assert "lacks measured_charge and measured_voltage" in capsys.readouterr().err
 
 
-def test_a_forecast_takes_the_power_that_the_log_has_counted(store, capsys):
+def test_a_forecast_takes_the_power_that_the_log_has_counted(store, found, capsys):
     place = ["--goto", "49.6,-57.9", "--vehicle", "slocum-200", "--members", "10", "--hours", "1"]
     words = ["forecast", *place, "--json", "--energy-left-kwh", "1.2"]
     told = []
@@ -223,7 +226,7 @@ def test_a_forecast_takes_the_power_that_the_log_has_counted(store, capsys):
         assert PROGRAM.main([*words, *more]) == 0
         told.append(json.loads(capsys.readouterr().out))
     counted, shipped = told
-    mine = energy_used(store, "slocum-200").consumption
+    mine = found.consumption
     kept = Consumption.of(load_vehicle("slocum-200"))
     steady = [one.hotel_power + one.payload_power for one in (mine, kept)]
     assert steady[0] - steady[1] > 0.1  # the log's vehicle takes more than the shipped one
@@ -244,11 +247,10 @@ def test_an_identified_vehicle_takes_what_its_log_has_counted(store, tmp_path, m
     assert losses.hull_vacuum == pytest.approx(VACUUM_INHG * 3386.389, rel=1e-4)
 
 
-def test_a_solver_that_multiplies_by_infinity_is_not_heard(store, monkeypatch):
+def test_a_solver_that_multiplies_by_infinity_is_not_heard(store, found, monkeypatch):
     """As SciPy's does where a gradient is zero along an endless step; the answer stands."""
     import scipy.optimize
 
-    right = energy_used(store, "slocum-200")
     solve = scipy.optimize.lsq_linear
 
     def with_endless_step(*given: object, **more: object) -> object:
@@ -258,7 +260,7 @@ def test_a_solver_that_multiplies_by_infinity_is_not_heard(store, monkeypatch):
     monkeypatch.setattr(scipy.optimize, "lsq_linear", with_endless_step)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert energy_used(store, "slocum-200").terms == right.terms
+        assert energy_used(store, "slocum-200").terms == found.terms
 
 
 # --- days left by the dives so far ----------------------------------------------------------------

@@ -210,7 +210,7 @@ def test_what_cannot_be_flown_is_told(store, tmp_path):
         estimate_flight(store, missions=[7])
 
 
-def test_an_estimator_of_one_s_own(store):
+def test_an_estimator_of_one_s_own(store, flight):
     class Slow(FlightEstimator):
         kind = "half"
         summary = "half the surge, for a test; heave is left to the depth rate"
@@ -228,10 +228,10 @@ def test_an_estimator_of_one_s_own(store):
         ESTIMATORS.add(HalfThere)
     ESTIMATORS.add(Slow)
     try:
-        slow, usual = twin.estimate_flight(store, estimator="half"), estimate_flight(store)
+        slow = twin.estimate_flight(store, estimator="half")
     finally:
         ESTIMATORS.unregister("half")
-    one, two = slow.missions[0].dive, usual.missions[0].dive
+    one, two = slow.missions[0].dive, flight.missions[0].dive
     np.testing.assert_allclose(one.motion.surge, 0.5 * two.motion.surge)
     assert np.isfinite(one.motion.heave).all()
     np.testing.assert_array_equal(one.water_up, two.water_up)  # of the flight model, always
@@ -247,7 +247,7 @@ def test_the_shipped_estimators_agree_in_steady_flight(name, flight, store):
 
 
 @needs_docs
-def test_the_example_of_the_page_runs(store, tmp_path):
+def test_the_example_of_the_page_runs(store, flight, tmp_path):
     with files_of("docs/howto/flight.md", tmp_path) as names:
         assert names == ["two_thirds"]
         import two_thirds
@@ -256,7 +256,7 @@ def test_the_example_of_the_page_runs(store, tmp_path):
             found = estimate_flight(store, estimator="two-thirds")
         finally:
             ESTIMATORS.unregister(two_thirds.TwoThirds.kind)
-    whole = estimate_flight(store).missions[0].dive.motion
+    whole = flight.missions[0].dive.motion
     np.testing.assert_allclose(found.missions[0].dive.motion.surge, whole.surge * 2.0 / 3.0)
 
 

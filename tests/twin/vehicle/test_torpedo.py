@@ -249,7 +249,8 @@ def test_a_part_must_not_bear_the_name_of_a_signal():
         twin.simulate(vehicle=vehicle, controller=lambda seen: Command(), duration=10.0)
 
 
-def test_every_figure_is_drawn(capsys, store, tmp_path):
+def test_every_figure_is_drawn(capsys, store, tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.commands.plot.PRINT_DPI", 40)
     code, _, _ = call(capsys, "plot", store, "--figure", "all", "--out", tmp_path)
     assert code == 0
     assert {"overview.png", "actuator.png"} <= {path.name for path in tmp_path.iterdir()}

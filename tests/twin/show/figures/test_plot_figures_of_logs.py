@@ -42,6 +42,16 @@ def logged(dives):
 
 
 @pytest.fixture(scope="module")
+def first(dives):
+    return logged_trajectory(dives)
+
+
+@pytest.fixture(scope="module")
+def flown(log):
+    return logged_trajectory(log)
+
+
+@pytest.fixture(scope="module")
 def flight(dives, tmp_path_factory):
     """The flight of the dives, read from its file."""
     path = tmp_path_factory.mktemp("flight") / "a.nc"
@@ -120,12 +130,12 @@ def test_dives_together_lie_where_the_vehicle_was(dives, logged):
 
 
 @pytest.mark.parametrize("name", [name for name in FIGURES if name != "log"])
-def test_every_figure_takes_a_log(log, dives, name):
-    trajectory = logged_trajectory(dives)
+def test_every_figure_takes_a_log(first, flown, name):
+    trajectory = first
     if name == "sensor":
         with pytest.raises(InputError, match="no truth to compare its sensors with; the log fig"):
             figure(trajectory, name)
-        trajectory = logged_trajectory(log)
+        trajectory = flown
     drawn = figure(trajectory, name)
     drawn.canvas.draw()
     said = labels(drawn) + "\n".join(titles(drawn))
@@ -153,11 +163,10 @@ def test_every_figure_takes_a_log(log, dives, name):
     assert "true" not in said
 
 
-def test_the_lines_are_the_log_s(dives):
-    one = logged_trajectory(dives)
-    axes = figure(one, "velocity").axes[0]
-    np.testing.assert_allclose(axes.lines[0].get_ydata(), one["true_surge"])
-    line = figure(one, "current").axes[0].lines[0]
+def test_the_lines_are_the_log_s(dives, first):
+    axes = figure(first, "velocity").axes[0]
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), first["true_surge"])
+    line = figure(first, "current").axes[0].lines[0]
     flight = estimate_flight(dives, missions=[0])
     assert flight.currents
     known = line.get_xdata()[np.isfinite(line.get_xdata())]
@@ -246,13 +255,12 @@ def test_a_log_that_no_model_flies_shows_its_own_track(dives, tmp_path):
         logged_trajectory(dives, [0], "no-such-vehicle")
 
 
-def test_a_log_of_a_simulation_keeps_its_truth(log):
-    one = logged_trajectory(log)
-    assert one.sources["true_pitch"] == "simulated truth"
-    assert one.sources["true_north"] == "corrected track"
-    axes = figure(one, "velocity").axes[0]
+def test_a_log_of_a_simulation_keeps_its_truth(flown):
+    assert flown.sources["true_pitch"] == "simulated truth"
+    assert flown.sources["true_north"] == "corrected track"
+    axes = figure(flown, "velocity").axes[0]
     assert axes.get_title(loc="left") == "surge, simulated truth"
-    np.testing.assert_allclose(axes.lines[0].get_ydata(), one["true_surge"])
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), flown["true_surge"])
 
 
 def test_the_command_draws_dives_together(dives, capsys, tmp_path, monkeypatch):
