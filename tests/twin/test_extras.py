@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import python
 
 from twin.control.dm_suite import ALONE, require_dm_control
 from twin.errors import InputError
@@ -71,10 +72,7 @@ FOREIGN = '"""Of somebody else."""\nfrom .base import Factory\n'
 def shadowed(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """A Python process that finds the packages of this folder first."""
     path = os.pathsep.join((str(folder), str(ROOT)))
-    known = {**os.environ, "PYTHONPATH": path}
-    return subprocess.run(
-        [sys.executable, *words], cwd=folder, env=known, capture_output=True, text=True
-    )
+    return python(*words, cwd=folder, PYTHONPATH=path)
 
 
 @pytest.fixture

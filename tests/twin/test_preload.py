@@ -4,12 +4,12 @@ import importlib.util
 import json
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy.random.bit_generator as any_library
 import pytest
+from processes import python
 
 from twin.extras import preload_triton
 from twin.show.render.context import available_backend
@@ -83,16 +83,11 @@ print("alive", "triton" in sys.modules)
 """
 
 
-def python(code: str, *folders: Path, **variables: str) -> str:
+def printed(code: str, *folders: Path, **variables: str) -> str:
     """What a process of its own prints."""
     known = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     path = os.pathsep.join(map(str, (*folders, ROOT)))
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=known | {"PYTHONPATH": path} | variables,
-        capture_output=True,
-        text=True,
-    )
+    done = python("-c", code, env=known, **{"PYTHONPATH": path, **variables})
     assert done.returncode == 0, f"exit code {done.returncode}: {done.stderr}"
     return done.stdout
 
@@ -118,7 +113,7 @@ def test_triton_is_opened_before_opengl(place, backend, stand_in):
     if backend and available_backend() is None:
         pytest.skip("nothing here can draw")
     code = f"{REPORT}{PLACES[place]}\nprint(json.dumps(opened))"
-    opened = json.loads(python(code, stand_in, MUJOCO_GL=backend).splitlines()[-1])
+    opened = json.loads(printed(code, stand_in, MUJOCO_GL=backend).splitlines()[-1])
     triton = opened.index(str(stand_in / "triton" / "_C" / "libtriton.so"))
     opengl = [k for k, library in enumerate(opened) if is_opengl(library)]
     assert opengl, opened
@@ -128,7 +123,7 @@ def test_triton_is_opened_before_opengl(place, backend, stand_in):
 def test_a_library_that_does_not_load_is_left_alone(stand_in):
     (stand_in / "triton" / "_C" / "libtriton.so").write_text("no library")
     code = f"{REPORT}from twin.extras import preload_triton\npreload_triton()\nprint(opened)"
-    assert "libtriton.so" in python(code, stand_in)
+    assert "libtriton.so" in printed(code, stand_in)
 
 
 def test_without_triton_nothing_is_opened(monkeypatch):
@@ -149,4 +144,4 @@ def test_without_triton_nothing_is_opened(monkeypatch):
 @pytest.mark.parametrize("who", DRAWN_BEFORE)
 def test_training_after_drawing(who):
     code = f"import sys\n{DRAWN_BEFORE[who]}{TRAIN}"
-    assert python(code, MUJOCO_GL=available_backend() or "") == "alive True\n"
+    assert printed(code, MUJOCO_GL=available_backend() or "") == "alive True\n"

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 import xarray as xr
-from patience import HANG_S
 from pictures import call, refused
+from processes import python
 
 from factory.commands.generate import Generate
 from glider_twin_ops.commands.forecast import ForecastSurfacings
@@ -280,12 +280,6 @@ with event.install_recorder("numba:compile") as made:
         twin.simulate(vehicle="glider", engine=engine, duration=60.0)
 print(len(made.buffer))
 """
-
-
-def python(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, *words], capture_output=True, text=True, timeout=HANG_S, check=False
-    )
 
 
 def test_afterwards_a_flight_finds_everything():

@@ -5,8 +5,6 @@ import math
 import os
 import pickle
 import shutil
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -15,6 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from patience import HANG_S
+from processes import python
 from trees import keep_compiled
 
 from twin.compiled import cfunc, changed, content, dispatch, elementary, folder, jit
@@ -57,14 +56,8 @@ def test_an_edited_force_law_reaches_the_ekf_and_the_identification(tmp_path):
     def run(text: str) -> dict[str, float]:
         law.write_text(text)
         os.utime(law, (1e9, 1e9))  # the time stamp tells nothing
-        out = subprocess.run(
-            [sys.executable, "-c", FLY],
-            cwd=tmp_path,
-            check=True,
-            text=True,
-            capture_output=True,
-            env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        )
+        out = python("-c", FLY, cwd=tmp_path, PYTHONPATH=str(tmp_path))
+        assert out.returncode == 0, out.stderr
         return json.loads(out.stdout)
 
     first = run(before)
@@ -158,7 +151,7 @@ def test_numba_is_loaded_by_the_first_call_only():
         "import sys, twin.compiled, twin.fossen.terms as f; before = 'numba' in sys.modules;"
         "assert abs(f.wet_section(0.1, 0.2) - 0.5) < 1e-15; print(before, 'numba' in sys.modules)"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    out = python("-c", code)
     assert out.stdout.split() == ["False", "True"]
 
 

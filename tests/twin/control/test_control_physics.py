@@ -3,14 +3,13 @@
 import copy
 import math
 import pickle
-import subprocess
-import sys
 
 import mujoco
 import numpy as np
 import pytest
 from dm_control import mujoco as dm_mujoco
 from dm_control.rl.control import PhysicsError
+from processes import python
 
 from twin import control
 from twin.control.dm_suite import SuitePhysics as Physics
@@ -207,7 +206,7 @@ def test_a_pickle_flies_on_in_another_process(tmp_path, hydrodynamics):
         "folder = Path(sys.argv[1]); physics = pickle.loads((folder / 'physics').read_bytes())\n"
         "physics.step(50); np.save(folder / 'state.npy', physics.state())\n"
     )
-    subprocess.run([sys.executable, "-c", program, str(tmp_path)], check=True, timeout=120)
+    assert python("-c", program, tmp_path).returncode == 0
     again = pickle.loads(pickle.dumps(physics))
     physics.step(50), again.step(50)
     np.testing.assert_array_equal(np.load(tmp_path / "state.npy"), physics.state())

@@ -5,11 +5,9 @@ Programs run in a process of their own, so that a crash is seen as one; it says 
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
-from patience import HANG_S
+from processes import python
 
 ROOT = Path(__file__).parents[3]
 COMMON = """
@@ -266,10 +264,7 @@ for name, program in json.loads(sys.argv[1]).items():
 
 
 def run(program, *arguments):
-    done = subprocess.run(
-        [sys.executable, "-X", "faulthandler", "-c", COMMON + program, *arguments],
-        capture_output=True, text=True, timeout=HANG_S, cwd=ROOT,
-    )  # fmt: skip
+    done = python("-X", "faulthandler", "-c", COMMON + program, *arguments, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr[-3000:]
 
 

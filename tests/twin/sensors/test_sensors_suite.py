@@ -2,11 +2,10 @@
 
 import dataclasses
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from processes import python
 
 import twin
 from twin.errors import InputError
@@ -169,7 +168,7 @@ def test_configurations_load_without_numba_or_gsw():
         "import sys, twin.sensors; twin.sensors.SensorSuite.preset('field'); "
         "sys.exit(bool({'numba', 'gsw', 'scipy'} & set(sys.modules)))"
     )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert python("-c", code).returncode == 0
 
 
 def test_the_shipped_suite_measures_what_it_always_has():

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pictures import needs_gl
+from pictures import call, needs_gl
 from torpedo import GEOMETRY_ONLY, TORPEDO
 
 import twin
-from twin.__main__ import PROGRAM
 from twin.checks.agreement import check_manoeuvres
 from twin.errors import InputError, MissionError, NoSteadyState, VehicleError
 from twin.fossen import FossenModel
@@ -44,12 +43,6 @@ def store(survey, tmp_path_factory):
 
     path = tmp_path_factory.mktemp("torpedo") / "survey.zarr"
     return write_store(dataset_of([survey], attributes=survey.provenance), path)
-
-
-def call(capsys, *words):
-    code = PROGRAM.main([*map(str, words)])
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 # --- trim and check -------------------------------------------------------------------------------

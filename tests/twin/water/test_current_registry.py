@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 import textwrap
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
@@ -13,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import xarray as xr
+from processes import python
 
 import twin
 from twin.compiled import generation, jit
@@ -236,10 +235,7 @@ for text in ("uniform:0.1,0", "mine:north=0.2"):
     flown = simulate(Scenario(mission=plan, duration=5.0, current=parse_current(text)))
     print(flown["true_current_north"][-1])
 """
-    out = subprocess.run(
-        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{code}"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    out = python("-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{code}")
     assert out.stdout.split() == ["0.1", "0.2"]
 
 
