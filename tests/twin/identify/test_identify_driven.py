@@ -162,7 +162,8 @@ def test_a_run_is_kept_where_nothing_has_changed_for_it(store):
 def test_the_command_fits_judges_and_writes(store, tmp_path, capsys):
     out = tmp_path / "mine.xml"
     words = ["identify", str(store), "--vehicle", "remus", "--missions", "0-2", "--unseen", "2"]
-    words += ["--out", str(out), "--known", "Nuv=1", "--json", "--parameters", *NAMES]
+    words += ["--out", str(out), "--known", "Nuv=1", "--json", "--parameters", "neutral_density"]
+    words += ["Xuu", "Nuv", "propeller.thrust_coefficient"]
     assert PROGRAM.main(words) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["model"] == "driven"

@@ -38,7 +38,7 @@ from twin.water.current.sampler import sample_gradient
 VEHICLE = load_vehicle("glider")
 NEUTRAL = (0.0, 0.0, 0.0)
 ONE_DENSITY = (np.zeros(1), np.array([VEHICLE.reference_density]))
-FLIGHT = 1800.0
+FLIGHT = 900.0
 
 
 @jit
@@ -125,16 +125,19 @@ HEAVY = (0.02, 0.0, VEHICLE.pump_for_net_mass(0.3))
 GLIDE = Start(depth=100.0, pitch=-0.5755, v_rel=(0.4728, 0.0, 0.012), actuators=HEAVY)
 
 
+@functools.cache
+def still_glide():
+    """In both models; the heading does not enter."""
+    return fly_both(VEHICLE, GLIDE, None, FLIGHT, HEAVY)
+
+
 @pytest.mark.parametrize("heading", [0.0, 1.0, 2.5])
 def test_a_steady_glide_in_a_tide_is_that_of_still_water(heading):
     """The whole vehicle feels the water's acceleration as a tilt of gravity of 7 microradian."""
     start = Start(**{**vars(GLIDE), "heading": heading})
     tide = parse_current("tide:m2=0.5,phase=90")
-    for found, still in zip(
-        fly_both(VEHICLE, start, tide, FLIGHT, HEAVY),
-        fly_both(VEHICLE, start, None, FLIGHT, HEAVY),
-        strict=True,
-    ):
+    in_tide = fly_both(VEHICLE, start, tide, FLIGHT, HEAVY)
+    for found, still in zip(in_tide, still_glide(), strict=True):
         difference = np.abs(found.v_rel - still.v_rel)
         settled = found.time > 600.0
         assert difference[settled].max() < 1e-6
