@@ -1,7 +1,5 @@
 """Shared set-ups of the tests that draw: a short mission in a sheared current, and its store."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

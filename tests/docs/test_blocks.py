@@ -75,7 +75,7 @@ RUN = {
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {
         "tests/twin/water/test_current_docs.py": 2,
-        "tests/twin/water/test_tabulated.py": 1,
+        "tests/twin/water/test_current_registry.py": 1,
     },
     "docs/reference/factory.md": {
         HERE: 5,
@@ -83,7 +83,7 @@ RUN = {
         "tests/factory/exporting/test_exporters.py": 1,
     },
     "docs/reference/import.md": {HERE: 1},
-    "docs/reference/missions.md": {"tests/twin/mission/test_mission_docs.py": 8},
+    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 8},
     "docs/reference/networks.md": {"tests/learn/test_kinds_of_users.py": 1},
     "docs/reference/sensors.md": {"tests/test_registry.py": 3},
     "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},
