@@ -6,7 +6,7 @@ import pytest
 from logs import Flight, refused, write_ngdac, write_og1, write_spray
 
 from factory.importing import import_logs, sniff
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 from twin.records.store import write_store
 
 FLIGHT = Flight(dives=4, depth=400.0, speed=0.3, surface=900.0)

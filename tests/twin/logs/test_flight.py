@@ -269,7 +269,7 @@ def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path: Path) -> N
     """Identified on the same log without options: the pitch sensor's offset is found."""
     from factory.importing import import_logs
     from twin.identify import identify, load_calibration, load_logs
-    from twin.identify.start_values import start_vehicle
+    from twin.identify.logged_missions import start_vehicle
 
     pytest.importorskip("pyarrow")
     dataset, _ = import_logs("slocum", [UNIT334])
