@@ -180,10 +180,9 @@ def write(
         raise UnknownName(f"layout of {kind} samples", layout, layouts)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = layouts[layout](folder, flight)
-    if IMPORTERS[kind].takes_mapping and not (folder / MAPPING).exists():
-        (folder / MAPPING).write_text(DIVES)
-    return paths
+    if IMPORTERS[kind].takes_mapping:
+        (folder / MAPPING).write_text(DIVES)  # a writer with columns of its own replaces it
+    return layouts[layout](folder, flight)
 
 
 def options(kind: str, folder: str | Path, flight: Flight = SHORT) -> dict[str, Any]:
