@@ -74,7 +74,7 @@ class Flight:
     @property
     def leg(self) -> float:
         """[s] Duration of a descent, and of a climb."""
-        return self.depth / (self.speed * np.sin(np.radians(self.pitch)))
+        return float(self.depth / (self.speed * np.sin(np.radians(self.pitch))))
 
     @property
     def cycle(self) -> float:
@@ -220,7 +220,7 @@ def write_csv(
     return path
 
 
-def add_variables(place: netCDF4.Dataset | netCDF4.Group, variables: Mapping[str, Any]) -> None:
+def add_variables(place: netCDF4.Dataset, variables: Mapping[str, Any]) -> None:
     """Add variables to a netCDF file or a group of it.
 
     Args:
