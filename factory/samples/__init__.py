@@ -74,7 +74,7 @@ class Flight:
     @property
     def leg(self) -> float:
         """[s] Duration of a descent, and of a climb."""
-        return self.depth / (self.speed * np.sin(np.radians(self.pitch)))
+        return float(self.depth / (self.speed * np.sin(np.radians(self.pitch))))
 
     @property
     def cycle(self) -> float:
@@ -180,10 +180,9 @@ def write(
         raise UnknownName(f"layout of {kind} samples", layout, layouts)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = layouts[layout](folder, flight)
-    if IMPORTERS[kind].takes_mapping and not (folder / MAPPING).exists():
-        (folder / MAPPING).write_text(DIVES)
-    return paths
+    if IMPORTERS[kind].takes_mapping:
+        (folder / MAPPING).write_text(DIVES)  # a writer with columns of its own replaces it
+    return layouts[layout](folder, flight)
 
 
 def options(kind: str, folder: str | Path, flight: Flight = SHORT) -> dict[str, Any]:
@@ -221,7 +220,7 @@ def write_csv(
     return path
 
 
-def add_variables(place: netCDF4.Dataset | netCDF4.Group, variables: Mapping[str, Any]) -> None:
+def add_variables(place: netCDF4.Dataset, variables: Mapping[str, Any]) -> None:
     """Add variables to a netCDF file or a group of it.
 
     Args:

@@ -108,7 +108,7 @@ def write_pyglider(
             np.interp(time, time[at_surface], values[at_surface])
             for values in (latitude, longitude)
         )
-    angle = np.radians if reckoned else np.asarray
+    angle: Any = np.radians if reckoned else np.asarray
     heading = np.mod(state["heading"] - flight.variation, 360.0)
     series: dict[str, tuple[Array, str, str, str]] = {  # sources on a Slocum and a SeaExplorer
         "time": (time, "seconds since 1970-01-01T00:00:00Z", "time", "time"),
@@ -164,8 +164,8 @@ def write_spray(path: Path, flight: Flight, missions: Sequence[int] = (7,)) -> P
     for name, column in zip(names, zip(*rows, strict=True), strict=True):
         variables[name] = (("profile",), column, *(since if name.startswith("time") else ()))
     for name, values in (("temperature", 15.0 - 0.02 * bins), ("salinity", 33.0 + 0.0 * bins)):
-        column = np.where(bins <= flight.depth, values, np.nan)
-        variables[name] = (("depth", "profile"), np.repeat(column[:, None], len(rows), axis=1))
+        climbed = np.where(bins <= flight.depth, values, np.nan)
+        variables[name] = (("depth", "profile"), np.repeat(climbed[:, None], len(rows), axis=1))
     return write_netcdf(path, variables)
 
 

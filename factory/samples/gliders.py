@@ -186,7 +186,7 @@ def write_seaglider(folder: Path, flight: Flight, name: str = "SG999") -> list[P
         dives.append(row | _reported(flight))
     time = np.concatenate(times)
     state = flight.state(time)
-    samples = {
+    samples: dict[str, Any] = {
         "glider": [name] * len(time),
         "dive": state["dive"] + 1,
         "time": time,
@@ -219,7 +219,7 @@ def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[P
     for dive, time, fixes in _dives(flight):
         state, (start, _) = flight.state(time), flight.dive_times(dive - 1)
         latitude, longitude = flight.position(fixes)
-        columns = {
+        columns: dict[str, dict[str, Any]] = {
             "sg_data_point": {
                 "time": time,
                 "pressure": state["depth"] * 1.0085,
@@ -256,8 +256,8 @@ def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[P
         variables |= {name: ((), value) for name, value in numbers.items()}
         variables["log_TGT_LATLONG"] = (("letters",), "4936.000,-5800.000")
         path = folder / f"p{number:03d}{dive:04d}.nc"
-        about = {"platform_id": f"SG{number}", "dive_number": dive}
-        paths.append(write_netcdf(path, variables, **about))
+        platform = f"SG{number}"
+        paths.append(write_netcdf(path, variables, platform_id=platform, dive_number=dive))
     return paths
 
 

@@ -113,12 +113,12 @@ def packets(time: Array, state: Mapping[str, Array]) -> list[bytes]:
 def _propelled(moment: float, k: int, now: Mapping[str, float]) -> list[bytes]:
     """Packets of a Doppler log, a motor, four servos, a CTD and two voltmeters."""
     lock = k % 50 < 40  # of every 50 pings the last ten see no bottom, five of these only water
-    water = {"validity": 7 if k % 50 < 45 else 0, "x": now["surge"] + 0.1, "y": 0.02, "z": -0.03}
-    ground = {"validity": 7 if lock else 0, "x": now["surge"], "y": now["sway"], "z": 0.01}
     servos = [0.10, -0.05, -0.07, 0.14]
     return [
-        message("GroundVelocity", moment, 4, **ground),
-        message("WaterVelocity", moment + 0.01, 4, **water),
+        message("GroundVelocity", moment, 4, validity=7 if lock else 0, x=now["surge"],
+                y=now["sway"], z=0.01),
+        message("WaterVelocity", moment + 0.01, 4, validity=7 if k % 50 < 45 else 0,
+                x=now["surge"] + 0.1, y=0.02, z=-0.03),
         message("Rpm", moment, 6, value=round(now["rpm"])),
         *(message("ServoPosition", moment, 7, id=i, value=a) for i, a in enumerate(servos)),
         *(message("SetServoPosition", moment, 1, id=i, value=2 * a) for i, a in enumerate(servos)),
@@ -275,7 +275,7 @@ def write_nc4(path: Path, flight: Flight) -> Path:
         "platform_pitch_angle": (np.radians(state["pitch"]), "rad"),
         "platform_buoyancy_position": (state["pump"] * 1e-6, "m3"),
     }
-    variables = {}
+    variables: dict[str, Any] = {}
     for name, one in signals.items():
         clock = f"{name}_time"
         variables |= {clock: ((clock,), flight.time, SINCE_1970), name: ((clock,), *one)}
