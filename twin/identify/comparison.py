@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import abc
 import copy
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
@@ -62,7 +63,8 @@ class ComparedQuantity(NamedTuple):
     """Residuals up to which autocorrelation is summed"""
 
 
-class ResidualNoise(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ResidualNoise:
     """Deviation of a channel's residuals, and how many of them make an independent one."""
 
     deviation: float
@@ -395,10 +397,8 @@ def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Ga
     taken = without - left_out(jacobian, residual, wider.blocks)
     scatter = float(np.std(taken, ddof=1) * np.sqrt(len(taken)))
     total = float(taken.sum())
-    return Gain(
-        share=total / float(without.sum()),
-        deviations=total / scatter if scatter > 0.0 else 0.0,
-    )
+    deviations = total / scatter if scatter > 0.0 else 0.0
+    return Gain(share=total / float(without.sum()), deviations=deviations)
 
 
 def left_out(jacobian: Array, residual: Array, blocks: Blocks) -> Array:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -42,7 +41,8 @@ FLATTER = math.radians(0.5)
 """[rad] by which the usual glide is made flatter until the battery holds it"""
 
 
-class Handling(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Handling:
     """A vehicle that pitches, turns and is steered as its log, and whether it flies."""
 
     identification: Identification

@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +50,8 @@ HEADING_LIMIT = 2.0
 """[deg] of the twin's heading about its target"""
 
 
-class PhaseComparison(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PhaseComparison:
     """Log beside twin in one phase."""
 
     log: PhaseFigures
@@ -89,7 +90,8 @@ class PhaseComparison(NamedTuple):
         }
 
 
-class LogCheck(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogCheck:
     """A vehicle file's twin on the targets of a store of logs."""
 
     vehicle: Vehicle

@@ -64,10 +64,13 @@ def with_righting_arm(calibration: Calibration, arm: float) -> Calibration:
     return calibration.with_vehicle(static_cg=cg)
 
 
-def munk_pitch(calibration: Calibration) -> float:
-    """[kg] the hull's own pitch moment of angle of attack, over u w: Z_A - X_A."""
+def munk_moment(calibration: Calibration, axis: int = 1) -> float:
+    """[kg] that the hull's own moment of a flow angle has over the product of both speeds.
+
+    In yaw, of sideslip, Y_A - X_A over u v; by axis 2, in pitch, Z_A - X_A over u w.
+    """
     added = calibration.vehicle.added_mass
-    return float(max(added[2, 2] - added[0, 0], 1e-3 * calibration.vehicle.mass))
+    return float(max(added[axis, axis] - added[0, 0], 1e-3 * calibration.vehicle.mass))
 
 
 def pump_of(calibration: Calibration) -> Pump:
@@ -102,7 +105,7 @@ PITCHING = (
     of_law(
         "pitch_moment", "1",
         "pitch moment of angle of attack, K_M, over the Munk moment: -1 cancels it",
-        0.5, "pitch_moment", 1, munk_pitch, channel="density"),
+        0.5, "pitch_moment", 1, lambda c: munk_moment(c, 2), channel="density"),
 )
 # fmt: on
 """Parameters that a twin needs to pitch as the log does."""

@@ -15,8 +15,8 @@ and the glide that turns are linearised about.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -123,7 +123,8 @@ class DepthRates(Comparison):
         return [current[k] - current[k - 1] for k in self.pairs]
 
 
-class DiveResiduals(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DiveResiduals:
     """Residuals of dives near a calibration, and their slopes."""
 
     unknowns: tuple[str, ...]

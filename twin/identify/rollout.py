@@ -60,7 +60,8 @@ DENSITY_STEP = 2.0
 """[m] of the density profile taken from the log."""
 
 
-class Refinement(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Refinement:
     """The identification with the twin's answers in place of the flight model's."""
 
     identification: Identification

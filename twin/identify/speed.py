@@ -273,58 +273,61 @@ def balance(
     """
     law = vehicle.flow_frame
     inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
-    speed, alpha, beta = (np.zeros(len(pitch)) for _ in range(3))
-    gliding: Mask = np.zeros(len(pitch), bool)
     coefficients = np.array([*law.drag[:2], *law.lift[:2], law.side_force[0], law.blend_angle])
-    _balance(
-        vehicle.gravity * np.asarray(net, float), np.asarray(roll, float), np.asarray(pitch, float),
-        np.asarray(rates, float), inertia, coefficients, speed, alpha, beta, gliding,
-    )  # fmt: skip
-    return speed, alpha, beta, gliding
+    found = np.zeros((4, len(pitch)))
+    given = vehicle.gravity * np.asarray(net, float), roll, pitch, rates, inertia, coefficients
+    _balance(*(np.asarray(values, float) for values in given), found)
+    speed, alpha, beta, gliding = found
+    return speed, alpha, beta, gliding > 0.0
 
 
 @jit
-def _balance(  # type: ignore[no-untyped-def]
-    pull, roll, pitch, rates, inertia, coefficients, speed, alpha, beta, gliding
-):
-    """The fixed point of each sample, into the last four; `pull` [N] is gravity's on the net mass.
-
-    coefficients: K_D0, K_D, K_L0, K_alpha, K_beta and the largest angle [rad].
-    """
-    drag_0, drag = coefficients[0], coefficients[1]
-    lift_0, lift = coefficients[2], coefficients[3]
-    side_force, limit = coefficients[4], coefficients[5]
-    momentum, velocity = np.empty(3), np.empty(3)
+def _balance(pull, roll, pitch, rates, inertia, law, found):  # type: ignore[no-untyped-def]
+    """Fixed point of each sample, into `found`; `pull` [N] is gravity's on the net mass."""
     for k in range(len(pitch)):
         down_x = -math.sin(pitch[k])
         down_y = math.cos(pitch[k]) * math.sin(roll[k])
         down_z = math.cos(pitch[k]) * math.cos(roll[k])
-        p, q, r = rates[0, k], rates[1, k], rates[2, k]
-        v, a, b, pulled = 0.0, 0.0, 0.0, False
+        weight = pull[k] * down_x, pull[k] * down_y, pull[k] * down_z
+        turning = rates[0, k], rates[1, k], rates[2, k]
+        v, a, b, along = 0.0, 0.0, 0.0, 0.0
         for _ in range(ITERATIONS):
-            c_a, s_a, c_b, s_b = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
-            velocity[0], velocity[1], velocity[2] = v * c_a * c_b, v * s_b, v * s_a * c_b
-            for i in range(3):
-                momentum[i] = 0.0
-                for j in range(3):
-                    momentum[i] += inertia[i, j] * velocity[j]
-            x = pull[k] * down_x + momentum[1] * r - momentum[2] * q
-            y = pull[k] * down_y + momentum[2] * p - momentum[0] * r
-            z = pull[k] * down_z + momentum[0] * q - momentum[1] * p
-            # Rows of R_BC^T (Zhang et al. 2013).
-            along = c_a * c_b * x + s_b * y + s_a * c_b * z
-            side = -c_a * s_b * x + c_b * y - s_a * s_b * z
-            normal = -s_a * x + c_a * z
             before = v, a, b
-            pulled = along > 0.0
-            if pulled:
-                square = along / (drag_0 + drag * a * a)
-                v = math.sqrt(square)
-                a = min(max((normal / square - lift_0) / lift, -limit), limit)
-                b = min(max(-side / square / side_force, -limit), limit)
-            else:
-                v, a, b = 0.0, 0.0, 0.0
+            along, v, a, b = balanced_forces(inertia, law, weight, turning, v, a, b)
             if (v, a, b) == before:
                 break
-        speed[k], alpha[k], beta[k] = v, a, b
-        gliding[k] = pulled and abs(a) < limit and abs(b) < limit
+        found[0, k], found[1, k], found[2, k] = v, a, b
+        found[3, k] = along > 0.0 and abs(a) < law[5] and abs(b) < law[5]
+
+
+@jit
+def balanced_forces(inertia, law, weight, turning, v, a, b):  # type: ignore[no-untyped-def]
+    """One step towards the balance from a speed [m/s], angle of attack and sideslip [rad].
+
+    Args:
+      inertia: with added mass, (3, 3).
+      law: K_D0, K_D, K_L0, K_alpha, K_beta and the largest angle [rad].
+      weight, turning: forces [N] and rates [rad/s], body FRD.
+
+    Returns:
+      the force [N] along the path, without which there is no balance, and the three.
+    """
+    c_a, s_a, c_b, s_b = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
+    surge, sway, heave = v * c_a * c_b, v * s_b, v * s_a * c_b
+    m0 = inertia[0, 0] * surge + inertia[0, 1] * sway + inertia[0, 2] * heave
+    m1 = inertia[1, 0] * surge + inertia[1, 1] * sway + inertia[1, 2] * heave
+    m2 = inertia[2, 0] * surge + inertia[2, 1] * sway + inertia[2, 2] * heave
+    p, q, r = turning
+    x = weight[0] + m1 * r - m2 * q
+    y = weight[1] + m2 * p - m0 * r
+    z = weight[2] + m0 * q - m1 * p
+    # Rows of R_BC^T (Zhang et al. 2013).
+    along = c_a * c_b * x + s_b * y + s_a * c_b * z
+    side = -c_a * s_b * x + c_b * y - s_a * s_b * z
+    normal = -s_a * x + c_a * z
+    if along <= 0.0:
+        return along, 0.0, 0.0, 0.0
+    square = along / (law[0] + law[1] * a * a)
+    attack = min(max((normal / square - law[2]) / law[3], -law[5]), law[5])
+    slip = min(max(-side / square / law[4], -law[5]), law[5])
+    return along, math.sqrt(square), attack, slip

@@ -23,7 +23,7 @@ from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
 from twin.identify.linear_motion import Lateral, linearised, turning_part
 from twin.identify.logged_missions import Log
-from twin.identify.pitch import battery_moment, righting_arm, with_righting_arm
+from twin.identify.pitch import battery_moment, munk_moment, righting_arm, with_righting_arm
 from twin.identify.turning_windows import (
     Group,
     TurningWindow,
@@ -57,12 +57,6 @@ START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
 """Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
 LONGEST_CORRELATION = 300.0
 """[s]"""
-
-
-def munk_moment(calibration: Calibration) -> float:
-    """[kg] that the hull's own yaw moment of sideslip has, over u v: Y_A - X_A."""
-    added = calibration.vehicle.added_mass
-    return float(max(added[1, 1] - added[0, 0], 1e-3 * calibration.vehicle.mass))
 
 
 def own_sideslip(calibration: Calibration) -> float:

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from twin.compiled import jit
+from twin.identify.speed import balanced_forces
 from twin.navigation.dead_reckoning import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.vehicle.laws.flow_frame import CROSS_FLOW, K_ALPHA, K_D, K_D0, LINEAR, native_wrench
 from twin.vehicle.parts.pump import CUBIC_CM
@@ -110,10 +111,9 @@ def _balance(model, x, c, start, out):  # type: ignore[no-untyped-def]
     its change with compressibility; `c` the constants; `start` speed and angles to start from.
     False where nothing pulls along the hull.
     """
-    law, inertia = model.law, model.inertia
-    drag = law[0] * math.exp(c[DRAG])
-    induced = law[1] * math.exp(c[INDUCED])
-    slope = law[3] * math.exp(c[LIFT])
+    law = model.law
+    drag, induced = law[0] * math.exp(c[DRAG]), law[1] * math.exp(c[INDUCED])
+    own = drag, induced, law[2], law[3] * math.exp(c[LIFT]), law[4], WIDEST
     pitch = _pitch(x, c)
     sp, cp = math.sin(pitch), math.cos(pitch)
     sr, cr = math.sin(x[1]), math.cos(x[1])
@@ -122,36 +122,21 @@ def _balance(model, x, c, start, out):  # type: ignore[no-untyped-def]
     if sense * net < LEAST_NET:
         net = sense * LEAST_NET * math.exp(sense * net / LEAST_NET - 1.0)
     weight = model.hull[2] * net
-    w0, w1, w2 = -weight * sp, weight * cp * sr, weight * cp * cr
+    forces = -weight * sp, weight * cp * sr, weight * cp * cr
     speed, alpha, beta = start[0], start[1], start[2]
     if abs(alpha) > 0.5 * WIDEST or abs(beta) > 0.5 * WIDEST:
         speed, alpha, beta = 0.3, 0.0, 0.0
-    gliding = True
-    ca, sa, cb, sb = 1.0, 0.0, 1.0, 0.0
+    turning = x[2], x[3], x[4]
     for _ in range(ITERATIONS):
-        ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
-        u, v, w = speed * ca * cb, speed * sb, speed * sa * cb
-        m0 = inertia[0, 0] * u + inertia[0, 1] * v + inertia[0, 2] * w
-        m1 = inertia[1, 0] * u + inertia[1, 1] * v + inertia[1, 2] * w
-        m2 = inertia[2, 0] * u + inertia[2, 1] * v + inertia[2, 2] * w
-        t0 = w0 + m1 * x[4] - m2 * x[3]
-        t1 = w1 + m2 * x[2] - m0 * x[4]
-        t2 = w2 + m0 * x[3] - m1 * x[2]
-        along = ca * cb * t0 + sb * t1 + sa * cb * t2
-        side = -ca * sb * t0 + cb * t1 - sa * sb * t2
-        normal = -sa * t0 + ca * t2
+        along, speed, alpha, beta = balanced_forces(
+            model.inertia, own, forces, turning, speed, alpha, beta
+        )
         if along <= 1e-6:
-            gliding = False
-            break
-        square = along / (drag + induced * alpha * alpha)
-        alpha = min(max((normal / square - law[2]) / slope, -WIDEST), WIDEST)
-        beta = min(max(-side / square / law[4], -WIDEST), WIDEST)
-        speed = math.sqrt(square)
-    if gliding:
-        ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
-        out[0], out[1], out[2] = speed, alpha, beta
-        out[3] = -ca * cb * sp + sb * cp * sr + sa * cb * cp * cr
-    return gliding
+            return False
+    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+    out[0], out[1], out[2] = speed, alpha, beta
+    out[3] = -ca * cb * sp + sb * cp * sr + sa * cb * cp * cr
+    return True
 
 
 @jit

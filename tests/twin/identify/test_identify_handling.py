@@ -29,9 +29,8 @@ from twin.identify.linear_motion import (
     with_gains,
 )
 from twin.identify.logged_missions import ATTITUDE_WINDOW, _rates, start_vehicle
-from twin.identify.pitch import with_righting_arm
+from twin.identify.pitch import munk_moment, with_righting_arm
 from twin.identify.proof import failures
-from twin.identify.turning_fit import munk_moment
 from twin.identify.vehicle_file import largest_step, vehicle_xml
 from twin.mission import Mission
 from twin.mission.glide_balance import steady_glide

@@ -20,6 +20,7 @@ Forecasting and Dynamic Models, section 4.5, with the forgetting of section 10.8
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -343,10 +344,8 @@ class CurrentFilter:
             displacement_covariance=np.empty((count, 2, 2)),
         )
         # a copy that starts at the origin, known exactly
-        probe = CurrentFilter(
-            self.parameters, latitude=self.latitude, time=self.time, memory=self.memory
-        )
-        probe.modes, passed = self.modes, 0.0
+        probe, passed = copy.copy(self), 0.0
+        probe._nodes = None
         probe._mean, probe._covariance = self._mean.copy(), self._covariance.copy()
         probe._mean[POSITION] = 0.0
         probe._covariance[POSITION] = probe._covariance[:, POSITION] = 0.0

@@ -183,7 +183,8 @@ def transition(
     return carry, noise
 
 
-class Innovation(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Innovation:
     """Difference of a fix from what the filter expected."""
 
     residual: Array
@@ -219,7 +220,8 @@ class Node(NamedTuple):
     covariance: Array
 
 
-class CurrentForecast(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CurrentForecast:
     """The current at later times and the displacement by it, with their covariances."""
 
     times: Array
@@ -234,7 +236,8 @@ class CurrentForecast(NamedTuple):
     """[m2], (time, 2, 2)"""
 
 
-class SmoothedTrack(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SmoothedTrack:
     """Positions and currents at the end of each recorded step; several may share a time."""
 
     times: Array

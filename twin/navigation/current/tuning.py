@@ -20,7 +20,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -115,7 +115,8 @@ def replay(
     return [innovation for innovation in found if innovation is not None]
 
 
-class Tuned(NamedTuple):
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Tuned:
     """Parameters that a training part makes likeliest."""
 
     parameters: CurrentParameters
