@@ -1,9 +1,9 @@
-"""Slocum arguments: a mission of waypoints as the .ma files that a Slocum takes at sea.
+"""Slocum writer: a mission of waypoints as the argument files (.ma) that a Slocum reads at sea.
 
-`goto_l10.ma` has the places, `yo10.ma` depths and pitches, `surfac10.ma` when it comes up; a
-mission file names them by their number. `twin.mission.slocum_mission` reads them back. What
-they do not say, such as pump volumes where the mission leaves them open or a surfacing at each
-place, stays as the vehicle and its mission file have it.
+`goto_l10.ma` holds the targets, `yo10.ma` depths and pitches, `surfac10.ma` the surfacings. The
+vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. What the
+files leave out keeps its value on the vehicle, such as a surfacing at each target, or pump volumes
+that the mission does not give.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from twin.mission.slocum_behavior import EVERY_SECS, IMMEDIATELY, PITCH_IDLE
 from twin.mission.slocum_mission import ABSOLUTE, KG_PER_CM3, ONCE, SERVO, WPT_DIST
 
 NUMBER = 10
-"""Of the files, as the mission files that come with the vehicle name them"""
+"""Number of the files that the vehicle's own mission files refer to."""
 MOST_NUMBER = 99
 RESUMES, WAITS = 2, 1
-"""end_action: go on; wait for control-C, then go on"""
+"""Values of end_action: go on; wait for control-C, then go on."""
 ENDLESS, OFF = -1, -1
-"""Yos without end; an altitude that turns no climb"""
+"""Values for yos without end, and for an altitude that turns no climb."""
 ALTITUDE = 20.0
-"""[m] above the sea floor at which dives turn where the mission does not say: with none a glider
-would dive into the bottom of a chart that is wrong"""
+"""[m] Default height above the sea floor at which dives turn; without it, a glider would dive into
+the floor where the chart is wrong."""
 DECIMALS = 4
-"""of a minute: 0.2 m"""
+"""Decimals of a minute: 0.2 m."""
 
 
 def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str]:
-    """The texts of the argument files, by their names.
+    """Texts of the argument files, by file name.
 
     Args:
-      mission: one segment of waypoints, at places on the Earth.
-      number: of the files, 0 to 99.
+      mission: one segment of waypoints with geographic targets.
+      number: number of the files, 0 to 99.
 
     Raises:
-      MissionError: another kind of mission, or places that are given from the start.
+      MissionError: another kind of mission, or targets in metres from the start.
     """
     if not 0 <= number <= MOST_NUMBER:
         raise MissionError(f"argument files have numbers from 0 to {MOST_NUMBER}, not {number}")
@@ -52,10 +52,10 @@ def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str
 
 
 def waypoints_of(mission: Mission, what: str) -> Waypoint:
-    """The one segment of a mission.
+    """Return the only segment of a mission, of waypoints with geographic targets.
 
     Raises:
-      MissionError: it is of another kind, or its places are given from the start.
+      MissionError: the segment is of another kind, or its targets are in metres from the start.
     """
     segment = mission.segments[0]
     if len(mission.segments) != 1 or not isinstance(segment, Waypoint):
@@ -67,7 +67,7 @@ def waypoints_of(mission: Mission, what: str) -> Waypoint:
 
 
 def degrees_minutes(degrees: float, *, decimals: int = DECIMALS) -> str:
-    """A coordinate as DDMM.mmmm, such as -7032.0640: 70 degree 32.064 minutes west."""
+    """Format a coordinate as DDMM.mmmm, such as -7032.0640: 70 degree 32.064 minutes west."""
     scale = 10**decimals
     count = round(abs(degrees) * 60 * scale)
     whole, part = divmod(count, 60 * scale)
