@@ -112,7 +112,7 @@ class Mission:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Mission:
-        """Make a mission from `to_dict`; raises MissionError for unknown keys or impossible values."""
+        """Make a mission from `to_dict`; raises MissionError for unknown keys or wrong values."""
         check.known_keys("mission", cls, data)
         tables = data.get("segments")
         if not isinstance(tables, list | tuple) or not tables:
