@@ -35,7 +35,7 @@ Wrenches = Callable[[Array], Array]
 
 MODELS = ("mujoco", "fossen")
 SPEEDS = (0.1, 0.3, 1.0)
-"""[m/s] Initial speeds: below that of least rate damping, of gliders, of propelled vehicles."""
+"""[m/s] Initial speeds: below the lower bound of rate damping; of gliders; of propelled ones."""
 DIRECTIONS = {
     "ahead": (1.0, 0.0, 0.0),
     "astern": (-1.0, 0.0, 0.0),

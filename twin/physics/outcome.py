@@ -54,7 +54,7 @@ def trajectory(
       rows: records of `block.log_row`.
       ours: a record of `block.STATE` with guidance's memory; tells whether and when the run failed.
       timestep: [s]. half_step, floor, contacts, lean: see `true_signals.from_log`.
-      mission: index that an error names beside the mission's name.
+      mission: index that errors give next to the mission's name.
 
     Raises:
       SimulationUnstable: the run went unstable; `partial` holds the finite samples.

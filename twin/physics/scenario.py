@@ -160,7 +160,7 @@ class Scenario:
             if name == "duration" and value is None:
                 continue
             figure = number(value, f"scenario: {name}")
-            if not isinstance(value, int | float):  # such as a number of numpy
+            if not isinstance(value, int | float):  # numpy's, for example
                 object.__setattr__(self, name, figure)
             value = figure
             if not SHORTEST <= value <= LONGEST:

@@ -1,7 +1,7 @@
-"""Steady states of the MuJoCo twin: fly until the motion settles, then polish the root.
+"""Settle: steady states of the MuJoCo twin, found by flying until the motion settles.
 
-A trim found in this way is stable, because the vehicle reaches it by itself. The root finder only
-removes the rest of the transient. The Fossen model finds its trims independently.
+A trim found in this way is stable, because the vehicle reaches it by itself. A root
+finder then removes the rest of the transient. The Fossen model finds its trims independently.
 """
 
 from __future__ import annotations

@@ -217,7 +217,7 @@ class Simulation:
         return Saved(state, self.collected.copy(), self._became)
 
     def restore(self, saved: Saved) -> None:
-        """Continue from a state that `saved` returned, of this or another such Simulation.
+        """Continue from a state that `saved` returned, of this or an equal Simulation.
 
         Raises:
           InputError: the state is of a simulation with another vehicle.

@@ -132,7 +132,7 @@ class Start:
           names: of the vehicle's parts. rest: positions of parts without a given one, (parts,).
 
         Raises:
-          InputError: `actuators` has another width, or names a part that is not there.
+          InputError: `actuators` has a wrong number of values, or an unknown part.
         """
         positions = np.array(rest, dtype=np.float64)
         if isinstance(self.actuators, Mapping):

@@ -1,4 +1,4 @@
-"""Segments of a mission: base class, registry, and helpers that make a row of the table.
+"""Base of segments: their class, their registry, and helpers that make a row of the table.
 
 Depths are m, positive down; pitch is a magnitude in deg (nose down in a dive, nose up in a
 climb); headings are deg true; net mass is a magnitude in kg (heavy in a dive, light in a climb). A

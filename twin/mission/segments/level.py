@@ -222,7 +222,7 @@ class LawnMower(Level):
             check.fail(self.kind, "legs", self.legs, "a whole number")
 
     def flown_as(self) -> tuple[Transect, ...]:
-        """Its legs and crossings as transects, in order."""
+        """Legs and crossings as transects, in order."""
         level = {f.name: getattr(self, f.name) for f in dataclasses.fields(Level)}
         across = self.heading_deg + (90.0 if self.spacing_m > 0.0 else -90.0)
         ways: list[tuple[float, float]] = []
