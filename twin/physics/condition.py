@@ -84,7 +84,7 @@ def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def set_start(model: mujoco.MjModel, data: mujoco.MjData, start: Start, current: Array) -> None:
-    """Write a start into MuJoCo's data; `current` is the water's velocity at the start, NED [m/s]."""
+    """Write a start into MuJoCo's data; `current` is the water's velocity there, NED [m/s]."""
     quaternion = euler_to_quaternion(start.roll, start.pitch, start.heading)
     velocity = quaternion_to_matrix(quaternion) @ np.array(start.v_rel) + current
     data.qpos[:3] = flip_vector([start.north, start.east, start.depth])

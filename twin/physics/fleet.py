@@ -237,7 +237,7 @@ class SteppedVehicle:
         return {name: value for name, value in signals.items() if name not in _OF_THE_WATER}
 
     def failsafe(self) -> Command:
-        """Command of a vehicle out of control: parts rest, and those that can bring it up do."""
+        """Failsafe command: parts rest, except those that can bring the vehicle up."""
         return Command(**{part.name: part.failsafe for part in self.vehicle.parts})
 
     def saved(self) -> tuple[Saved, int]:

@@ -52,7 +52,7 @@ BEFORE_FIRST_STEP = -1e5
 """[m] Height of the floor's plane until native code first places it."""
 HIDDEN_GROUP = 5
 GIVES_WAY = 0.2
-"""[s] Time constant of contact with the sea floor at every step. It is what the shipped step of
+"""[s] Time constant of contact with the sea floor at every step: the least that the shipped step of
 0.1 s allows, like a bed of mud; our choice."""
 _OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])

@@ -90,7 +90,7 @@ def trajectory(
 
 
 def _speed(trajectory: Trajectory) -> str:
-    """Speed through the water at the last sound sample, as words; empty without a sample."""
+    """Speed through the water at the last finite sample, as words; empty without a sample."""
     if not len(trajectory.time):
         return ""
     parts = [trajectory[f"true_{name}"][-1] for name in ("surge", "sway", "heave")]

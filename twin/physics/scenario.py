@@ -61,7 +61,7 @@ class Scenario:
     """Faults of the vehicle, each with the time from which it acts; see `twin.faults`."""
     navigate: Navigation | VelocityEstimator | str | None = None
     """Position that guidance uses. None or "truth": the true one. "estimate", a velocity estimator
-    or its name, such as "network:runs/mine": one worked out on board. A Navigation also sets the
+    or its name, such as "network:runs/mine": an estimate on board. A Navigation also sets the
     sensors and their seed."""
     duration: float | None = None
     """[s] Duration of the run; None: the mission's own."""
@@ -287,7 +287,7 @@ class Scenario:
             "encoder_zeros": dict(self.encoder_zeros),
             "compass_offset": self.compass_offset,
             **({"faults": [fault.describe() for fault in self.faults]} if self.faults else {}),
-            "plan": plan,  # the mission's name in stores
+            "plan": plan,  # stores call the mission a plan
             "navigate": self.navigate.describe() if isinstance(self.navigate, Navigation) else None,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.begin),

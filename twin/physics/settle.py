@@ -46,7 +46,7 @@ PATIENCE = 3600.0
 START_SPEED, START_PITCH = 0.3, 0.5
 """[m/s], [rad] Speed and pitch at release; the glider points the way its buoyancy moves it."""
 SAME_MOTION = 0.02
-"""Largest distance [m/s, rad, rad/s] between the flown motion and the polished root"""
+"""[m/s, rad, rad/s] Largest difference between the flown motion and the root of the equations."""
 
 
 class LockedGlider:

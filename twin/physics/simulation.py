@@ -367,7 +367,7 @@ class Simulation:
 
     @property
     def failed(self) -> bool:
-        """True once the state has left the finite numbers."""
+        """True once the state is no longer finite."""
         return bool(state(self.data)["failed"])
 
     def trajectory(

@@ -36,7 +36,7 @@ ENERGIES = (0.0, 1e10)
 LEAN = ("time", "qpos", "qvel", "act", "current")
 """Fields of a log row that a lean trajectory reads: pose, velocities, parts and current."""
 _OWN = frozenset((*SIMULATED, *WITH_FLOOR))
-"""Signals of the schema itself; a part may share a name only if it is an actuator there."""
+"""Signals of the schema itself; parts must not take their names, except those of actuators."""
 
 
 def part_variables(vehicle: Vehicle) -> dict[str, Variable]:

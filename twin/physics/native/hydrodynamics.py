@@ -68,7 +68,7 @@ def added_mass_wrench(added_mass, coupling, motion, p, q, r, rate, gradient):
 def point_mass_wrench(mass, place, p, q, r, rotation, gravity):
     """Weight and centrifugal force of a point mass [kg] carried at `place`, about the CB, FRD.
 
-    The mass matrix has the mass's inertia (`add_point_mass`). `rotation` is hull to world, row
+    The mass matrix contains the inertia (`add_point_mass`). `rotation` is hull to world, row
     major; NED down in body axes is (-R20, R21, R22).
     """
     # omega x (omega x place)
