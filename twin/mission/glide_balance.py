@@ -299,7 +299,7 @@ class SteadyCruise(NamedTuple):
     angle_of_attack: float
     """[rad] Angle of attack."""
     position: Array
-    """Positions of the parts, shape (parts,), in their units; pitching may exceed its travel."""
+    """Positions of the parts, (parts,), in their units; the pitching part may exceed its travel."""
 
 
 def steady_flight(

@@ -27,9 +27,9 @@ from twin.mission.reckoning import altitude_read, compass, heading_read, pid, re
 from twin.numbers import Array
 
 INTEGRAL_ZONE = math.radians(2.0)
-"""[rad] Largest error that is integrated, so that turns and inflections do not wind loops up."""
+"""[rad] Limit of the error in an integral, so that turns and inflections do not wind it up."""
 DEPTH_ZONE = 1.0
-"""[m] Largest depth error that is integrated, so that an approach does not wind the loop up."""
+"""[m] Limit of the depth error in an integral, so that an approach does not wind it up."""
 UNDER_WAY = 0.02
 """[m/s] Vertical velocity above which a vehicle is moving vertically. Below, it is stuck (and the
 depth integral acts to free it) or in an inflection."""

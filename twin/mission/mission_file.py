@@ -75,7 +75,7 @@ COMPASS_OFFSET = 27  # [rad] compass reading minus true heading
 FOLLOWERS = 28  # number of parts that follow others
 FOLLOWER = 29  # first row: lead, part, weight, lead's rest, lowest and highest position
 FOLLOWER_COLUMNS = 6
-# [rad] errors of the compass by the vehicle's own iron, times sine and cosine of the heading
+# [rad] compass errors by the vehicle's own iron: factors of sine and cosine of the heading
 IRON_SINE = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
 IRON_COSINE = IRON_SINE + 1
 TURNS_BY_ROLL = IRON_COSINE + 1  # 1: a battery hinge controls heading, by rolling

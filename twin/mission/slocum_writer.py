@@ -28,7 +28,7 @@ ALTITUDE = 20.0
 """[m] Default height above the sea floor at which dives turn; without it, a glider would dive into
 the floor where the chart is wrong."""
 DECIMALS = 4
-"""Decimals of a minute: 0.2 m."""
+"""Number of decimals of a minute; the last one is 0.2 m."""
 
 
 def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str]:
@@ -52,7 +52,7 @@ def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str
 
 
 def waypoints_of(mission: Mission, what: str) -> Waypoint:
-    """Return the only segment of a mission, of waypoints with geographic targets.
+    """Return the only segment of a mission, which must be waypoints with geographic targets.
 
     Raises:
       MissionError: the segment is of another kind, or its targets are in metres from the start.

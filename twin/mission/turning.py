@@ -80,7 +80,7 @@ def turn_factor(vehicle: Vehicle, steady: Way) -> float:
     It has the sign of the turn in that motion. Its size is the ratio of the turn rate in the usual
     motion to that here, within LARGEST_FACTOR. If the fins do not stabilise the hull, its steady
     turns can oppose the rudder: then the sign is that of the rudder's moment, and the size the
-    inverse ratio of speeds.
+    usual speed over this one.
 
     Raises:
       MissionError: as for `turn_per_position`; or the part does not turn the vehicle.

@@ -155,8 +155,8 @@ class Spiral(Profile):
     kind = "spiral"
 
     rotation_deg: float
-    """Position of the turning part in the dive [deg], a battery's rotation or a rudder's
-    deflection. A positive battery rotation turns to starboard, in dives and climbs."""
+    """Position of the turning part in the dive [deg]: a battery's rotation, mass to port positive,
+    or a rudder's deflection. A battery turns a vehicle to the side that its lift decides."""
     climb_rotation_deg: float | None = None
     """Position of the turning part in the climb [deg]; None: that of the dive."""
 

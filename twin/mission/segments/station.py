@@ -40,7 +40,7 @@ class Hold(Segment):
     shift_m: float = 0.0
     """Battery displacement from neutral [m], positive forward (nose down)."""
     rotation_deg: float = 0.0
-    """Battery rotation [deg], positive turns to starboard."""
+    """Rotation of the battery [deg], mass to port positive; or deflection of the rudder."""
     net_mass_kg: float = 0.0
     """Net mass [kg], signed: positive is heavy."""
     parts: Mapping[str, float] = field(default_factory=dict)

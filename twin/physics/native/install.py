@@ -57,8 +57,8 @@ def install(*, current: bool = False, floor: bool = False) -> None:
 
     After a new kind of current, part or hull law is registered, the callbacks are compiled again.
 
-    MuJoCo's timers (`data.timer`) read the clock of Python's bindings some twenty times a step, which
-    takes a quarter of a glider's bare step. That clock is removed. A clock given with
+    MuJoCo's timers (`data.timer`) read the clock of Python's bindings some twenty times a step,
+    which takes a quarter of a glider's bare step. That clock is removed. A clock given with
     `mujoco.set_mjcb_time` stays, and so do the timers.
 
     Raises:
