@@ -49,7 +49,7 @@ alone moves a surfacing by up to 5 m (`python -m benchmarks.forecast_speed`)."""
 LEG = (60.0, 150.0)
 """[s] Range of times between actuator steps."""
 SHEAR = 0.2
-"""[m/s] Standard deviation of each component of the sheared current at each of 9 depths."""
+"""[m/s] Standard deviation of each component of the sheared current, at depths 100 m apart."""
 TIDE = 0.5
 """[m/s] Amplitude of the tide."""
 WANDER = 0.1

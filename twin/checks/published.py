@@ -98,7 +98,7 @@ class PublishedFlight(PublishedMotion):
     """Propelled motion in which an elevator keeps the depth or a pitch."""
 
     positions: Mapping[str, float]
-    """Positions of parts by name, in their units; without the rudder, it keeps motion straight."""
+    """Positions of parts by name, in their units; a rudder left out keeps motion straight."""
     held_pitch: float | None = None
     """Pitch that the elevator holds [deg]; None: it keeps the depth."""
 

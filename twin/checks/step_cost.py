@@ -43,11 +43,11 @@ class BenchResult:
     """Costs measured side by side, as medians over the pairs."""
 
     us_per_step: float
-    """Step with water and parts, without guidance and log, on one thread [us]."""
+    """Time of a step with water and parts, without guidance and log, on one thread [us]."""
     us_per_step_bare_mujoco: float
-    """Step of the same model and motion without our callbacks, as Python's MuJoCo does it [us]."""
+    """Time of a bare step: the same model and motion without our callbacks [us]."""
     us_per_step_untimed: float
-    """Bare step also without the clock of MuJoCo's timers, which `install` removes [us]."""
+    """Time of a bare step without the clock of MuJoCo's timers, which `install` removes [us]."""
     overhead_ratio: float
     """Median over the pairs of `us_per_step` over `us_per_step_bare_mujoco`."""
     overhead_ratio_untimed: float
@@ -55,7 +55,7 @@ class BenchResult:
     overhead_quartiles: tuple[float, float]
     """Lower and upper quartile of the overhead ratio over the pairs."""
     us_per_step_with_guidance: float
-    """Step with water, guidance and log [us]."""
+    """Time of a step with water, guidance and log [us]."""
     times_real_time: float
     """Simulated over wall time of a batch of closed-loop missions on `threads`: best of BATCHES, or
     of fewer if there are fewer pairs."""
@@ -171,7 +171,7 @@ class LanesBenchResult:
     part_of_limit: float
     """`times_real_time_one_core` over `limit_one_core`."""
     ns_per_step: float
-    """Complete step of one vehicle on one core [ns]."""
+    """Time of a complete step of one vehicle on one core [ns]."""
     threads: int
     timestep_s: float
     missions: int

@@ -20,7 +20,7 @@ from twin.extras import preload_triton, require
 from twin.show.render.context import available_backend, claim_drawing
 
 MUJOCO_BELOW = 4
-"""Major version of MuJoCo under which dm-control 1.0.50 fails to load models, as in the extra."""
+"""First major version of MuJoCo that dm-control 1.0.50 cannot use; the extra has this bound too."""
 ALONE = 'pip install --no-deps "dm-control>=1.0.50,<2"'
 """Command that installs dm-control alone: it requires labmaze, which is not needed and has no wheel
 from Python 3.13 on, so the extra leaves dm-control out there."""

@@ -1,4 +1,4 @@
-"""Waypoints: tasks in yos, toward random waypoints in a current, or far with little energy."""
+"""Waypoints: tasks flown in yos: reach waypoints in a current, or go far on little energy."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def _draw_waypoint(random: np.random.RandomState, north: float, east: float) -> 
 def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) -> float:
     """Return +1 to dive or -1 to climb, between two depths [m].
 
-    The commanded pump stores the direction between them; without a pump, the pitch does.
+    Between them the commanded pump gives the present direction; without a pump, the pitch.
     """
     if physics.depth() >= deep:
         return -1.0
