@@ -35,8 +35,8 @@ LIMITS = {
     "attitude_deg": ATTITUDE_LIMIT,
     "position_percent": POSITION_LIMIT,
 }
-"""Limits of each figure of `Difference` for the fraction WITHIN of the manoeuvres; the limit for all
-of them is FARTHEST times as large."""
+"""Limits of each figure of `Difference` for the fraction WITHIN of the manoeuvres; the limit for
+all of them is FARTHEST times as large."""
 WITHIN, FARTHEST = 0.99, 5.0
 QUANTILES = (0.5, 0.9, WITHIN, 1.0)
 STEPPED = 2
