@@ -168,7 +168,7 @@ def check_engines(
         differences, unstable = list[Difference](), list[int]()
         for k in range(0, len(seeds), LANES[-1]):
             some = seeds[k : k + LANES[-1]]
-            ours, theirs = (_flown(vehicle, some, engine, threads=threads) for engine in ENGINES)
+            ours, theirs = (_fly(vehicle, some, engine, threads=threads) for engine in ENGINES)
             for number, one, other in zip(some, ours, theirs, strict=True):
                 if one is None or other is None:
                     unstable.append(number)
@@ -181,13 +181,13 @@ def check_engines(
                 vehicle=vehicle.name,
                 differences=differences,
                 unstable=unstable,
-                steps=_steps(vehicle, flown, threads) if flown else None,
+                steps=_effects(vehicle, flown, threads) if flown else None,
             )
         )
     return EngineCheck(vehicles=found)
 
 
-def _flown(
+def _fly(
     vehicle: Vehicle, seeds: Sequence[int], engine: str, *, threads: int, part: int = 1
 ) -> list[Trajectory | None]:
     """Fly manoeuvres by an engine at 1 / `part` of the vehicle's step; None where unstable."""
@@ -202,13 +202,13 @@ def _flown(
     return [None if isinstance(one, SimulationUnstable) else one for one in found]
 
 
-def _steps(vehicle: Vehicle, seeds: Sequence[int], threads: int) -> Steps | None:
+def _effects(vehicle: Vehicle, seeds: Sequence[int], threads: int) -> Steps | None:
     flights = {
-        (engine, part): _flown(vehicle, seeds, engine, threads=threads, part=part)
+        (engine, part): _fly(vehicle, seeds, engine, threads=threads, part=part)
         for engine in ENGINES
         for part in (1, 2, 4)
     }
-    flights["lanes", FINER] = _flown(vehicle, seeds, "lanes", threads=threads, part=FINER)
+    flights["lanes", FINER] = _fly(vehicle, seeds, "lanes", threads=threads, part=FINER)
 
     def between(engine: str, coarse: int, fine: int) -> list[Difference]:
         pairs = zip(seeds, flights[engine, coarse], flights[engine, fine], strict=True)

@@ -134,7 +134,7 @@ def energy_gains(
       starts: nu_r, shape (n, 6). model: whose code is used, one of MODELS.
       positions: held positions of the parts, shape (parts,); None: at rest, screws stopped.
     """
-    at = _standing(vehicle) if positions is None else positions
+    at = _rest_positions(vehicle) if positions is None else positions
     mass, moment, inertia = mass_distribution(FossenModel(vehicle).parameters, at)
     rigid = rigid_body_mass(mass, moment / mass, inertia)
     total = rigid + vehicle.added_mass
@@ -153,7 +153,7 @@ def energy_gains(
     step = np.zeros((len(starts), 1))
     for round_ in range(ROUNDS):
         if round_ % RENEWED == 0:
-            step = STEP / _fastest(rate, nu)[:, None]
+            step = STEP / _fastest_rate(rate, nu)[:, None]
         k1 = rate(nu)
         k2 = rate(nu + 0.5 * step * k1)
         k3 = rate(nu + 0.5 * step * k2)
@@ -167,7 +167,7 @@ def energy_gains(
     return gains
 
 
-def _standing(vehicle: Vehicle) -> Array:
+def _rest_positions(vehicle: Vehicle) -> Array:
     """Positions of the parts at rest, with screws stopped whatever their travel."""
     return np.where([part.spins for part in vehicle.parts], 0.0, vehicle.rest)
 
@@ -180,7 +180,7 @@ def _coriolis(inertia: Array, nu: Array) -> Array:
     return np.concatenate([force, moment], axis=1)
 
 
-def _fastest(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
+def _fastest_rate(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
     """Size [1/s] of the fastest eigenvalue of the accelerations at each motion, shape (n,)."""
     size = np.linalg.norm(nu, axis=1)
     jacobian = np.empty((len(nu), 6, 6))
@@ -191,7 +191,7 @@ def _fastest(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
     return np.maximum(np.abs(np.linalg.eigvals(jacobian)).max(axis=1), 1e-3)
 
 
-def _by_native(vehicle: Vehicle, at: Array) -> Wrenches:
+def _native_wrenches(vehicle: Vehicle, at: Array) -> Wrenches:
     """Make the function of wrenches of hull and parts in the MuJoCo twin's code."""
     parts = [
         (PARTS.code(part.kind), *part.position, position, *part.values())
@@ -225,7 +225,7 @@ def _native(law, values, parts, density, motions):  # type: ignore[no-untyped-de
     return found
 
 
-def _by_fossen(vehicle: Vehicle, at: Array) -> Wrenches:
+def _fossen_wrenches(vehicle: Vehicle, at: Array) -> Wrenches:
     """Make the function of wrenches of hull and parts in the Fossen model's code."""
     parameters = FossenModel(vehicle).parameters
     density = float(vehicle.reference_density)
@@ -243,4 +243,4 @@ def _fossen(parameters, at, density, motions):  # type: ignore[no-untyped-def]
     return found
 
 
-_WRENCHES = {"mujoco": _by_native, "fossen": _by_fossen}
+_WRENCHES = {"mujoco": _native_wrenches, "fossen": _fossen_wrenches}

@@ -76,16 +76,16 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     dry.data.xfrc_applied[:] = 0.0
     with_water, bare, untimed, with_guidance = (list[float]() for _ in range(4))
     turn: list[Callable[[], None]] = [
-        lambda: with_water.append(_stretch(wet)),
-        lambda: untimed.append(_bare_stretch(dry, timers=False)),
-        lambda: bare.append(_bare_stretch(dry)),
+        lambda: with_water.append(_time_steps(wet)),
+        lambda: untimed.append(_time_bare_steps(dry, timers=False)),
+        lambda: bare.append(_time_bare_steps(dry)),
     ]
     for _ in range(rounds):
         for measure in turn:
             measure()
         turn.reverse()
         guided.reset()
-        with_guidance.append(_stretch(guided))
+        with_guidance.append(_time_steps(guided))
     ratios = sorted(a / c for a, c in zip(with_water, bare, strict=True))
     over_untimed = statistics.median(a / c for a, c in zip(with_water, untimed, strict=True))
     quarter = len(ratios) // 4
@@ -106,13 +106,13 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     )
 
 
-def _bare_stretch(simulation: _UnderWay, *, timers: bool = True) -> float:
+def _time_bare_steps(simulation: _UnderWay, *, timers: bool = True) -> float:
     """Time a stretch of steps without our callbacks, with or without MuJoCo's timers."""
     uninstall()
     if not timers:
         stop_timers()
     try:
-        return _stretch(simulation)
+        return _time_steps(simulation)
     finally:
         install()
 
@@ -127,7 +127,7 @@ class _UnderWay:
         mujoco.mj_step(self.model, self.data, nstep=200)
 
 
-def _stretch(simulation: _UnderWay | Simulation) -> float:
+def _time_steps(simulation: _UnderWay | Simulation) -> float:
     """Time one stretch [us per step]."""
     begin = time.perf_counter()
     mujoco.mj_step(simulation.model, simulation.data, nstep=STEPS)
@@ -197,9 +197,9 @@ def bench_lanes(vehicle: Vehicle, *, threads: int) -> LanesBenchResult:
     scenarios = [bench_scenario(vehicle, number) for number in range(count)]
     lanes = [Lane(scenario) for scenario in scenarios]
     blocks = [lanes[k : k + LANES[-1]] for k in range(0, count, LANES[-1])]
-    _on_one_core(blocks[0])  # compiles
-    one = max(_on_one_core(blocks[0]) for _ in range(3))
-    alone = _arithmetic_alone(blocks[0])
+    _fly_on_core(blocks[0])  # compiles
+    one = max(_fly_on_core(blocks[0]) for _ in range(3))
+    alone = _time_arithmetic(blocks[0])
     begin = time.perf_counter()
     flown = fly_in_lanes(scenarios, threads=threads)
     wall = time.perf_counter() - begin
@@ -225,18 +225,18 @@ def fly_blocks(blocks: Sequence[Sequence[Lane]], threads: int) -> float:
     with concurrent.futures.ThreadPoolExecutor(threads) as pool:
         logs = list(pool.map(LaneBlock.fly, ready))
     wall = time.perf_counter() - begin
-    return sum(map(_simulated, logs)) / wall
+    return sum(map(_flown_time, logs)) / wall
 
 
-def _on_one_core(lanes: Sequence[Lane]) -> float:
+def _fly_on_core(lanes: Sequence[Lane]) -> float:
     """Simulated over processor time of a block."""
     block = LaneBlock(lanes)
     begin = time.thread_time()
     log = block.fly()
-    return _simulated(log) / (time.thread_time() - begin)
+    return _flown_time(log) / (time.thread_time() - begin)
 
 
-def _simulated(log: Sequence[tuple[np.ndarray, object]]) -> float:
+def _flown_time(log: Sequence[tuple[np.ndarray, object]]) -> float:
     """Simulated time of all lanes of a block [s]."""
     return sum(float(rows["time"][-1]) for rows, _ in log)
 
@@ -247,7 +247,7 @@ def _call_often(rate, address, h, count):  # type: ignore[no-untyped-def]
         call_rate(rate, address, h)
 
 
-def _arithmetic_alone(lanes: Sequence[Lane]) -> float:
+def _time_arithmetic(lanes: Sequence[Lane]) -> float:
     """Simulated over processor time of a block that only calls the structure's function."""
     block, step = LaneBlock(lanes), lanes[0].timestep
     _call_often(block.rate.address, block.b.ctypes.data, step, 1)

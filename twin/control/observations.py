@@ -101,7 +101,7 @@ _GAMMA, _ONE, _TWO = (np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xBF584
                                                       0x94D049BB133111EB))  # fmt: skip
 
 
-def _mixed(words: Words) -> Words:
+def _mix_words(words: Words) -> Words:
     """Next SplitMix64 number of each state."""
     words = words + _GAMMA
     words = (words ^ (words >> np.uint64(30))) * _ONE
@@ -123,9 +123,9 @@ def normal(seed: Counts, episode: Counts, step: Counts, width: int) -> Array:
     with np.errstate(over="ignore"):
         state = np.zeros(len(seed), np.uint64)
         for part in (seed, episode, step):
-            state = _mixed(state ^ np.asarray(part).astype(np.uint64))
+            state = _mix_words(state ^ np.asarray(part).astype(np.uint64))
         places = state[:, None] + np.arange(2 * width, dtype=np.uint64) * _GAMMA
-        bits = _mixed(places) >> np.uint64(11)
+        bits = _mix_words(places) >> np.uint64(11)
     uniform = (bits.astype(np.float64) + 0.5) * 2.0**-53
     radius = np.sqrt(-2.0 * np.log(uniform[:, :width]))
     return np.asarray(radius * np.cos(2.0 * np.pi * uniform[:, width:]))

@@ -36,7 +36,7 @@ Mask = NDArray[np.bool_]
 Many = ManyPhysics | ManyLanes
 
 
-def _in_mujoco(one: Environment, law: str, count: int, threads: int) -> ManyPhysics:
+def _make_physics(one: Environment, law: str, count: int, threads: int) -> ManyPhysics:
     varied = one.task.conditions is not None
     model = compile_model(
         one.task.vehicle,
@@ -48,7 +48,7 @@ def _in_mujoco(one: Environment, law: str, count: int, threads: int) -> ManyPhys
     return ManyPhysics(model, count, threads=threads, real_vehicles=varied)
 
 
-def _in_lanes(one: Environment, law: str, count: int, threads: int) -> ManyLanes:
+def _make_lanes(one: Environment, law: str, count: int, threads: int) -> ManyLanes:
     vehicle = with_hydrodynamics(one.task.vehicle, law)
     return ManyLanes(vehicle, count, timestep=one.physics.timestep(), threads=threads)
 
@@ -126,7 +126,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         """Task whose goals have the vehicle as their first axis."""
         self.substeps, self._limit = one.substeps, one.limit
         law = settings.get("hydrodynamics", "coefficients")
-        fly: Callable[..., Many] = _in_lanes if engine == "lanes" else _in_mujoco
+        fly: Callable[..., Many] = _make_lanes if engine == "lanes" else _make_physics
         self.physics = fly(one, law, num_envs, threads)
         """Physics of all vehicles, with measurements by name."""
         self.task.serve([np.random.RandomState(0)] * num_envs)
@@ -154,7 +154,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         """
         which = self._mask(options)
         self._take_seeds(seed, which)
-        self._begin(which)
+        self._begin_episodes(which)
         return self._show(self.task.get_observation(self.physics)), {}
 
     def _mask(self, options: Mapping[str, Any] | None) -> Mask:
@@ -184,7 +184,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
                 seeds[i], self._episodes[i] = value, 0
         self._seeds = np.asarray(seeds, np.int64)
 
-    def _begin(self, which: Mask) -> None:
+    def _begin_episodes(self, which: Mask) -> None:
         """Sample and start the next episode of the vehicles in a mask."""
         assert self._seeds is not None
         task, physics = self.task, self.physics
@@ -222,7 +222,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         physics.set_control(task.to_command(actions))
         physics.step(self.substeps, flying)
         if ended.any():
-            self._begin(ended)
+            self._begin_episodes(ended)
         task.after_step(physics)
         self._steps[flying] += 1
         failed = physics.failed()
@@ -238,8 +238,8 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         info: dict[str, Any] = {}
         if self._mode is AutoresetMode.SAME_STEP and self._over.any():
             over = self._over.copy()
-            info = self._final(over, found)
-            self._begin(over)
+            info = self._final_info(over, found)
+            self._begin_episodes(over)
             found = task.get_observation(physics)
         return self._show(found), rewards, terminated, truncated, info
 
@@ -252,7 +252,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         assert self._seeds is not None
         return self._noise.draw(self._seeds, self._episodes, self._steps)
 
-    def _final(self, over: Mask, found: Mapping[str, Any]) -> dict[str, Any]:
+    def _final_info(self, over: Mask, found: Mapping[str, Any]) -> dict[str, Any]:
         """Last observations of ended episodes, in the form of Gymnasium's vector environments."""
         shown = self._observations.show(found)
         final = np.full(self.num_envs, None, dtype=object)

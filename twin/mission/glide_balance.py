@@ -174,7 +174,7 @@ def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Arra
     velocity, omega = nu[:3], nu[3:]
     mass, first = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg
     inertia = product(vehicle.static_inertia, omega)
-    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
+    inertia = inertia + _spin(vehicle.static_mass, vehicle.static_cg, omega)
     at = dict(zip(vehicle.part_names, position, strict=True))
     for moving in vehicle.masses:
         hinge = None if moving.hinge is None else vehicle.part(moving.hinge)
@@ -183,11 +183,11 @@ def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Arra
         place = moving.position(at.get(moving.slide or "", 0.0), turned)
         mass += moving.mass
         first = first + moving.mass * place
-        inertia = inertia + product(moving.inertia, omega) + _point(moving.mass, place, omega)
+        inertia = inertia + product(moving.inertia, omega) + _spin(moving.mass, place, omega)
     return mass, first, mass * velocity + cross(omega, first), inertia + cross(first, velocity)
 
 
-def _point(mass: float, place: Array, omega: Array) -> Array:
+def _spin(mass: float, place: Array, omega: Array) -> Array:
     """Angular momentum [N m s] of a point mass that turns about the CB, shape (3,)."""
     return mass * cross(place, cross(omega, place))
 
@@ -246,7 +246,7 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
     def steeper(alpha: float) -> bool:
         return alpha == zero_lift or not abs(pitch_at(alpha)) < abs(pitch)
 
-    _, alpha = _halved(steeper, zero_lift, float(angles[shallowest]))
+    _, alpha = _bisect(steeper, zero_lift, float(angles[shallowest]))
     glide_angle = pitch - alpha
     drag, _, moment = polar.at(alpha)
     speed = math.sqrt(-net_mass * vehicle.gravity * math.sin(glide_angle) / drag)
@@ -356,7 +356,7 @@ def _steady_flight(
     )
 
 
-def _halved(below: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
+def _bisect(below: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
     """Ends of an interval after _BISECTIONS halvings around the point where `below` turns false."""
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
@@ -377,13 +377,13 @@ def cruise_rate(vehicle: Vehicle, speed: float) -> float:
     assert driving is not None
     most = float(driving.high)
     if not surplus(vehicle, driving.high, speed) >= 0.0:
-        fast, _ = _halved(lambda v: surplus(vehicle, driving.high, v) >= 0.0, 0.0, speed)
+        fast, _ = _bisect(lambda v: surplus(vehicle, driving.high, v) >= 0.0, 0.0, speed)
         raise MissionError(
             f"speed_m_s = {speed:g}: propeller {driving.name!r} of vehicle {vehicle.name!r} drives "
             f"it at up to {fast:.2f} m/s ({driving.high:g} rad/s); give less"
         )
     left = surplus_at(vehicle, speed)
-    return _halved(lambda rate: not left(rate) >= 0.0, 0.0, most)[1]
+    return _bisect(lambda rate: not left(rate) >= 0.0, 0.0, most)[1]
 
 
 def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:

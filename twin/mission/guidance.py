@@ -42,7 +42,7 @@ MIN_COS_PITCH = 0.2
 
 
 @borrowing
-def _command(row, which, command):
+def _copy_command(row, which, command):
     """Copy one of the row's three commands into `command`."""
     first = g.SEGMENT_COLUMNS + which * command.size
     for i in range(command.size):
@@ -50,7 +50,7 @@ def _command(row, which, command):
 
 
 @borrowing
-def _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command):
+def _run_pitch_loop(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command):
     """Run the pitch loop of one part about its position in the phase's command.
 
     Its three gains begin at gains[first].
@@ -71,7 +71,7 @@ def _pitch_loop(row, gains, state, slot, error, pitch_rate, command):
     part, sense = gains[g.PITCH_PART], gains[g.PITCH_SENSE]
     low, high = row[g.PITCH_LOW], row[g.PITCH_HIGH]
     first = g.PITCH_KP
-    _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
+    _run_pitch_loop(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
 
 
 @borrowing
@@ -80,7 +80,7 @@ def _trim_loop(gains, state, error, pitch_rate, command):
     part, sense = gains[g.TRIM_PART], gains[g.TRIM_SENSE]
     low, high = gains[g.TRIM_LOW], gains[g.TRIM_HIGH]
     first, slot = g.TRIM_KP, g.TRIM_INTEGRAL
-    _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
+    _run_pitch_loop(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
 
 
 @borrowing
@@ -145,7 +145,7 @@ def _leave_surface(gains, command):
 
 
 @borrowing
-def _turns_otherwise(row, gains, phase, depth_rate):
+def _moves_against_phase(row, gains, phase, depth_rate):
     """Tell whether a vehicle that turns by rolling is not yet moving in the direction of its phase.
 
     In an inflection, or when it leaves the surface, its lift has the opposite sign or is zero, and
@@ -159,7 +159,7 @@ def _turns_otherwise(row, gains, phase, depth_rate):
 
 
 @jit
-def _go_along(gains: Array, command: Array) -> None:
+def _move_followers(gains: Array, command: Array) -> None:
     """Move the followers of the parts that the loops have moved, within their travel."""
     wanted = command.copy()
     count = gains[g.FOLLOWERS]
@@ -176,7 +176,7 @@ def _go_along(gains: Array, command: Array) -> None:
 
 
 @borrowing
-def _has_a_fix(row, gains, state, depth):
+def _has_fix(row, gains, state, depth):
     """Tell whether the vehicle has a GPS fix, which shows the surface if its depth gauge errs.
 
     `depth`: true depth [m].
@@ -196,7 +196,7 @@ def _steer(
     heading = compass(heading_read(gains, heading))
     altitude = altitude_read(gains, state, t, altitude)
     row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
-    afloat = fixed != 0.0 or _has_a_fix(row, gains, state, depth)
+    afloat = fixed != 0.0 or _has_fix(row, gains, state, depth)
     depth += gains[g.DEPTH_OFFSET]
     reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east)
     advance(table, state, t, depth, altitude, heading, afloat)
@@ -209,10 +209,10 @@ def _steer(
     if phase in (g.HOLDING, g.AT_SURFACE):
         # the surface is open loop too: without speed there is no damping to close a loop around
         state[g.PITCH_SETPOINT] = np.nan
-        _command(row, g.REST_COMMAND, command)
+        _copy_command(row, g.REST_COMMAND, command)
         return
     if phase == g.HOVERING:
-        _command(row, g.REST_COMMAND, command)
+        _copy_command(row, g.REST_COMMAND, command)
         setpoint = state[g.PITCH_SETPOINT] = row[g.LEVEL_PITCH]
         if gains[g.PITCHES_AT_REST] != 0.0:
             _pitch_loop(row, gains, state, g.LEVEL_INTEGRAL, setpoint - pitch, pitch_rate, command)
@@ -226,15 +226,15 @@ def _steer(
         setpoint = _level_pitch(row, gains, state, depth, altitude, depth_rate)
         slot = g.LEVEL_INTEGRAL
         turn, turn_slot = row[g.LEVEL_TURN], g.LEVEL_TURN_INTEGRAL
-        _command(row, g.LEVEL_COMMAND, command)
+        _copy_command(row, g.LEVEL_COMMAND, command)
     elif phase == g.DIVE:
         setpoint, slot = row[g.DIVE_PITCH], g.DIVE_INTEGRAL
         turn, turn_slot = row[g.DIVE_TURN], g.DIVE_TURN_INTEGRAL
-        _command(row, g.DIVE_COMMAND, command)
+        _copy_command(row, g.DIVE_COMMAND, command)
     else:
         setpoint, slot = row[g.CLIMB_PITCH], g.CLIMB_INTEGRAL
         turn, turn_slot = row[g.CLIMB_TURN], g.CLIMB_TURN_INTEGRAL
-        _command(row, g.CLIMB_COMMAND, command)
+        _copy_command(row, g.CLIMB_COMMAND, command)
     state[g.PITCH_SETPOINT] = setpoint
     _pitch_loop(row, gains, state, slot, setpoint - pitch, pitch_rate, command)
     if setpoint < 0.0 and (afloat or depth < row[g.SURFACE_DEPTH]):
@@ -258,7 +258,7 @@ def _steer(
         heading_rate -= row[g.TURN_RATE]
     if not abs(turn) > 0.0:
         return
-    if _turns_otherwise(row, gains, phase, depth_rate):
+    if _moves_against_phase(row, gains, phase, depth_rate):
         error, heading_rate = 0.0, 0.0
     limit = row[g.TURN_LIMIT] / abs(turn)
     command[part] = turn * pid(
@@ -312,7 +312,7 @@ def guidance_step(
         north, east, current_north, current_east, fixed,
     )  # fmt: skip
     if gains[g.FOLLOWERS] > 0.0 and state[g.PHASE] != g.HOLDING:
-        _go_along(gains, command)
+        _move_followers(gains, command)
 
 
 def new_state() -> Array:

@@ -64,7 +64,7 @@ def _enter(table, state, index, t, depth, altitude, heading):
 
 
 @borrowing
-def _surfaces(row, state, t, following):
+def _must_surface(row, state, t, following):
     """Tell whether a flight to a waypoint surfaces now: by time, by yos or on arrival.
 
     `following`: phase after the turns at depth.
@@ -78,14 +78,14 @@ def _surfaces(row, state, t, following):
 
 
 @borrowing
-def _to_waypoint(row, state, t, following):
+def _waypoint_phase(row, state, t, following):
     """Phase of a flight to a waypoint: surfaces for a fix, dives again, updates the course."""
     phase = state[g.PHASE]
     # a target of a mission that holds its last segment is approached again and again
     if state[g.DONE] == 0.0 and distance_left(row, state) <= row[g.ARRIVAL_RADIUS]:
         state[g.ARRIVED] = 1.0
     if phase in (g.DIVE, g.CLIMB):
-        if _surfaces(row, state, t, following):
+        if _must_surface(row, state, t, following):
             return g.SURFACING
         if row[g.STEERS_ALWAYS] != 0.0 and state[g.ARRIVED] == 0.0:
             state[g.HEADING_SETPOINT] = course(row, state)
@@ -130,7 +130,7 @@ def advance(table, state, t, depth, altitude, heading, afloat):
             state[g.DONE] = 1.0
     there = False
     if table[index, g.KIND] == g.WAYPOINT:
-        following = _to_waypoint(table[index], state, t, following)
+        following = _waypoint_phase(table[index], state, t, following)
         there = state[g.ARRIVED] != 0.0 and following != g.SURFACING
         # the surface interval for a fix comes before the next target
         there = there and following != g.AT_SURFACE

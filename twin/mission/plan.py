@@ -165,13 +165,13 @@ class Mission:
                 'give --start LAT,LON or start={"latitude": 49.0, "longitude": -16.0}; '
                 "without a scenario, compile Mission.placed(latitude, longitude)"
             )
-        self._name_idle(vehicle)
+        self._warn_of_idle_parts(vehicle)
         table = np.array(self._rows(vehicle))
         if self.max_depth_m is not None:
             table[:, g.ABORT_DEPTH] = self.max_depth_m
         return table, _gains(vehicle)
 
-    def _name_idle(self, vehicle: Vehicle) -> None:
+    def _warn_of_idle_parts(self, vehicle: Vehicle) -> None:
         """Warn of parts that neither guidance nor a segment of this mission moves."""
         named = {
             name for segment in self.segments for name in getattr(segment, "parts", None) or ()

@@ -201,12 +201,12 @@ def surfacings(behaviors: list[Behavior], notes: list[str]) -> Surfacings:
     for behavior in behaviors:
         arguments = behavior.arguments
         when = arguments.get("start_when")
-        if _take(found, behavior, notes):
+        if _add_surfacing(found, behavior, notes):
             stays.append(arguments.get("keystroke_wait_time", DEFAULT_STAY))
         quits = arguments.get("end_action") == QUITS
         if quits and when not in (STACK_IDLE, HEADING_IDLE, NO_COMMS):
             notes.append(f"{behavior.label}: end_action 0 ends the mission there; here it goes on")
-        _take_pitch(found, behavior, notes)
+        _add_pitch(found, behavior, notes)
         for name in sorted(set(arguments) - _USED - NO_EFFECT):
             notes.append(f"{behavior.label}: {name} = {arguments[name]:g} is left out")
     if stays:
@@ -220,7 +220,7 @@ def surfacings(behaviors: list[Behavior], notes: list[str]) -> Surfacings:
     return found
 
 
-def _take(found: Surfacings, behavior: Behavior, notes: list[str]) -> bool:
+def _add_surfacing(found: Surfacings, behavior: Behavior, notes: list[str]) -> bool:
     """Add one behavior; return True if it surfaces the glider during the mission."""
     arguments = behavior.arguments
     when = arguments.get("start_when", math.nan)
@@ -247,7 +247,7 @@ def _take(found: Surfacings, behavior: Behavior, notes: list[str]) -> bool:
     return True
 
 
-def _take_pitch(found: Surfacings, behavior: Behavior, notes: list[str]) -> None:
+def _add_pitch(found: Surfacings, behavior: Behavior, notes: list[str]) -> None:
     use, value = (behavior.arguments.get(f"c_{name}") for name in ("use_pitch", "pitch_value"))
     if value is None:
         return

@@ -41,18 +41,18 @@ def with_arguments(path: Path) -> Parsed:
         found = _find(path.parent, name)
         if found is None:
             if behavior.name == "sample":
-                continue  # no effect on the motion; `_rest` adds the note
+                continue  # no effect on the motion; `_limit_of_depth` adds the note
             raise MissionError(
                 f"{behavior.label}: its arguments are in {name}, which is neither in {path.parent} "
                 "nor in a folder mafiles there or beside it"
             )
         file = parse(found)
-        _merge(behavior, file, found.name)
+        _merge_arguments(behavior, file, found.name)
         mission.notes += file.notes
     return mission
 
 
-def _merge(behavior: Behavior, file: Parsed, name: str) -> None:
+def _merge_arguments(behavior: Behavior, file: Parsed, name: str) -> None:
     own = file.behaviors[0]
     if own.name != behavior.name:
         raise MissionError(
@@ -129,9 +129,9 @@ def read_slocum(
         )
     parsed = with_arguments(path)
     notes = parsed.notes
-    goto, yo = (_one(path.name, parsed.behaviors, name, notes) for name in ("goto_list", "yo"))
+    goto, yo = (_first(path.name, parsed.behaviors, name, notes) for name in ("goto_list", "yo"))
     surface = surfacings([b for b in parsed.behaviors if b.name == "surface"], notes)
-    settings = _yo(yo, notes, vehicle, above_floor)
+    settings = _yo_settings(yo, notes, vehicle, above_floor)
     half_cycles = yo.arguments.get("num_half_cycles_to_do", -1.0)
     if half_cycles > 0.0 and surface.when_yo_ends:
         settings["surface_after_yos"] = max(1.0, math.ceil(half_cycles / 2.0))
@@ -139,22 +139,22 @@ def read_slocum(
             notes.append(f"{yo.label}: num_half_cycles_to_do {half_cycles:g} is flown as even")
     elif half_cycles > 0.0:
         notes.append(f"{yo.label}: no surface behavior starts when it ends: it is flown on")
-    settings |= _surfacing(surface, settings, notes)
-    settings["current"] = _current(parsed.sensors, notes)
-    segments: list[Segment] = [Waypoint(**_list(goto, notes), **settings)]
+    settings |= _surface_settings(surface, settings, notes)
+    settings["current"] = _current_setting(parsed.sensors, notes)
+    segments: list[Segment] = [Waypoint(**_targets(goto, notes), **settings)]
     if surface.first:
         segments.insert(0, Surface(duration_s=surface.stay_s))
     mission: dict[str, Any] = {"name": path.stem, "segments": tuple(segments)}
     if surface.pitch_deg is not None:
         mission["ascent_pitch_deg"] = surface.pitch_deg
-    mission |= _rest(parsed.behaviors, settings["max_depth_m"], notes)
+    mission |= _limit_of_depth(parsed.behaviors, settings["max_depth_m"], notes)
     try:
         return SlocumReading(mission=Mission(**mission), notes=tuple(notes))
     except MissionError as error:
         raise MissionError(f"{path.name}: {error}") from None
 
 
-def _one(file: str, behaviors: list[Behavior], name: str, notes: list[str]) -> Behavior:
+def _first(file: str, behaviors: list[Behavior], name: str, notes: list[str]) -> Behavior:
     """Find the first behavior of that name, and note the others as left out."""
     found = [behavior for behavior in behaviors if behavior.name == name]
     if not found:
@@ -165,7 +165,7 @@ def _one(file: str, behaviors: list[Behavior], name: str, notes: list[str]) -> B
     return found[0]
 
 
-def _yo(
+def _yo_settings(
     yo: Behavior, notes: list[str], vehicle: Vehicle | None, above_floor: bool
 ) -> dict[str, Any]:
     """Settings of depths, pitches and buoyancy from a yo behavior."""
@@ -245,7 +245,7 @@ def _buoyancy(
     return {f"{prefix}net_mass_kg": kilograms} if kilograms > 0.0 else {}
 
 
-def _surfacing(
+def _surface_settings(
     surface: Surfacings, settings: Mapping[str, Any], notes: list[str]
 ) -> dict[str, Any]:
     climb = settings["climb_pitch_deg"]
@@ -261,14 +261,14 @@ def _surfacing(
     }
 
 
-def _current(sensors: Mapping[str, float], notes: list[str]) -> str:
+def _current_setting(sensors: Mapping[str, float], notes: list[str]) -> str:
     used = sensors.get("u_use_current_correction", 1.0)
     for name in sorted(set(sensors) - {"u_use_current_correction"}):
         notes.append(f"sensor {name} = {sensors[name]:g} is left out")
     return "estimated" if used > 0.0 else "none"
 
 
-def _list(goto: Behavior, notes: list[str]) -> dict[str, Any]:
+def _targets(goto: Behavior, notes: list[str]) -> dict[str, Any]:
     """Targets of a goto_list in order, and their arrival radius."""
     arguments = dict(goto.arguments)
     arguments.pop("start_when", None)
@@ -318,7 +318,7 @@ def _list(goto: Behavior, notes: list[str]) -> dict[str, Any]:
     return {"targets": targets, "arrival_radius_m": radius}
 
 
-def _rest(behaviors: list[Behavior], deepest: float, notes: list[str]) -> dict[str, Any]:
+def _limit_of_depth(behaviors: list[Behavior], deepest: float, notes: list[str]) -> dict[str, Any]:
     """Depth limit from abend behaviors; adds notes on the behaviors that are not flown."""
     fields: dict[str, Any] = {}
     for behavior in behaviors:

@@ -45,9 +45,9 @@ def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str
         raise MissionError(f"argument files have numbers from 0 to {MOST_NUMBER}, not {number}")
     segment = waypoints_of(mission, "argument files of a Slocum")
     return {
-        f"goto_l{number:02d}.ma": _goto(segment),
-        f"yo{number:02d}.ma": _yo(segment),
-        f"surfac{number:02d}.ma": _surface(segment),
+        f"goto_l{number:02d}.ma": _goto_text(segment),
+        f"yo{number:02d}.ma": _yo_text(segment),
+        f"surfac{number:02d}.ma": _surface_text(segment),
     }
 
 
@@ -75,12 +75,12 @@ def degrees_minutes(degrees: float, *, decimals: int = DECIMALS) -> str:
     return f"{sign}{whole * 100 + part / scale:.{decimals}f}"
 
 
-def _goto(segment: Waypoint) -> str:
+def _goto_text(segment: Waypoint) -> str:
     places = [
         f"{degrees_minutes(target['longitude'])} {degrees_minutes(target['latitude'])}"
         for target in segment.targets
     ]
-    return _file(
+    return _file_text(
         "goto_list",
         {
             "num_legs_to_run(nodim)": ONCE,
@@ -94,7 +94,7 @@ def _goto(segment: Waypoint) -> str:
     )
 
 
-def _yo(segment: Waypoint) -> str:
+def _yo_text(segment: Waypoint) -> str:
     climb = segment.pitch_deg if segment.climb_pitch_deg is None else segment.climb_pitch_deg
     arguments: dict[str, float] = {
         "start_when(enum)": PITCH_IDLE,
@@ -114,17 +114,17 @@ def _yo(segment: Waypoint) -> str:
         if kilograms is not None:
             arguments[f"{way}_use_bpump(enum)"] = ABSOLUTE
             arguments[f"{way}_bpump_value(X)"] = sign * kilograms / KG_PER_CM3
-    return _file("yo", arguments)
+    return _file_text("yo", arguments)
 
 
-def _surface(segment: Waypoint) -> str:
+def _surface_text(segment: Waypoint) -> str:
     if segment.surface_after_s is None or segment.surface_after_yos is not None:
         raise MissionError(
             "argument files of a Slocum have the time between surfacings: give surface_after_s, "
             "and leave surface_after_yos out"
         )
     climb = segment.pitch_deg if segment.climb_pitch_deg is None else segment.climb_pitch_deg
-    return _file(
+    return _file_text(
         "surface",
         {
             "start_when(enum)": EVERY_SECS,
@@ -137,14 +137,14 @@ def _surface(segment: Waypoint) -> str:
     )
 
 
-def _file(behavior: str, arguments: Mapping[str, float], places: Sequence[str] = ()) -> str:
+def _file_text(behavior: str, arguments: Mapping[str, float], places: Sequence[str] = ()) -> str:
     lines = [f"behavior_name={behavior}", "<start:b_arg>"]
-    lines += [f"    b_arg: {name} {_number(value)}" for name, value in arguments.items()]
+    lines += [f"    b_arg: {name} {_number_text(value)}" for name, value in arguments.items()]
     lines.append("<end:b_arg>")
     if places:
         lines += ["<start:waypoints>", "# longitude latitude", *places, "<end:waypoints>"]
     return "\n".join(lines) + "\n"
 
 
-def _number(value: float) -> str:
+def _number_text(value: float) -> str:
     return f"{value:.4f}".rstrip("0").rstrip(".")

@@ -72,8 +72,8 @@ def way(
         command[pump] = vehicle.pump_for_net_mass(net_mass)
     if vehicle.steered("speed") is not None:
         speed = vehicle.cruise_speed if speed is None else speed
-        driven = _driven(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
-        return _straight(vehicle, label, driven)
+        driven = _propelled(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
+        return _straighten(vehicle, label, driven)
     if pump is None:
         raise MissionError(
             f"{label}: vehicle {vehicle.name!r} has neither a pump nor a propeller: nothing "
@@ -94,7 +94,7 @@ def way(
             fail(label, field, abs(pitch_deg), rule)
         command[vehicle.part_names.index(pitching.name)] = min(max(glide.shift, low), high)
     found = Way(pitch, glide.vertical_speed, glide.speed, glide.angle_of_attack, command)
-    return _straight(vehicle, label, found)
+    return _straighten(vehicle, label, found)
 
 
 def level_way(vehicle: Vehicle, label: str, speed: float | None) -> Way:
@@ -112,11 +112,11 @@ def level_way(vehicle: Vehicle, label: str, speed: float | None) -> Way:
             "goes ahead: give a saw-tooth"
         )
     speed = vehicle.cruise_speed if speed is None else speed
-    found = _driven(vehicle, label, "speed_m_s", None, speed, vehicle.rest, False)
-    return _straight(vehicle, label, found)
+    found = _propelled(vehicle, label, "speed_m_s", None, speed, vehicle.rest, False)
+    return _straighten(vehicle, label, found)
 
 
-def _straight(vehicle: Vehicle, label: str, steady: Way) -> Way:
+def _straighten(vehicle: Vehicle, label: str, steady: Way) -> Way:
     """Set the turning part for straight motion: at rest, unless the hull turns by itself.
 
     Sway, roll and the part's position are solved so that side force, roll moment and yaw moment
@@ -148,7 +148,7 @@ def _straight(vehicle: Vehicle, label: str, steady: Way) -> Way:
     return steady._replace(command=command)
 
 
-def _driven(
+def _propelled(
     vehicle: Vehicle,
     label: str,
     field: str,
@@ -295,7 +295,7 @@ def check_reachable(label: str, place: tuple[float, float], start: tuple[float, 
     metres = great_circle(*place, *start)
     if metres <= FARTHEST:
         return
-    near = [(great_circle(*one, *start), one, why) for one, why in _slips(*place)]
+    near = [(great_circle(*one, *start), one, why) for one, why in _likely_places(*place)]
     likely = min((one for one in near if one[0] <= FARTHEST), default=None)
     hint = "check its signs (south and west are negative), and --start or --from"
     if likely is not None:
@@ -317,7 +317,7 @@ def check_near(label: str, north: float, east: float) -> None:
         )
 
 
-def _slips(latitude: float, longitude: float) -> Iterator[tuple[tuple[float, float], str]]:
+def _likely_places(latitude: float, longitude: float) -> Iterator[tuple[tuple[float, float], str]]:
     """Yield places that could be meant, each with the mistake that leads to the given one."""
     yield (latitude, -longitude), "the sign of the longitude; west is negative"
     yield (-latitude, longitude), "the sign of the latitude; south is negative"

@@ -250,7 +250,7 @@ def electric_signals(
     warmth = flown.signals.get("true_temperature")
     air = np.full(len(time), ZERO_C + 10.0)
     if warmth is not None:
-        air = ZERO_C + _late(np.asarray(warmth, float), AIR_LAG / period)
+        air = ZERO_C + _lagged(np.asarray(warmth, float), AIR_LAG / period)
     room = HULL_AIR * scenario.vehicle.neutral_volume
     inside = (SEA_LEVEL - healthy(scenario).consumption.hull_vacuum) * (air / (ZERO_C + 10.0))
     inside = inside * room / (room - np.minimum(water, 0.9 * room))
@@ -263,7 +263,7 @@ def electric_signals(
     }
 
 
-def _late(values: Array, lag: float) -> Array:
+def _lagged(values: Array, lag: float) -> Array:
     """Filter values with a first-order lag of `lag` samples."""
     from scipy.signal import lfilter
 

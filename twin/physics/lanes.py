@@ -106,7 +106,7 @@ class Lane:
             raise InputError(f"timestep {step:g} s is outside 0 to {LONGEST_STEP:g} s")
         self.per_sample = steps_per_sample(scenario.sample_period, step)
         self.samples = math.floor(self.duration / scenario.sample_period + 1e-9) + 1
-        self.joints = _driving(vehicle.xml)
+        self.joints = _parts_of_joints(vehicle.xml)
         self.row = b.log_row(7 + len(self.joints), 6 + len(self.joints), len(vehicle.parts))
 
     @property
@@ -129,7 +129,7 @@ class Lane:
         )
         assert structure == self.structure  # a fault changes numbers, never the structure
         rows[structure.numbers_at :] = numbers
-        for name, values in _response(condition.vehicle).items():
+        for name, values in _response_rows(condition.vehicle).items():
             at = PARTS_AT + PART.index(name) * structure.parts
             rows[at : at + structure.parts] = values
         write_instruments(gains, condition)
@@ -161,14 +161,14 @@ def column(
     found[AT["alive"]] = 1.0
     low, high = vehicle.actuator_min, vehicle.actuator_max
     begin = np.clip(start.positions(vehicle.part_names, vehicle.rest), low, high)
-    rows: dict[str, Any] = {"now": begin, "command": begin, **_response(vehicle)}
+    rows: dict[str, Any] = {"now": begin, "command": begin, **_response_rows(vehicle)}
     for name, values in rows.items():
         at = PARTS_AT + PART.index(name) * parts
         found[at : at + parts] = values
     return found
 
 
-def _response(vehicle: Vehicle) -> dict[str, Any]:
+def _response_rows(vehicle: Vehicle) -> dict[str, Any]:
     """Rows of a block with the limits and lags by which parts follow commands."""
     return {
         "low": vehicle.actuator_min,
@@ -206,7 +206,7 @@ def refuse_obstacles(vehicle: Vehicle) -> None:
 
 
 @functools.lru_cache(maxsize=64)
-def _driving(xml: str) -> tuple[int, ...]:
+def _parts_of_joints(xml: str) -> tuple[int, ...]:
     """Index of the part that drives each joint, in the order of MuJoCo's positions."""
     root = ElementTree.fromstring(xml)
     actuators = enumerate(root.findall("actuator/*"))
@@ -370,7 +370,7 @@ def fly_in_lanes(
     blocks = _blocks(lanes, count)
 
     def fly(members: list[int]) -> None:
-        for index, found in _flown(lanes, members, named, lean=lean):
+        for index, found in _lane_results(lanes, members, named, lean=lean):
             if isinstance(found, Aground):
                 raise found
             results[places[index]] = found
@@ -390,7 +390,7 @@ def flown_abreast(lanes: Sequence[Lane]) -> Iterator[tuple[int, LaneResult]]:
     A trajectory is made when it is asked for, so only the logs of a block are in memory at once.
     """
     for members in _blocks(lanes, 1):
-        yield from _flown(lanes, members, range(len(lanes)))
+        yield from _lane_results(lanes, members, range(len(lanes)))
 
 
 def _blocks(lanes: Sequence[Lane], threads: int) -> list[list[int]]:
@@ -413,7 +413,7 @@ def _sizes(count: int, threads: int) -> list[int]:
     return [LANES[-1]] * wide + [LANES[0]] * narrow
 
 
-def _flown(
+def _lane_results(
     lanes: Sequence[Lane],
     members: Sequence[int],
     numbers: Sequence[int | None],

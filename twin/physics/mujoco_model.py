@@ -124,7 +124,7 @@ def compile_model(
     _write_parts(spec, vehicle)
     prepare_contacts(spec, vehicle, floor=tables.floor.size > 0)
     if lean:
-        _strip(spec)
+        _delete_unused(spec)
     if timestep is None and isinstance(vehicle.law, Ellipsoids):
         timestep = min(spec.option.timestep, ELLIPSOID_TIMESTEP)
     if timestep is not None:
@@ -234,7 +234,7 @@ def _write_parts(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
         spec.site(name).pos = flip_vector(place)
 
 
-def _strip(spec: mujoco.MjSpec) -> None:
+def _delete_unused(spec: mujoco.MjSpec) -> None:
     """Delete sensors, cameras, lights, and geoms without collision or fluid forces."""
     for sensor in list(spec.sensors):
         spec.delete(sensor)
@@ -386,14 +386,14 @@ def _first_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-_SAY_NOTHING = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
+_IGNORE_WARNING = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
 
 
 @contextlib.contextmanager
 def quiet_mujoco() -> Iterator[None]:
     """Silence MuJoCo's own warnings: an unstable run raises an error instead."""
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_SAY_NOTHING)
+    mujoco.set_mju_user_warning(_IGNORE_WARNING)
     try:
         yield
     finally:

@@ -78,7 +78,7 @@ def trajectory(
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(
-            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_speed(found)} "
+            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_last_speed(found)} "
             f"(vehicle {scenario.vehicle.name!r}, hydrodynamics {scenario.hydrodynamics}, timestep "
             f"{timestep:g} s); try a smaller timestep, such as {timestep / SMALLER:g}, or check "
             "the parameters",
@@ -89,7 +89,7 @@ def trajectory(
     return found
 
 
-def _speed(trajectory: Trajectory) -> str:
+def _last_speed(trajectory: Trajectory) -> str:
     """Speed through the water at the last finite sample, as words; empty without a sample."""
     if not len(trajectory.time):
         return ""
@@ -160,20 +160,20 @@ def remarks(scenario: Scenario, run: Trajectory) -> list[str]:
       scenario: the flown scenario.
       run: its trajectory.
     """
-    stronger, tables = _stronger_current(scenario, run), tables_of(scenario, scenario.run_time())
+    stronger, tables = _current_remark(scenario, run), tables_of(scenario, scenario.run_time())
     found = [
-        _unfinished(run, stronger),
+        _ending_remark(run, stronger),
         stronger if run.provenance.get("ended") != "time limit" else "",
-        _short_of_target(scenario, run),
-        _touched(run),
-        _step_too_long(scenario, run),
-        _left_file(run, tables.floor, beyond_floor, "bathymetry", "depth"),
-        _left_file(run, tables.current, beyond_grid, "current file", "velocity"),
+        _target_remark(scenario, run),
+        _contact_remark(run),
+        _step_remark(scenario, run),
+        _area_remark(run, tables.floor, beyond_floor, "bathymetry", "depth"),
+        _area_remark(run, tables.current, beyond_grid, "current file", "velocity"),
     ]
     return [text for text in found if text]
 
 
-def _unfinished(run: Trajectory, stronger: str) -> str:
+def _ending_remark(run: Trajectory, stronger: str) -> str:
     """Remark why a mission was not flown to its end; empty if it was."""
     ended = run.provenance.get("ended")
     if ended == "aborted":
@@ -193,7 +193,7 @@ def _unfinished(run: Trajectory, stronger: str) -> str:
     return f"the mission was not flown to its end: {reason}"
 
 
-def _stronger_current(scenario: Scenario, run: Trajectory) -> str:
+def _current_remark(scenario: Scenario, run: Trajectory) -> str:
     """Remark that the current exceeded the speed of a vehicle with waypoints; else empty."""
     plan = scenario.mission
     if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
@@ -209,7 +209,7 @@ def _stronger_current(scenario: Scenario, run: Trajectory) -> str:
     )
 
 
-def _short_of_target(scenario: Scenario, run: Trajectory) -> str:
+def _target_remark(scenario: Scenario, run: Trajectory) -> str:
     """Remark that a run ended short of a waypoint, with the distance left; else empty."""
     if not isinstance(scenario.mission, Mission):
         return ""
@@ -227,7 +227,7 @@ def _short_of_target(scenario: Scenario, run: Trajectory) -> str:
     )
 
 
-def _touched(run: Trajectory) -> str:
+def _contact_remark(run: Trajectory) -> str:
     """Remark when the vehicle first touched floor or obstacle; empty if never."""
     figures = summarise(run)
     if not figures.get("grounded"):
@@ -238,7 +238,7 @@ def _touched(run: Trajectory) -> str:
     )
 
 
-def _step_too_long(scenario: Scenario, run: Trajectory) -> str:
+def _step_remark(scenario: Scenario, run: Trajectory) -> str:
     """Remark when the speed first made the time step too long; empty if never."""
     if not scenario.centred:
         return ""
@@ -252,7 +252,7 @@ def _step_too_long(scenario: Scenario, run: Trajectory) -> str:
     return f"from {run.time[np.argmax(speed > slower)]:.0f} s on the {fastest.too_long(step)}"
 
 
-def _left_file(run: Trajectory, table: Array, beyond: Beyond, file: str, held: str) -> str:
+def _area_remark(run: Trajectory, table: Array, beyond: Beyond, file: str, held: str) -> str:
     """Remark when the vehicle left the area of a water file; empty if never.
 
     Args:

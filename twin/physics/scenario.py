@@ -110,7 +110,7 @@ class Scenario:
             if not isinstance(value, kinds):
                 way = f"twin.{MAKERS[name]}({value!r})" if name in MAKERS else ""
                 made = f", as twin.{MAKERS[name]} makes" if way else ""
-                wanted = way if isinstance(value, str) and way else f"{_called(kinds)}{made}"
+                wanted = way if isinstance(value, str) and way else f"{_class_names(kinds)}{made}"
                 raise InputError(f"scenario: {name} is {value!r}; give {wanted}")
         if not isinstance(self.encoder_zeros, Mapping):
             raise InputError(
@@ -300,7 +300,7 @@ class Scenario:
         }
 
 
-def _called(kinds: type | tuple[type, ...]) -> str:
+def _class_names(kinds: type | tuple[type, ...]) -> str:
     """Names of classes as an error message lists them."""
     known = kinds if isinstance(kinds, tuple) else (kinds,)
     names = [kind.__name__ for kind in known if kind is not NoneType]

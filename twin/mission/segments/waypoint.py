@@ -76,7 +76,7 @@ class Waypoint(Profile):
         kind = self.kind
         if not isinstance(self.targets, list | tuple) or not self.targets:
             check.fail(kind, "targets", self.targets, "a list of at least one target")
-        targets = tuple(_checked(f"{kind}: targets[{i}]", t) for i, t in enumerate(self.targets))
+        targets = tuple(_target(f"{kind}: targets[{i}]", t) for i, t in enumerate(self.targets))
         object.__setattr__(self, "targets", targets)
         if self.surface_after_yos is not None and self.surface_after_yos % 1:
             check.fail(kind, "surface_after_yos", self.surface_after_yos, "a whole number")
@@ -193,7 +193,7 @@ def _yo_speed(dive: Way, climb: Way) -> float:
     return ahead / time
 
 
-def _checked(label: str, target: object) -> dict[str, float]:
+def _target(label: str, target: object) -> dict[str, float]:
     """Convert a target to numbers; raises MissionError for anything else."""
     if not isinstance(target, Mapping):
         raise MissionError(

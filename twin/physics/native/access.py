@@ -23,7 +23,7 @@ from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
 
 
-def _at(result: Any, element: ir.Type, load: bool) -> Any:
+def _address_intrinsic(result: Any, element: ir.Type, load: bool) -> Any:
     """Make an intrinsic that loads the value at an address, or turns the address into a pointer."""
 
     @intrinsic
@@ -37,15 +37,15 @@ def _at(result: Any, element: ir.Type, load: bool) -> Any:
     return found
 
 
-load_f8 = _at(types.float64, ir.DoubleType(), True)
+load_f8 = _address_intrinsic(types.float64, ir.DoubleType(), True)
 """Load the float64 at an address."""
-load_i8 = _at(types.int64, ir.IntType(64), True)
+load_i8 = _address_intrinsic(types.int64, ir.IntType(64), True)
 """Load the int64 (or pointer) at an address."""
-load_i4 = _at(types.int32, ir.IntType(32), True)
+load_i4 = _address_intrinsic(types.int32, ir.IntType(32), True)
 """Load the int32 at an address."""
-as_f8_pointer = _at(types.CPointer(types.float64), ir.DoubleType(), False)
+as_f8_pointer = _address_intrinsic(types.CPointer(types.float64), ir.DoubleType(), False)
 """Turn an address into a pointer from which `numba.carray` makes a float64 array."""
-as_void_pointer = _at(types.voidptr, ir.IntType(8), False)
+as_void_pointer = _address_intrinsic(types.voidptr, ir.IntType(8), False)
 """Turn an address into a pointer from which `numba.carray` makes an array of a given type."""
 layout_table = types.ExternalFunction("glider_twin_layout", types.int64())
 """Address of the table of struct offsets from `struct_offsets.publish`."""

@@ -76,7 +76,7 @@ class Late:
         """Functions of every generation, kept because other threads may be running an older one."""
         self._texts: list[Any] = []
         """Texts of errors, kept because MuJoCo reads them after Python code has returned."""
-        self._hook = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_int64))(self._asked)
+        self._hook = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_int64))(self._prepare_in_step)
         TABLE[WORDS * slot + 1] = ctypes.cast(self._hook, ctypes.c_void_p).value or 0
 
     @property
@@ -106,7 +106,7 @@ class Late:
     def _compile(self) -> Any:
         return cfunc(self._signature)(self._function)
 
-    def _asked(self, answer: Any) -> None:
+    def _prepare_in_step(self, answer: Any) -> None:
         """Compile the function inside MuJoCo's step; answer is a text's address or INTERRUPTED.
 
         Nobody could catch an exception here: the answer then stays 0, and no address is set.
@@ -138,7 +138,7 @@ class Late:
 
 
 @intrinsic
-def _ask(typingctx, hook):
+def _call_hook(typingctx, hook):
     """Call the hook at an address with a word for its answer; return the answer."""
 
     def codegen(context, builder, signature, args):
@@ -154,7 +154,7 @@ def _ask(typingctx, hook):
 
 
 @intrinsic
-def _call(typingctx, address):
+def _call_address(typingctx, address):
     """Call the function at an address, which takes no arguments."""
 
     def codegen(context, builder, signature, args):
@@ -174,9 +174,9 @@ def late_address(slot):
     place = late_table() + 8 * WORDS * slot
     address = load_i8(place)
     if address == 0:
-        answer = _ask(load_i8(place + 8))
+        answer = _call_hook(load_i8(place + 8))
         if answer == INTERRUPTED:
-            _call(load_i8(late_table() + 8 * WORDS * SLOTS))
+            _call_address(load_i8(late_table() + 8 * WORDS * SLOTS))
         elif answer != 0:
             mju_error(answer)
         address = load_i8(place)
@@ -203,7 +203,7 @@ _UNKNOWN = (math.nan,) * FLOW
 
 
 @intrinsic
-def _sampled_at(typingctx, address, program, size, t, north, east, down):
+def _call_sampler(typingctx, address, program, size, t, north, east, down):
     """Call the sampler at `address` with the program at another address; return its numbers."""
     result = types.UniTuple(types.float64, FLOW)
     point = (types.float64,) * 4
@@ -228,7 +228,7 @@ def flow_at(program, t, north, east, down):
     address = late_address(CURRENT)
     if address == 0:
         return _UNKNOWN
-    return _sampled_at(address, program.ctypes.data, program.size, t, north, east, down)
+    return _call_sampler(address, program.ctypes.data, program.size, t, north, east, down)
 
 
 def laid(model, data):
@@ -245,7 +245,7 @@ LAYER = Late(FLOOR, "the sea floor", types.void(types.int64, types.int64), laid)
 
 
 @intrinsic
-def _laid_by(typingctx, address, model, data):
+def _call_layer(typingctx, address, model, data):
     """Call the function at an address with a model and its data."""
 
     def codegen(context, builder, signature, args):
@@ -268,7 +268,7 @@ def follow_floor(head, model, data, state):
         if address == 0:
             state.altitude = math.nan
             return False
-        _laid_by(address, model, data)
+        _call_layer(address, model, data)
     return True
 
 
