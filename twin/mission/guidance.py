@@ -9,7 +9,7 @@ caller's `state`, so the native plant, a Python loop and a copy of a simulation 
 are rad, depths m positive down, the frames are NED and FRD.
 
 A loop works on the part's position times its sense: a slide moved forward pitches the nose down,
-so its sense in pitch is -1. The lift decides to which side a rolled battery turns a glider, so the
+so its sense in pitch is -1. The lift decides to which side a rolled battery turns a glider. So the
 heading loop takes its sense and strength from the row, separately for dives and climbs
 (`twin.mission.turning`).
 """
@@ -148,8 +148,8 @@ def _leave_surface(gains, command):
 def _moves_against_phase(row, gains, phase, depth_rate):
     """Tell whether a vehicle that turns by rolling is not yet moving in the direction of its phase.
 
-    In an inflection, or when it leaves the surface, its lift has the opposite sign or is zero, and
-    a loop with the phase's sign would turn it away from its heading. As real gliders do, it then
+    In an inflection, or when it leaves the surface, its lift has the opposite sign or is zero. A
+    loop with the phase's sign would then turn it away from its heading. As real gliders do, it
     keeps the roll that flies straight.
     """
     opposite = row[g.DIVE_TURN] * row[g.CLIMB_TURN] < 0.0

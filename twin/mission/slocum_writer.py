@@ -1,9 +1,9 @@
 """Slocum writer: a mission of waypoints as the argument files (.ma) that a Slocum reads at sea.
 
 `goto_l10.ma` holds the targets, `yo10.ma` depths and pitches, `surfac10.ma` the surfacings. The
-vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. What the
-files leave out keeps its value on the vehicle, such as a surfacing at each target, or pump volumes
-that the mission does not give.
+vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. Settings
+that the files leave out keep their values on the vehicle: a surfacing at each target, and pump
+volumes that the mission does not give.
 """
 
 from __future__ import annotations

@@ -103,8 +103,8 @@ def turn_factor(vehicle: Vehicle, steady: Way) -> float:
 def circling(vehicle: Vehicle, steady: Way, turn_rate: float) -> Array:
     """Positions of the parts, shape (parts,), in a level propelled turn.
 
-    Surge force, side force, roll and yaw moment vanish for the unknowns sway, roll, propeller rate
-    and position of the turning part, at the speed of the straight motion.
+    Surge force, side force, roll and yaw moment vanish. The unknowns are sway, roll, propeller rate
+    and position of the turning part; the speed is that of the straight motion.
 
     Args:
       steady: the straight level motion. turn_rate: [rad/s] about the vertical, to starboard.

@@ -286,8 +286,8 @@ def check_net_mass(vehicle: Vehicle, label: str, field: str, net_mass: float) ->
 
 
 FARTHEST = 1000e3
-"""[m] Largest distance of a target from the start. Beyond, the error of the tangent plane, which
-grows as the cube of the distance, is too large, and the place is nearly always a mistake."""
+"""[m] Largest distance of a target from the start. Farther, the tangent plane is too wrong (its
+error grows as the cube of the distance), and the place is nearly always a mistake."""
 
 
 def check_reachable(label: str, place: tuple[float, float], start: tuple[float, float]) -> None:

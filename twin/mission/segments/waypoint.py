@@ -161,8 +161,8 @@ class Waypoint(Profile):
         return row
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Time [s] from target to target at the speed of the yos with a margin, plus the surface
-        intervals, or less by the segment's own limits; and the largest depth [m]."""
+        """Time [s] from target to target at the yos' speed with a margin, plus surface intervals;
+        the segment's own limits shorten it. Also the largest depth [m]."""
         ways = self._ways(vehicle, label)
         legs = max(len(self.targets) - 1, 1)
         points = [(t["north_m"], t["east_m"]) for t in self.targets]
