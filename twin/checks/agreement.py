@@ -1,4 +1,4 @@
-"""Check: the MuJoCo twin against the Fossen model and against the published figures."""
+"""Agreement: the MuJoCo twin against the Fossen model and against published figures."""
 
 from __future__ import annotations
 
@@ -38,27 +38,27 @@ from twin.water.current.tide import TidalEllipse, Tide
 
 MANOEUVRES = 20
 DURATION = 600.0
-"""[s] of each manoeuvre"""
+"""[s] Duration of each manoeuvre."""
 SPEED_LIMIT, ATTITUDE_LIMIT, POSITION_LIMIT = 1e-3, 0.1, 0.3
-"""Agreement asked for: RMS speed [m/s], RMS attitude [deg], position [% of distance]"""
+"""Limits of agreement: RMS speed [m/s], RMS attitude [deg], position [% of distance]."""
 START_DEPTH = 1000.0
-"""[m] far from the surface"""
+"""[m] Depth of the start, far from the surface."""
 USUAL_APART = 10.0
-"""[m] by which ends of two engines differ in six hours at most: a doubled step alone moves a
-surfacing by up to 5 m (`python -m benchmarks.forecast_speed`)"""
+"""[m] Largest usual distance between the ends of two engines' runs of six hours; a doubled step
+alone moves a surfacing by up to 5 m (`python -m benchmarks.forecast_speed`)."""
 LEG = (60.0, 150.0)
-"""[s] time between actuator steps"""
+"""[s] Range of times between actuator steps."""
 SHEAR = 0.2
-"""[m/s] per 100 m, RMS of each drawn component"""
+"""[m/s] Standard deviation of each component of the sheared current, at depths 100 m apart."""
 TIDE = 0.5
-"""[m/s] amplitude of the tide"""
+"""[m/s] Amplitude of the tide."""
 WANDER = 0.1
-"""[m/s] standard deviation of a current that changes within 10 min"""
+"""[m/s] Standard deviation of a current with a correlation time of 10 min."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Manoeuvre:
-    """A random open-loop manoeuvre: actuator steps in a sheared current that changes in time."""
+    """Random open-loop manoeuvre: actuator steps in a sheared current that varies in time."""
 
     seed: int
     schedule: Schedule
@@ -66,7 +66,7 @@ class Manoeuvre:
     start: Start
 
     def scenario(self, vehicle: Vehicle, **fields: Any) -> Scenario:
-        """The flight of it; `fields` are a scenario's others."""
+        """Scenario of the manoeuvre; `fields` sets other fields of the scenario."""
         return Scenario(
             vehicle=vehicle, mission=self.schedule, start=self.start, current=self.current, **fields
         )
@@ -74,21 +74,21 @@ class Manoeuvre:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Two flights of one manoeuvre: MuJoCo against Fossen, or one engine against another."""
+    """Difference of two runs of one manoeuvre: MuJoCo and Fossen model, or two engines."""
 
     seed: int
     speed_m_s: float
-    """RMS difference of the speed through the water [m/s]"""
+    """RMS difference of the speed through the water [m/s]."""
     attitude_deg: float
-    """RMS angle of the rotation between the two attitudes [deg]"""
+    """RMS angle of the rotation between the two attitudes [deg]."""
     position_percent: float
-    """Largest position difference over the distance travelled [%]"""
+    """Largest position difference as a percentage of the distance travelled [%]."""
     distance_m: float
-    """Path length over ground [m]"""
+    """Path length over ground [m]."""
 
     @property
     def ok(self) -> bool:
-        """Whether all three are within the limits."""
+        """True if speed, attitude and position are within the limits."""
         return (
             self.speed_m_s <= SPEED_LIMIT
             and self.attitude_deg <= ATTITUDE_LIMIT
@@ -97,9 +97,9 @@ class Difference:
 
 
 def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> Manoeuvre:
-    """Actuator steps every 60 to 150 s, dives, climbs and spirals mixed.
+    """Sample actuator steps every 60 to 150 s, a mix of dives, climbs and spirals.
 
-    The current is sheared, wanders and has a tide.
+    The sampled current is the sum of a sheared, a tidal and a wandering one.
     """
     rng = np.random.default_rng([seed, 2013])
     order = sorted(range(len(vehicle.parts)), key=lambda k: vehicle.parts[k].turn)
@@ -111,7 +111,7 @@ def draw_manoeuvre(vehicle: Vehicle, seed: int, duration: float = DURATION) -> M
             command[k] = vehicle.parts[k].manoeuvre(rng, heavy, vehicle)
         times.append(time)
         commands.append(tuple(command.tolist()))
-        # commands are issued on the vehicle's control ticks, as its guidance does
+        # commands start on the vehicle's control ticks, like those of its guidance
         time += vehicle.control_period * round(rng.uniform(*LEG) / vehicle.control_period)
         heavy = heavy if rng.random() < 0.5 else -heavy
     depths = np.linspace(START_DEPTH - 400.0, START_DEPTH + 400.0, 9)
@@ -148,10 +148,10 @@ def fly_both(
     duration: float = DURATION,
     timestep: float | None = None,
 ) -> tuple[Trajectory, FossenTrajectory]:
-    """Fly one manoeuvre in both models, sampled alike.
+    """Fly one manoeuvre in both models, with the same samples.
 
-    timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model has a step of its own, no
-    longer than the file's.
+    timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model's own step is no longer
+    than the file's.
     """
     scenario = manoeuvre.scenario(vehicle, duration=duration, timestep=timestep)
     start = manoeuvre.start
@@ -168,16 +168,16 @@ def fly_both(
         rates=start.rates,
         actuators=start.positions(vehicle.part_names, vehicle.rest),
     )
-    # a vehicle whose file asks for a shorter step is too stiff for the usual one here too
+    # a vehicle whose file has a shorter step is too stiff for the default one here as well
     dt = min(DEFAULT_DT, file_timestep(vehicle))
     return simulate(scenario), fossen.simulate(state, manoeuvre.schedule, duration, dt=dt)
 
 
 def compare(ours: Trajectory, theirs: Trajectory | FossenTrajectory, seed: int) -> Difference:
-    """The three figures of agreement of two runs sampled at the same times."""
+    """Compute the three figures of agreement of two runs with the same sample times."""
     speed = np.linalg.norm(ours.v_rel, axis=1) - np.linalg.norm(theirs.v_rel, axis=1)
     relative = np.einsum("tji,tjk->tik", _to_ned(ours), _to_ned(theirs))
-    # sin of half the angle is accurate where the cosine of a small angle is not
+    # the sine of half the angle is accurate for small angles, and the cosine is not
     sine = np.linalg.norm(relative - np.eye(3), axis=(1, 2)) / math.sqrt(8.0)
     attitude = np.rad2deg(2 * np.arcsin(np.clip(sine, 0.0, 1.0)))
     track = _track(theirs)
@@ -194,7 +194,7 @@ def compare(ours: Trajectory, theirs: Trajectory | FossenTrajectory, seed: int) 
 
 
 def _to_ned(flown: Trajectory | FossenTrajectory) -> Array:
-    """Body to NED, shape (time, 3, 3)."""
+    """Rotation matrices body to NED, shape (time, 3, 3)."""
     if isinstance(flown, FossenTrajectory):
         return quaternion_to_matrix(flown.quaternion)
     angles = [np.deg2rad(flown[f"true_{n}"]) for n in ("roll", "pitch", "heading")]
@@ -214,7 +214,7 @@ def check_manoeuvres(
     duration: float = DURATION,
     timestep: float | None = None,
 ) -> list[Difference]:
-    """Differences of `count` random manoeuvres; see `fly_both` for the rest."""
+    """Differences of `count` random manoeuvres; see `fly_both` for the other arguments."""
     differences = []
     for index in range(seed, seed + count):
         manoeuvre = draw_manoeuvre(vehicle, index, duration)
@@ -224,20 +224,20 @@ def check_manoeuvres(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EndsApart:
-    """Distance of a flight's end in lanes from that of its scenario in MuJoCo."""
+    """Distance between the ends of a scenario's runs in lanes and in MuJoCo."""
 
     time_s: float
-    """[s] of the sample that is compared"""
+    """Time of the sample that is compared [s]."""
     position_m: float | None
-    """None where MuJoCo's flight did not come so far"""
+    """Distance between the positions [m]; None if MuJoCo's run ended before."""
     speed_m_s: float | None
-    """of the difference of the velocities over ground"""
+    """Size of the difference of the velocities over ground [m/s]; None as for `position_m`."""
     unstable: str = ""
-    """Why MuJoCo's flight did not come so far"""
+    """Reason why MuJoCo's run ended before."""
 
     @property
     def text(self) -> str:
-        """In words."""
+        """Sentence about the distance, for the user."""
         if self.position_m is None or self.speed_m_s is None:
             return f"MuJoCo could not fly it: {self.unstable}"
         hours = self.time_s / 3600.0
@@ -254,7 +254,7 @@ class EndsApart:
 
 
 def flown_in_mujoco(scenario: Scenario) -> Trajectory | SimulationUnstable:
-    """A scenario of any engine flown in MuJoCo, at the step of its vehicle's file."""
+    """Fly a scenario of any engine in MuJoCo, at the step of its vehicle's file."""
     try:
         return simulate(dataclasses.replace(scenario, engine="mujoco", timestep=None))
     except SimulationUnstable as error:
@@ -268,10 +268,10 @@ def state_at(run: Trajectory, index: int) -> Array:
 
 
 def ends_apart(time: float, state: Array, theirs: Trajectory | SimulationUnstable) -> EndsApart:
-    """Distance of a flight from MuJoCo's at a time [s] that both have.
+    """Compare a run with MuJoCo's at a time [s] within both.
 
     Args:
-      state: its own, see `state_at`.
+      state: state of the run at that time, see `state_at`.
     """
     if isinstance(theirs, SimulationUnstable):
         return EndsApart(time_s=time, position_m=None, speed_m_s=None, unstable=str(theirs))
@@ -284,9 +284,9 @@ def ends_apart(time: float, state: Array, theirs: Trajectory | SimulationUnstabl
 
 
 def check_published(vehicle: Vehicle | None = None) -> list[tuple[PublishedMotion, str, Trim]]:
-    """Every published motion computed by both models: (motion, model name, trim).
+    """Compute every published motion with both models: (motion, model name, trim).
 
-    vehicle: only those of this one; a vehicle that is not shipped as it stands has none.
+    vehicle: only its motions; none if the vehicle differs from the shipped one of its name.
     """
     name = None if vehicle is None else vehicle.name
     if vehicle is not None and not _is_shipped(vehicle):
@@ -310,5 +310,5 @@ def check_published(vehicle: Vehicle | None = None) -> list[tuple[PublishedMotio
 
 
 def _is_shipped(vehicle: Vehicle) -> bool:
-    """Whether published figures are of this very file, not of another that has its name."""
+    """Tell whether a vehicle is a shipped one, not just one of the same name."""
     return vehicle.name in vehicle_names() and load_vehicle(vehicle.name).xml == vehicle.xml

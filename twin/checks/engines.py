@@ -1,7 +1,7 @@
-"""Engines: MuJoCo and the Fossen model in lanes side by side on many random manoeuvres.
+"""Engines: MuJoCo and the Fossen model in lanes, compared on many random manoeuvres.
 
-Both fly by their vehicle's own step. What the steps themselves do is told beside it: each engine's
-change when its step is halved, once and once more, and the lanes' error at a vehicle's own step.
+Both use the step of the vehicle's file. The effect of the step is reported as well: the change of
+each engine when its step is halved once and twice, and the lanes' error at the vehicle's step.
 """
 
 from __future__ import annotations
@@ -35,42 +35,42 @@ LIMITS = {
     "attitude_deg": ATTITUDE_LIMIT,
     "position_percent": POSITION_LIMIT,
 }
-"""Of each figure of `Difference`: what the share WITHIN of the manoeuvres keeps, and all of them
-FARTHEST times over"""
+"""Limits of each figure of `Difference` for the fraction WITHIN of the manoeuvres; the limit for
+all of them is FARTHEST times as large."""
 WITHIN, FARTHEST = 0.99, 5.0
 QUANTILES = (0.5, 0.9, WITHIN, 1.0)
 STEPPED = 2
-"""Manoeuvres of a vehicle that are flown with shorter steps too"""
+"""Manoeuvres of each vehicle that are also flown with shorter steps."""
 FINER = 20
-"""Times shorter is the step that the lanes' own error is told against"""
+"""[1] Factor by which the step is shortened to find the lanes' own error."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Effect of the steps in one vehicle's manoeuvres, medians over STEPPED of them."""
+    """Effect of the steps in one vehicle's manoeuvres, from STEPPED of them."""
 
     timestep_s: float
-    """the vehicle file's"""
+    """Step of the vehicle file [s]."""
     lanes_error: Difference
-    """lanes at that step against a FINER one; the largest of each figure"""
+    """Lanes at that step against a FINER one: the largest of each figure."""
     falls: dict[str, float]
-    """by engine: an engine's change from this step to half of it, over that from half to a quarter,
-    in speed (RMS): four where it has order 2"""
+    """Ratio by engine, median: change of RMS speed from this step to half of it, over that from
+    half to a quarter. Four means order 2."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class VehicleAgreement:
-    """One vehicle's manoeuvres by both engines."""
+    """Manoeuvres of one vehicle by both engines."""
 
     vehicle: str
     differences: list[Difference]
     unstable: list[int]
-    """seeds that an engine did not fly to the end"""
+    """Seeds of the manoeuvres in which an engine went unstable."""
     steps: Steps | None
-    """None where none flew to the end"""
+    """Effect of the steps; None if no manoeuvre was flown to its end."""
 
     def beyond(self) -> list[str]:
-        """Figures beyond what is asked for, as texts."""
+        """Texts about the figures beyond the limits."""
         found = [f"{self.vehicle}: manoeuvre {seed} went unstable" for seed in self.unstable]
         for name, values in quantiles(self.differences).items():
             limit = LIMITS[name]
@@ -87,21 +87,21 @@ class VehicleAgreement:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EngineCheck:
-    """All vehicles' manoeuvres by both engines."""
+    """Manoeuvres of all vehicles by both engines."""
 
     vehicles: list[VehicleAgreement]
 
     @property
     def differences(self) -> list[Difference]:
-        """Of all vehicles."""
+        """Differences of all vehicles' manoeuvres."""
         return [difference for one in self.vehicles for difference in one.differences]
 
     def beyond(self) -> list[str]:
-        """Figures beyond the limits, vehicle by vehicle."""
+        """Texts about the figures beyond the limits, vehicle by vehicle."""
         return [text for one in self.vehicles for text in one.beyond()]
 
     def worst(self) -> tuple[str, Difference] | None:
-        """The vehicle and the difference farthest beyond its limits, or nearest to them."""
+        """Vehicle and difference with the largest figure relative to its limit, if any flew."""
         pairs = [(one.vehicle, each) for one in self.vehicles for each in one.differences]
 
         def size(pair: tuple[str, Difference]) -> float:
@@ -110,7 +110,7 @@ class EngineCheck:
         return max(pairs, key=size, default=None)
 
     def describe(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """Describe the check as a dict for JSON."""
         worst = self.worst()
         return {
             "manoeuvres": len(self.differences),
@@ -133,7 +133,7 @@ class EngineCheck:
 
 
 def quantiles(differences: Sequence[Difference]) -> dict[str, dict[str, float]]:
-    """Of each figure of LIMITS, by QUANTILES in percent; empty without differences."""
+    """Quantiles of each figure of LIMITS, by percentage; empty without differences."""
     return {
         name: {
             f"{100.0 * share:g}": float(
@@ -154,11 +154,11 @@ def check_engines(
     threads: int = 1,
     watch: Callable[[int], None] = lambda flown: None,
 ) -> EngineCheck:
-    """Fly `count` manoeuvres, the vehicles in turn, by both engines.
+    """Fly `count` manoeuvres by both engines, with the vehicles in turn.
 
     Args:
-      seed: of the first; a manoeuvre is `draw_manoeuvre` of its vehicle and its own seed.
-      watch: called with the manoeuvres that have been flown since the last call.
+      seed: of the first manoeuvre; each is `draw_manoeuvre` of its vehicle and its own seed.
+      watch: called with the number of manoeuvres flown since the last call.
     """
     found = []
     for place, vehicle in enumerate(vehicles):
@@ -168,7 +168,7 @@ def check_engines(
         differences, unstable = list[Difference](), list[int]()
         for k in range(0, len(seeds), LANES[-1]):
             some = seeds[k : k + LANES[-1]]
-            ours, theirs = (_flown(vehicle, some, engine, threads=threads) for engine in ENGINES)
+            ours, theirs = (_fly(vehicle, some, engine, threads=threads) for engine in ENGINES)
             for number, one, other in zip(some, ours, theirs, strict=True):
                 if one is None or other is None:
                     unstable.append(number)
@@ -181,16 +181,16 @@ def check_engines(
                 vehicle=vehicle.name,
                 differences=differences,
                 unstable=unstable,
-                steps=_steps(vehicle, flown, threads) if flown else None,
+                steps=_effects(vehicle, flown, threads) if flown else None,
             )
         )
     return EngineCheck(vehicles=found)
 
 
-def _flown(
+def _fly(
     vehicle: Vehicle, seeds: Sequence[int], engine: str, *, threads: int, part: int = 1
 ) -> list[Trajectory | None]:
-    """Each manoeuvre by an engine at a part of the vehicle's step; None where it went unstable."""
+    """Fly manoeuvres by an engine at 1 / `part` of the vehicle's step; None where unstable."""
     step = file_timestep(vehicle) / part
     scenarios = [
         draw_manoeuvre(vehicle, seed).scenario(
@@ -202,13 +202,13 @@ def _flown(
     return [None if isinstance(one, SimulationUnstable) else one for one in found]
 
 
-def _steps(vehicle: Vehicle, seeds: Sequence[int], threads: int) -> Steps | None:
+def _effects(vehicle: Vehicle, seeds: Sequence[int], threads: int) -> Steps | None:
     flights = {
-        (engine, part): _flown(vehicle, seeds, engine, threads=threads, part=part)
+        (engine, part): _fly(vehicle, seeds, engine, threads=threads, part=part)
         for engine in ENGINES
         for part in (1, 2, 4)
     }
-    flights["lanes", FINER] = _flown(vehicle, seeds, "lanes", threads=threads, part=FINER)
+    flights["lanes", FINER] = _fly(vehicle, seeds, "lanes", threads=threads, part=FINER)
 
     def between(engine: str, coarse: int, fine: int) -> list[Difference]:
         pairs = zip(seeds, flights[engine, coarse], flights[engine, fine], strict=True)

@@ -1,13 +1,13 @@
 """Passivity: still water takes energy from a vehicle and never gives any.
 
-A neutral vehicle without gravity, with its parts held and its screws stopped, is let go at motions
-ahead, astern, sideways and tumbling. Its kinetic energy, that of the added mass included,
+A neutral vehicle without gravity, its parts held and its screws stopped, starts with motions
+ahead, astern, sideways and tumbling. Its kinetic energy, including that of the added mass,
 
     E = nu^T (M_RB + M_A) nu / 2,    (M_RB + M_A) dnu/dt = -C(nu) nu + hull law + parts,
 
-must never rise above what it had at the start. Inertia and Kirchhoff's coupling (Lamb 1932,
-article 124) do no work, so that whatever energy appears is given by a law or a part, of either
-model's code. The check takes any law and any part, those of one's own too.
+must never rise above its initial value. Inertia and Kirchhoff's coupling (Lamb 1932, article 124)
+do no work, so a gain comes from a law or a part, in the code of either model. The check applies to
+any law and any part, including those of plugins.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
 Wrenches = Callable[[Array], Array]
-"""Motions nu_r (n, 6) to forces [N] and moments [N m] of hull and parts, (n, 6)"""
+"""Function from motions nu_r (n, 6) to forces [N] and moments [N m] of hull and parts, (n, 6)."""
 
 MODELS = ("mujoco", "fossen")
 SPEEDS = (0.1, 0.3, 1.0)
-"""[m/s] at the start: below the least speed of rate damping, of gliders, of propelled vehicles"""
+"""[m/s] Initial speeds: below the lower bound of rate damping; of gliders; of propelled ones."""
 DIRECTIONS = {
     "ahead": (1.0, 0.0, 0.0),
     "astern": (-1.0, 0.0, 0.0),
@@ -53,41 +53,41 @@ SPINS = {
     "tumbling": (0.6, 0.8, -0.5),
 }
 SLOW, FAST = 0.3, 3.0
-"""Hull lengths that the tip moves sideways, in turns, while the hull moves by one"""
+"""[1] Initial rates: hull lengths that the tip moves sideways per hull length of motion."""
 ROLLS = 3.0
-"""A hull rolls as much quicker than it pitches: its diameter is so much smaller than its length"""
+"""[1] Factor on roll rates: a hull's diameter is small, so it rolls faster than it pitches."""
 STEP = 0.3
-"""of a step over the fastest decay: Runge-Kutta's energy is then right to 1e-6"""
+"""[1] Step over the time of the fastest decay; Runge-Kutta's energy is then right to 1e-6."""
 ROUNDS, RENEWED = 320, 16
-"""Steps of a decay at most, and steps after which their length is chosen anew"""
+"""Largest number of steps in a decay, and of steps until their length is chosen anew."""
 SPENT = 0.5
-"""Part of the energy whose loss ends a decay"""
+"""[1] Fraction of the initial energy below which a decay ends."""
 LARGEST_GAIN = 1e-5
-"""of the energy at the start: rounding of the integration"""
+"""[1] Largest gain over the initial energy that counts as rounding of the integration."""
 DEEP = 1e3
-"""[m] of every part"""
+"""[m] Depth of every part."""
 PLACED = 5
-"""Numbers of a part before its values: code, place, position"""
+"""Count of numbers of a part before its values: code, place, position."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Decay:
-    """The start from which a vehicle's energy rises the most, or falls the least."""
+    """Start from which a vehicle's energy rises the most, or falls the least."""
 
     model: str
-    """whose code it is, one of MODELS"""
+    """Model whose code is checked, one of MODELS."""
     motion: str
-    """in words: way, spin, speed"""
+    """Initial motion in words: direction, spin, speed."""
     gain: float
-    """largest energy over that at the start, less one; 0: it never rose"""
+    """Largest energy over the initial one, minus one [1]; 0: it never rose."""
 
     @property
     def ok(self) -> bool:
-        """Whether the water gave nothing."""
+        """True if the gain is no more than rounding."""
         return self.gain <= LARGEST_GAIN
 
     def text(self, vehicle: Vehicle) -> str:
-        """One line for what is not passive: what happens, and what to look at."""
+        """Text about a vehicle that is not passive: what happens, and what to look at."""
         return (
             f"vehicle {vehicle.name!r} gains {100.0 * self.gain:.3g} % of its energy from still "
             f"water when it moves {self.motion} ({self.model}): its hull law ({vehicle.law.kind}) "
@@ -96,7 +96,7 @@ class Decay:
 
 
 def check_passivity(vehicle: Vehicle) -> list[Decay]:
-    """The worst decay by each model's code of the law and the parts."""
+    """Find the worst decay with each model's code of the law and the parts."""
     labels, starts = zip(*_starts(vehicle), strict=True)
     found = []
     for model in MODELS:
@@ -107,13 +107,13 @@ def check_passivity(vehicle: Vehicle) -> list[Decay]:
 
 
 def check_still_water(vehicle: Vehicle | None = None) -> list[tuple[Vehicle, Decay]]:
-    """The worst decays of a vehicle, or of every shipped one."""
+    """Find the worst decays of a vehicle, or of every shipped one."""
     checked = [vehicle] if vehicle else [load_vehicle(name) for name in vehicle_names()]
     return [(one, decay) for one in checked for decay in check_passivity(one)]
 
 
 def _starts(vehicle: Vehicle) -> Iterator[tuple[str, Array]]:
-    """Every start in words, and its nu_r (6,)."""
+    """Yield every start in words, with its nu_r (6,)."""
     for speed, (way, direction), (turn, axis), rate in itertools.product(
         SPEEDS, DIRECTIONS.items(), SPINS.items(), (SLOW, FAST)
     ):
@@ -128,13 +128,13 @@ def _starts(vehicle: Vehicle) -> Iterator[tuple[str, Array]]:
 def energy_gains(
     vehicle: Vehicle, starts: Array, model: str, positions: Array | None = None
 ) -> Array:
-    """Largest energy over that at the start, less one, of each decay; shape (n,), 0 or more.
+    """Largest energy over the initial one, minus one, of each decay; shape (n,), 0 or more.
 
     Args:
-      starts: nu_r, shape (n, 6). model: whose code, one of MODELS.
-      positions: of the parts, held, shape (parts,); None: at rest, screws stopped.
+      starts: nu_r, shape (n, 6). model: whose code is used, one of MODELS.
+      positions: held positions of the parts, shape (parts,); None: at rest, screws stopped.
     """
-    at = _standing(vehicle) if positions is None else positions
+    at = _rest_positions(vehicle) if positions is None else positions
     mass, moment, inertia = mass_distribution(FossenModel(vehicle).parameters, at)
     rigid = rigid_body_mass(mass, moment / mass, inertia)
     total = rigid + vehicle.added_mass
@@ -153,7 +153,7 @@ def energy_gains(
     step = np.zeros((len(starts), 1))
     for round_ in range(ROUNDS):
         if round_ % RENEWED == 0:
-            step = STEP / _fastest(rate, nu)[:, None]
+            step = STEP / _fastest_rate(rate, nu)[:, None]
         k1 = rate(nu)
         k2 = rate(nu + 0.5 * step * k1)
         k3 = rate(nu + 0.5 * step * k2)
@@ -167,20 +167,20 @@ def energy_gains(
     return gains
 
 
-def _standing(vehicle: Vehicle) -> Array:
-    """Positions of the parts at rest, screws stopped whatever their travel."""
+def _rest_positions(vehicle: Vehicle) -> Array:
+    """Positions of the parts at rest, with screws stopped whatever their travel."""
     return np.where([part.spins for part in vehicle.parts], 0.0, vehicle.rest)
 
 
 def _coriolis(inertia: Array, nu: Array) -> Array:
-    """C(nu) nu, shape (n, 6), of Kirchhoff's equations for an inertia (6, 6)."""
+    """Product C(nu) nu, shape (n, 6), of Kirchhoff's equations for an inertia (6, 6)."""
     impulse = nu @ inertia
     force = np.cross(nu[:, 3:], impulse[:, :3])
     moment = np.cross(nu[:, 3:], impulse[:, 3:]) + np.cross(nu[:, :3], impulse[:, :3])
     return np.concatenate([force, moment], axis=1)
 
 
-def _fastest(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
+def _fastest_rate(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
     """Size [1/s] of the fastest eigenvalue of the accelerations at each motion, shape (n,)."""
     size = np.linalg.norm(nu, axis=1)
     jacobian = np.empty((len(nu), 6, 6))
@@ -191,8 +191,8 @@ def _fastest(rate, nu: Array) -> Array:  # type: ignore[no-untyped-def]
     return np.maximum(np.abs(np.linalg.eigvals(jacobian)).max(axis=1), 1e-3)
 
 
-def _by_native(vehicle: Vehicle, at: Array) -> Wrenches:
-    """Wrenches of hull and parts by the MuJoCo twin's code."""
+def _native_wrenches(vehicle: Vehicle, at: Array) -> Wrenches:
+    """Make the function of wrenches of hull and parts in the MuJoCo twin's code."""
     parts = [
         (PARTS.code(part.kind), *part.position, position, *part.values())
         for part, position in zip(vehicle.parts, at.tolist(), strict=True)
@@ -225,8 +225,8 @@ def _native(law, values, parts, density, motions):  # type: ignore[no-untyped-de
     return found
 
 
-def _by_fossen(vehicle: Vehicle, at: Array) -> Wrenches:
-    """Wrenches of hull and parts by the Fossen model's code."""
+def _fossen_wrenches(vehicle: Vehicle, at: Array) -> Wrenches:
+    """Make the function of wrenches of hull and parts in the Fossen model's code."""
     parameters = FossenModel(vehicle).parameters
     density = float(vehicle.reference_density)
     return lambda nu: np.asarray(_fossen(parameters, at, density, nu))
@@ -243,4 +243,4 @@ def _fossen(parameters, at, density, motions):  # type: ignore[no-untyped-def]
     return found
 
 
-_WRENCHES = {"mujoco": _by_native, "fossen": _by_fossen}
+_WRENCHES = {"mujoco": _native_wrenches, "fossen": _fossen_wrenches}

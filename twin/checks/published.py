@@ -1,4 +1,4 @@
-"""Published motions: the figures that a vehicle file must reproduce, from assets/published.toml.
+"""Published motions: figures that a vehicle file must reproduce, from assets/published.toml.
 
 They include steady motions of propelled vehicles that a rudder or an elevator holds.
 """
@@ -29,34 +29,34 @@ FIGURES = {
     "turn_rate": "turn_rate_rad_s",
     "vertical_speed": "vertical_speed_m_s",
 }
-"""Figures that can be published of a motion, and their fields of `Trim`"""
+"""Published figures that a motion can have, and their fields of `Trim`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PublishedMotion:
-    """One steady motion in print; None where a figure was not published."""
+    """Steady motion in print; None for a figure that was not published."""
 
     vehicle: str
     source: str
     speed: float | None = None
-    """[m/s]"""
+    """Speed through the water [m/s]."""
     angle_of_attack: float | None = None
-    """[deg]"""
+    """Angle of attack [deg]."""
     sideslip: float | None = None
-    """[deg]"""
+    """Sideslip [deg]."""
     roll: float | None = None
-    """[deg]"""
+    """Roll [deg]."""
     pitch: float | None = None
-    """[deg]"""
+    """Pitch [deg]."""
     turn_rate: float | None = None
-    """[rad/s] about the vertical"""
+    """Turn rate about the vertical [rad/s]."""
     vertical_speed: float | None = None
-    """[m/s] down"""
+    """Vertical speed, positive down [m/s]."""
     tolerance: dict[str, float]
-    """Largest differences: speed, vertical_speed [m/s], angle [deg], turn_rate [rad/s]."""
+    """Tolerances: speed, vertical_speed [m/s], angle [deg], turn_rate [rad/s]."""
 
     def differences(self, trim: Trim) -> dict[str, float]:
-        """Computed minus published, for each published figure."""
+        """Differences, computed minus published, of each published figure."""
         printed = {name: getattr(self, name) for name in FIGURES}
         return {
             name: getattr(trim, FIGURES[name]) - value
@@ -65,7 +65,7 @@ class PublishedMotion:
         }
 
     def violations(self, trim: Trim) -> list[str]:
-        """One phrase for each figure beyond its tolerance."""
+        """Texts, one for each figure beyond its tolerance."""
         return [
             f"{name} off by {value:.4g} (allowed {self._limit(name):.4g})"
             for name, value in self.differences(trim).items()
@@ -78,32 +78,32 @@ class PublishedMotion:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PublishedGlide(PublishedMotion):
-    """A glide or spiral at fixed positions of a glider's battery and pump."""
+    """Glide or spiral at fixed positions of a glider's battery and pump."""
 
     net_mass: float
-    """[kg]"""
+    """Net buoyancy mass [kg]."""
     shift: float
-    """[m]"""
+    """Battery shift [m]."""
     rotation: float
-    """[deg]"""
+    """Battery rotation [deg]."""
 
     @property
     def rotation_rad(self) -> float:
-        """[rad]"""
+        """Battery rotation [rad]."""
         return math.radians(self.rotation)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PublishedFlight(PublishedMotion):
-    """A motion under a propeller, in which an elevator keeps the depth or a pitch."""
+    """Propelled motion in which an elevator keeps the depth or a pitch."""
 
     positions: Mapping[str, float]
-    """of parts by name, in their units; a rudder that is not named keeps a straight way"""
+    """Positions of parts by name, in their units; a rudder left out keeps motion straight."""
     held_pitch: float | None = None
-    """[deg] that the elevator holds; None: it keeps the depth"""
+    """Pitch that the elevator holds [deg]; None: it keeps the depth."""
 
     def request(self, turning: str) -> dict[str, Any]:
-        """Arguments of `held_flight`, `turning` being the name of the part that turns it."""
+        """Arguments of `held_flight`; `turning` is the name of the turning part."""
         return {
             "positions": self.positions,
             "pitch": None if self.held_pitch is None else math.radians(self.held_pitch),
@@ -115,12 +115,12 @@ Motion = TypeVar("Motion", bound=PublishedMotion)
 
 
 def published_glides(vehicle: str | None = None) -> list[PublishedGlide]:
-    """Every published glide, or those of one shipped vehicle."""
+    """Published glides of all vehicles, or of one shipped vehicle."""
     return _entries("glide", PublishedGlide, vehicle)
 
 
 def published_flights(vehicle: str | None = None) -> list[PublishedFlight]:
-    """Every published motion under a propeller, or those of one shipped vehicle."""
+    """Published propelled motions of all vehicles, or of one shipped vehicle."""
     return _entries("flight", PublishedFlight, vehicle)
 
 
@@ -135,18 +135,18 @@ Acceleration = Callable[[Array, Array], Array]
 
 MODELS = ("mujoco", "fossen")
 SPEEDS = (1.0, 0.5, 2.0)
-"""[m/s] at which a solution is looked for"""
+"""[m/s] Speeds from which a solution is sought."""
 TURNS = (0.0, 0.05, -0.05, 0.15, -0.15)
-"""[rad/s] likewise, where the vehicle turns"""
+"""[rad/s] Turn rates from which a solution is sought, if the vehicle turns."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HeldFlight:
-    """One steady motion and the positions that hold it."""
+    """Steady motion, and the positions of the parts that hold it."""
 
     trim: Trim
     held: Mapping[str, float]
-    """positions of the parts that steer, by name, in their units"""
+    """Positions of the controlling parts, by name, in their units."""
 
 
 def held_flight(
@@ -157,18 +157,18 @@ def held_flight(
     turning: bool = False,
     model: str = "mujoco",
 ) -> HeldFlight:
-    """The steady motion at `positions`, with the elevator and rudder that hold it.
+    """Find the steady motion at `positions`, with the elevator and rudder that hold it.
 
     Args:
-      positions: of parts by name, in their units; what is not named rests, or steers.
-      pitch: [rad] that what pitches the vehicle holds; None: it keeps the depth.
-      turning: True: what turns the vehicle stays where `positions` have it; else the vehicle is
-        held on a straight way.
+      positions: of parts by name, in their units; other parts rest, or hold the motion.
+      pitch: [rad] that the pitching part holds; None: it keeps the depth.
+      turning: True: the turning part stays where `positions` have it; False: it keeps the motion
+        straight.
       model: one of MODELS.
 
     Raises:
-      InputError: unknown model or part, or nothing that could hold it.
-      NoSteadyState: there is no such motion, or only one beyond the travel of a part.
+      InputError: an unknown model or part, or a vehicle without a part that can hold the motion.
+      NoSteadyState: no such motion exists within the travel of the parts.
     """
     if model not in MODELS:
         raise InputError(unknown_name("model", model, MODELS))

@@ -1,6 +1,6 @@
-"""Step cost: what the physics costs, against the bare MuJoCo step of the same model, in one run.
+"""Step cost: time of our physics against a bare MuJoCo step of the same model, in one run.
 
-Of lanes: closed-loop missions side by side, against the arithmetic of their structure alone.
+For lanes: time of closed-loop missions against that of the arithmetic of their structure alone.
 """
 
 from __future__ import annotations
@@ -33,32 +33,32 @@ from twin.water.current.base import parse_current
 from twin.water.density import parse_density
 
 ROUNDS, BATCHES = 40, 3
-"""Pairs of stretches; which of the two comes first changes from pair to pair"""
+"""Number of measured pairs, whose order alternates; and of batches."""
 STEPS = 2000
-"""Steps per timed stretch: about 5 ms, shorter than what other processes take away at once"""
+"""Steps per timed stretch: about 5 ms, less than a slice that other processes take."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BenchResult:
-    """Costs measured side by side; medians over the pairs."""
+    """Costs measured side by side, as medians over the pairs."""
 
     us_per_step: float
-    """One thread, water and parts on, without guidance and log [us]"""
+    """Time of a step with water and parts, without guidance and log, on one thread [us]."""
     us_per_step_bare_mujoco: float
-    """The same model and motion without our callbacks, as MuJoCo's Python package steps it [us]"""
+    """Time of a bare step: the same model and motion without our callbacks [us]."""
     us_per_step_untimed: float
-    """The same with the clock of MuJoCo's timers taken out too, as `install` does [us]"""
+    """Time of a bare step without the clock of MuJoCo's timers, which `install` removes [us]."""
     overhead_ratio: float
-    """Median over the pairs of the first over the second"""
+    """Median over the pairs of `us_per_step` over `us_per_step_bare_mujoco`."""
     overhead_ratio_untimed: float
-    """Median over the pairs of the first over the third"""
+    """Median over the pairs of `us_per_step` over `us_per_step_untimed`."""
     overhead_quartiles: tuple[float, float]
-    """A quarter of the pairs lies below the first, a quarter above the second"""
+    """Lower and upper quartile of the overhead ratio over the pairs."""
     us_per_step_with_guidance: float
-    """Water, guidance and log on [us]"""
+    """Time of a step with water, guidance and log [us]."""
     times_real_time: float
-    """Simulated over wall time of a batch of closed-loop missions on `threads`; the best of
-    BATCHES, or of as many as there are pairs"""
+    """Simulated over wall time of a batch of closed-loop missions on `threads`: best of BATCHES, or
+    of fewer if there are fewer pairs."""
     threads: int
     timestep_s: float
     missions: int
@@ -66,26 +66,26 @@ class BenchResult:
 
 
 def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResult:
-    """Measure; noise of the machine hits both sides of each pair alike."""
+    """Measure all costs; noise of the machine affects both sides of each pair alike."""
     rng = np.random.default_rng(0)
     command = tuple(part.manoeuvre(rng, 1.0, vehicle) for part in vehicle.parts)
     start = Start(depth=500.0, v_rel=(0.4, 0.0, 0.0), actuators=command)
     mission = Scenario(vehicle=vehicle, mission=load_mission_for(vehicle))
     wet, dry, guided = _UnderWay(vehicle, start), _UnderWay(vehicle, start), Simulation(mission)
-    dry.model.opt.gravity[:] = 0.0  # without water it would fall out of range
+    dry.model.opt.gravity[:] = 0.0  # without water gravity would move it out of range
     dry.data.xfrc_applied[:] = 0.0
     with_water, bare, untimed, with_guidance = (list[float]() for _ in range(4))
     turn: list[Callable[[], None]] = [
-        lambda: with_water.append(_stretch(wet)),
-        lambda: untimed.append(_bare_stretch(dry, timers=False)),
-        lambda: bare.append(_bare_stretch(dry)),
+        lambda: with_water.append(_time_steps(wet)),
+        lambda: untimed.append(_time_bare_steps(dry, timers=False)),
+        lambda: bare.append(_time_bare_steps(dry)),
     ]
     for _ in range(rounds):
         for measure in turn:
             measure()
         turn.reverse()
         guided.reset()
-        with_guidance.append(_stretch(guided))
+        with_guidance.append(_time_steps(guided))
     ratios = sorted(a / c for a, c in zip(with_water, bare, strict=True))
     over_untimed = statistics.median(a / c for a, c in zip(with_water, untimed, strict=True))
     quarter = len(ratios) // 4
@@ -106,19 +106,19 @@ def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResul
     )
 
 
-def _bare_stretch(simulation: _UnderWay, *, timers: bool = True) -> float:
-    """A stretch of the same model without our callbacks, with MuJoCo's timers or without."""
+def _time_bare_steps(simulation: _UnderWay, *, timers: bool = True) -> float:
+    """Time a stretch of steps without our callbacks, with or without MuJoCo's timers."""
     uninstall()
     if not timers:
         stop_timers()
     try:
-        return _stretch(simulation)
+        return _time_steps(simulation)
     finally:
         install()
 
 
 class _UnderWay:
-    """A vehicle in water without guidance and log: the physics callbacks alone."""
+    """Vehicle in water without guidance and log: the physics callbacks alone."""
 
     def __init__(self, vehicle: Vehicle, start: Start) -> None:
         self.model = compile_model(vehicle, lean=True, centred=True)
@@ -127,15 +127,15 @@ class _UnderWay:
         mujoco.mj_step(self.model, self.data, nstep=200)
 
 
-def _stretch(simulation: _UnderWay | Simulation) -> float:
-    """Microseconds per step over one stretch."""
+def _time_steps(simulation: _UnderWay | Simulation) -> float:
+    """Time one stretch [us per step]."""
     begin = time.perf_counter()
     mujoco.mj_step(simulation.model, simulation.data, nstep=STEPS)
     return (time.perf_counter() - begin) / STEPS * 1e6
 
 
 def _times_real_time(scenario: Scenario, count: int, threads: int) -> float:
-    """A batch of closed-loop missions with log, stepped by MuJoCo's own thread pool."""
+    """Simulated over wall time of closed-loop missions with log, on MuJoCo's thread pool."""
     fleet = Fleet([scenario] * count, threads=threads)
     duration = scenario.run_time()
     steps = fleet.steps
@@ -149,37 +149,37 @@ def _times_real_time(scenario: Scenario, count: int, threads: int) -> float:
 
 CURRENT = "ekman:tau=0.1,direction=90+geostrophic:surface=0.2,direction=45,scale=800"
 DENSITY = "thermocline"
-"""The water of the lanes' bench: sheared, and tabulated"""
+"""Current and density of the benchmark of lanes: sheared, and tabulated."""
 BLOCKS_PER_THREAD = 1
 ALONE = 2000
-"""Calls of the structure's function in a row"""
+"""Number of consecutive calls of the structure's function."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LanesBenchResult:
-    """Costs of lanes; each the best of three. Those of one core are by the processor's time, which
-    other work on the machine leaves alone."""
+    """Costs of lanes, each the best of three. One-core costs use processor time, which other
+    work on the machine does not change."""
 
     times_real_time: float
-    """Simulated over wall time of closed-loop missions on `threads`: water, guidance, log"""
+    """Simulated over wall time of closed-loop missions on `threads`, with water, guidance, log."""
     times_real_time_one_core: float
-    """The same of one block on one thread"""
+    """Simulated over processor time of one block on one thread."""
     times_real_time_to_signals: float
-    """The same on `threads` from scenarios to trajectories, plans compiled and signals computed"""
+    """Simulated over wall time on `threads` from scenarios to trajectories, compiling included."""
     limit_one_core: float
-    """The same of one block if a step did nothing but call the structure's function once"""
+    """Simulated over processor time of one block that only calls the structure's function."""
     part_of_limit: float
-    """`times_real_time_one_core` over `limit_one_core`"""
+    """`times_real_time_one_core` over `limit_one_core`."""
     ns_per_step: float
-    """One vehicle's step on one core, all of it [ns]"""
+    """Time of a complete step of one vehicle on one core [ns]."""
     threads: int
     timestep_s: float
     missions: int
 
 
 def bench_scenario(vehicle: Vehicle, number: int = 0) -> Scenario:
-    """Mission `number` of the lanes' bench: the vehicle's shipped one, on a heading of its own, in
-    sheared and stratified water."""
+    """Scenario `number` of the benchmark: the vehicle's shipped mission, on a heading of its own,
+    in sheared and stratified water."""
     scenario = Scenario(
         vehicle=vehicle, mission=load_mission_for(vehicle), engine="lanes",
         current=parse_current(CURRENT),
@@ -192,14 +192,14 @@ def bench_scenario(vehicle: Vehicle, number: int = 0) -> Scenario:
 
 
 def bench_lanes(vehicle: Vehicle, *, threads: int) -> LanesBenchResult:
-    """Measure what users fly: `LaneBlock.fly` is what `simulate` calls too."""
+    """Measure the cost of lanes through `LaneBlock.fly`, which `simulate` calls as well."""
     count = LANES[-1] * BLOCKS_PER_THREAD * threads
     scenarios = [bench_scenario(vehicle, number) for number in range(count)]
     lanes = [Lane(scenario) for scenario in scenarios]
     blocks = [lanes[k : k + LANES[-1]] for k in range(0, count, LANES[-1])]
-    _on_one_core(blocks[0])  # compiles
-    one = max(_on_one_core(blocks[0]) for _ in range(3))
-    alone = _arithmetic_alone(blocks[0])
+    _fly_on_core(blocks[0])  # compiles
+    one = max(_fly_on_core(blocks[0]) for _ in range(3))
+    alone = _time_arithmetic(blocks[0])
     begin = time.perf_counter()
     flown = fly_in_lanes(scenarios, threads=threads)
     wall = time.perf_counter() - begin
@@ -219,25 +219,25 @@ def bench_lanes(vehicle: Vehicle, *, threads: int) -> LanesBenchResult:
 
 
 def fly_blocks(blocks: Sequence[Sequence[Lane]], threads: int) -> float:
-    """Simulated over wall time of blocks on so many threads."""
+    """Simulated over wall time of blocks on `threads` threads."""
     ready = [LaneBlock(lanes) for lanes in blocks]
     begin = time.perf_counter()
     with concurrent.futures.ThreadPoolExecutor(threads) as pool:
         logs = list(pool.map(LaneBlock.fly, ready))
     wall = time.perf_counter() - begin
-    return sum(map(_simulated, logs)) / wall
+    return sum(map(_flown_time, logs)) / wall
 
 
-def _on_one_core(lanes: Sequence[Lane]) -> float:
-    """Simulated time of a block over the processor's."""
+def _fly_on_core(lanes: Sequence[Lane]) -> float:
+    """Simulated over processor time of a block."""
     block = LaneBlock(lanes)
     begin = time.thread_time()
     log = block.fly()
-    return _simulated(log) / (time.thread_time() - begin)
+    return _flown_time(log) / (time.thread_time() - begin)
 
 
-def _simulated(log: Sequence[tuple[np.ndarray, object]]) -> float:
-    """[s] of all lanes of a block."""
+def _flown_time(log: Sequence[tuple[np.ndarray, object]]) -> float:
+    """Simulated time of all lanes of a block [s]."""
     return sum(float(rows["time"][-1]) for rows, _ in log)
 
 
@@ -247,8 +247,8 @@ def _call_often(rate, address, h, count):  # type: ignore[no-untyped-def]
         call_rate(rate, address, h)
 
 
-def _arithmetic_alone(lanes: Sequence[Lane]) -> float:
-    """Times real time of a block whose steps only call the structure's function."""
+def _time_arithmetic(lanes: Sequence[Lane]) -> float:
+    """Simulated over processor time of a block that only calls the structure's function."""
     block, step = LaneBlock(lanes), lanes[0].timestep
     _call_often(block.rate.address, block.b.ctypes.data, step, 1)
     took = []

@@ -1,12 +1,12 @@
 """Control tasks for a glider: hold heading and pitch, reach a depth, follow waypoints, save energy.
 
-The tasks, their water and their rewards are the project's own and stand on MuJoCo alone. They have
-three faces, on the model and the native callbacks of the batch:
+The tasks, their water and their rewards need MuJoCo alone. They use its model and the native
+callbacks of batches, and have three interfaces:
 
 - Gymnasium (extra `gym`): importing this package registers `glider_twin/Depth-v0` and the others;
   `gymnasium.make("twin.control:glider_twin/Depth-v0")` imports it by itself. `GliderEnv` and
-  `GliderVectorEnv` also take tasks of one's own by their names.
-- stable-baselines3 (extra `sb3`): `StableBaselinesVec` around a `GliderVectorEnv`.
+  `GliderVectorEnv` also take your own tasks by name.
+- stable-baselines3 (extra `sb3`): `StableBaselinesVec` wraps a `GliderVectorEnv`.
 - dm_control (extra `suite`): `load("hold", task_kwargs={"random": 1})` returns a `dm_env`
   environment, and `python -m twin.control --task hold` shows one in the viewer.
 

@@ -1,4 +1,4 @@
-"""`python -m twin.control`: a task in dm_control's interactive viewer."""
+"""Program `python -m twin.control`: a task in dm_control's interactive viewer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from twin.errors import InputError, unknown_name
 from twin.show.render.context import NoScreen
 
 KEYS = "Space starts and pauses, ] goes to the chase camera, = and - change the speed, F1 helps"
-"""What a user must know of dm_control's viewer; its free camera stays at the surface."""
+"""Keys of dm_control's viewer that a user needs; its free camera stays at the surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,14 +27,14 @@ class ViewTask:
     task: Annotated[str, tyro.conf.arg(help=", ".join(TASKS))] = "hold"
     policy: Annotated[str, tyro.conf.arg(help=", ".join(POLICIES))] = "autopilot"
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
+    """shipped vehicle name or path of an MJCF file; :PRESET after it selects a preset"""
     seed: int = 0
     """seed of the task and of the random policy"""
     show_reward: bool = False
     """colour the hull by the reward"""
 
     def run(self, console: Console) -> int:
-        """Open the window; returns when it is closed."""
+        """Open the window; return when it is closed."""
         from twin.control.dm_suite import load
 
         if self.policy not in POLICIES:
@@ -53,7 +53,7 @@ def launch(environment: Flown, policy: Policy) -> None:
     """Show the environment in dm_control's viewer.
 
     Raises:
-      NoScreen: there is no window system, or MUJOCO_GL chose to draw without one.
+      NoScreen: no window system is there, or MUJOCO_GL selects drawing without a screen.
     """
     from dm_control import _render
 
@@ -64,7 +64,7 @@ def launch(environment: Flown, policy: Policy) -> None:
             "desktop with MUJOCO_GL unset, or draw pictures with "
             "environment.physics.render(camera_id='chase')"
         )
-    from dm_control import viewer  # without a screen its import warns
+    from dm_control import viewer  # its import warns without a screen
 
     viewer.launch(environment, policy=policy, title=f"glider: {type(environment.task).__name__}")
 
@@ -81,7 +81,7 @@ PROGRAM = Program(
 
 
 def main() -> int:
-    """Entry point; options without a command, and nothing at all, go to `view`."""
+    """Run the program; without a command, options go to `view`."""
     words = sys.argv[1:]
     if not words or (words[0].startswith("-") and words[0] not in ("-h", "--help", "--version")):
         words = [_VIEW, *words]

@@ -1,4 +1,4 @@
-"""Believed: a vehicle's state as it is known on board, by the names of `twin.control.physics`."""
+"""Believed: a vehicle's state as estimated on board, with the measurements of `Physics`."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ LARGEST_SEED = 2**31
 
 
 class Believed:
-    """What observations of a navigated environment are made of.
+    """State estimate from which observations of a navigated environment are made.
 
-    It has the measurements of `Physics` that something on board can tell, and no others.
+    It has only those measurements of `Physics` that can be known on board.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Believed:
         period: float,
         samples: int,
     ):
-        """For episodes of at most so many `samples`, one every `period` [s].
+        """Prepare for episodes of at most `samples` samples, one every `period` [s].
 
         Raises:
           InputError: the estimator does not suit the vehicle.
@@ -53,13 +53,13 @@ class Believed:
         self.restart(np.random.RandomState(0))
 
     def restart(self, random: np.random.RandomState) -> None:
-        """The next look is the first of an episode, whose sensors' errors come from `random`."""
+        """Start an episode with the next `look`; `random` samples the sensors' errors."""
         self._random = random
         self._on_board: OnBoard | None = None
         self._time = -math.inf
 
     def look(self, physics: Physics) -> None:
-        """Measure, once for every time."""
+        """Take a sample of the sensors, at most one for each time."""
         time = physics.time()
         if self._on_board is not None and time <= self._time:
             return
@@ -85,7 +85,7 @@ class Believed:
 
     def _begin(self, physics: Physics, floor: Array, current: Array) -> OnBoard:
         seed = int(self._random.randint(LARGEST_SEED))
-        depth = max(physics.depth(), 0.1)  # a Start is under water
+        depth = max(physics.depth(), 0.1)  # the vehicle of a `Start` is under water
         scenario = Scenario(
             vehicle=self.vehicle,
             navigate=dataclasses.replace(self._navigation, seed=seed),
@@ -102,11 +102,11 @@ class Believed:
         return self._on_board.belief
 
     def time(self) -> float:
-        """[s] of the last sample."""
+        """Time of the last sample [s]."""
         return self._time
 
     def __getattr__(self, name: str) -> Callable[[], float]:
-        """north, east [m] from the origin, depth [m]; roll, pitch, heading in [0, 2 pi) [rad]."""
+        """Measure north, east, depth [m] or roll, pitch, heading in [0, 2 pi) [rad]."""
         if name not in ("north", "east", "depth", "roll", "pitch", "heading"):
             raise AttributeError(name)
         return lambda: float(getattr(self._seen, name))
@@ -116,24 +116,24 @@ class Believed:
         return np.array([self._seen.roll_rate, self._seen.pitch_rate, self._seen.yaw_rate])
 
     def velocity_through_water(self) -> Array:
-        """Surge, sway, heave [m/s], (3,)."""
+        """Estimated surge, sway, heave [m/s], (3,)."""
         belief = self._belief
         return np.array([belief.surge, belief.sway, belief.heave])
 
     def surge(self) -> float:
-        """[m/s] through the water."""
+        """Estimated surge [m/s] through the water."""
         return float(self.velocity_through_water()[0])
 
     def speed(self) -> float:
-        """[m/s] through the water."""
+        """Estimated speed [m/s] through the water."""
         return float(np.linalg.norm(self.velocity_through_water()))
 
     def depth_rate(self) -> float:
-        """[m/s]"""
+        """Estimated vertical velocity of the vehicle [m/s], positive down."""
         return self._belief.depth_rate
 
     def current(self) -> Array:
-        """Of the water, NED [m/s], (3,); its vertical velocity is taken as zero."""
+        """Estimated current, NED [m/s], (3,); its vertical component is taken as zero."""
         return np.array([self._seen.current_north, self._seen.current_east, 0.0])
 
     def actuators(self) -> Array:
@@ -143,7 +143,7 @@ class Believed:
         return np.asarray(2.0 * (positions - low) / (high - low) - 1.0)
 
     def net_buoyancy(self) -> float:
-        """[kg] that the vehicle's file says of the measured pump and depth, + = heavy."""
+        """Net buoyancy mass [kg] from measured pump and depth, positive = heavy."""
         pump = self.vehicle.steered("buoyancy")
         if pump is None:
             return 0.0
@@ -152,6 +152,6 @@ class Believed:
 
 
 def block_state(physics: Physics) -> np.void:
-    """What native code keeps of the water at the vehicle, a record of `block.STATE`."""
+    """State that native code keeps of the water at the vehicle, a record of `block.STATE`."""
     found: np.void = physics.mj_data.userdata[: block.STATE_WORDS].view(block.STATE)[0]
     return found

@@ -1,9 +1,9 @@
-"""Conditions: the real vehicle and the water of an episode, which a task does not draw itself.
+"""Conditions: errors of the vehicle and water of an episode, beyond those that a task samples.
 
-`randomise` of an environment draws them anew for every episode. It is an object with a method
+`randomise` of an environment samples them anew for every episode. It is an object with a method
 `draw`, or the settings of a registered one: a name, or a mapping from parameters to distributions.
-A distribution of one's own brings a kind under the entry-point group `glider_twin.randomisers`.
-What is drawn is written here into a model of MuJoCo, whose vehicle is put at its start.
+A plugin adds its own kind under the entry-point group `glider_twin.randomisers`. The sampled
+conditions are written into a MuJoCo model here, and its vehicle is put at its start.
 """
 
 from __future__ import annotations
@@ -30,53 +30,53 @@ from twin.water.current.sampler import sample
 from twin.water.density import DensityProfile
 
 TABLE, BASE = "table", "preset"
-"""The randomiser of a mapping that names none, and the key under which it names one"""
+"""Default randomiser of a mapping, and the key of a mapping that names another one."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """Vehicle and water of one episode; None is as the vehicle file and the task say."""
+    """Vehicle and water of one episode; None keeps those of the vehicle file and the task."""
 
     vehicle: Vehicle | None = None
-    """The vehicle as it is; the task, its pilot and the trims keep to the one of the file."""
+    """Real vehicle; the task, its policy and the trims use the one of the file."""
     ballast: Ballast | None = None
-    """How it was weighed."""
+    """Ballasting of the vehicle."""
     encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """Where parts are when their encoders say 0, by name, in the parts' units."""
+    """Positions of parts whose encoders read 0, by name, in the parts' units."""
     current: Current | None = None
-    """It is added to what the task draws itself."""
+    """Current that is added to the one that the task samples."""
     origin: Origin | None = None
-    """Place that the current is compiled for; None is `Origin()`."""
+    """Place for which the current is compiled; None: `Origin()`."""
     density: DensityProfile | None = None
-    """Density of the water; None is the reference density."""
+    """Density of the water; None: the reference density."""
 
     @property
     def only_current(self) -> bool:
-        """Whether vehicle and density are as the files say."""
+        """True if vehicle and density are those of the files."""
         real = self.vehicle is not None or self.ballast is not None or bool(self.encoder_zeros)
         return not real and self.density is None
 
     def flowing(self, current: Current | None) -> Conditions:
-        """With another current added."""
+        """Copy of the conditions with another current added."""
         both = [part for part in (self.current, current) if part is not None]
         total = CurrentSum(parts=tuple(both)) if len(both) > 1 else next(iter(both), None)
         return dataclasses.replace(self, current=total)
 
 
 class Randomiser(Protocol):
-    """Draws the conditions of episodes."""
+    """Interface of objects that sample the conditions of episodes."""
 
     def draw(self, random: np.random.RandomState) -> Conditions:
-        """The conditions of one episode, from its own random numbers."""
+        """Sample the conditions of one episode from its own random numbers."""
 
 
 Maker = Callable[..., Randomiser]
-"""Takes a mapping of distributions by parameter, and as keywords vehicle, depth [m] (the task's
-limit) and duration [s] of an episode"""
+"""Function that makes a randomiser from a mapping of distributions by parameter, with the
+keywords vehicle, depth [m] (the task's limit) and duration [s] of an episode."""
 
 
 def check_randomiser(name: str, kind: Any) -> Maker:
-    """The function; raises InputError when it is none."""
+    """Return the function; raises InputError if it is not callable."""
     if not callable(kind):
         raise InputError(
             f"randomiser {name!r} is only half there: {kind!r} must be a function that makes one"
@@ -86,18 +86,18 @@ def check_randomiser(name: str, kind: Any) -> Maker:
 
 
 RANDOMISERS: Registry[Maker] = seams.RANDOMISERS
-"""The functions that make randomisers, by name."""
+"""Registry of the functions that make randomisers, by name."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EpisodeConditions:
-    """A constant current, and what a randomiser draws."""
+    """Constant current plus the conditions of a randomiser."""
 
     current: Current | None
     randomiser: Randomiser | None
 
     def draw(self, random: np.random.RandomState) -> Conditions:
-        """See `Randomiser`."""
+        """Sample the conditions of one episode; see `Randomiser`."""
         drawn = Conditions() if self.randomiser is None else self.randomiser.draw(random)
         return drawn.flowing(self.current)
 
@@ -110,15 +110,15 @@ def conditions_of(
     depth: float,
     duration: float,
 ) -> EpisodeConditions | None:
-    """What draws an environment's conditions; None where nothing is asked for.
+    """Make the sampler of an environment's conditions; None if nothing is requested.
 
     Args:
-      current: or its text, as `twin.parse_current` takes it.
-      randomise: an object that draws, a registered name, or a mapping of distributions.
-      depth: [m] down to which the task goes. duration: [s] of an episode.
+      current: current, or its text as for `twin.parse_current`.
+      randomise: object with `draw`, a registered name, or a mapping of distributions.
+      depth: [m] depth limit of the task. duration: [s] of an episode.
 
     Raises:
-      InputError: episodes without an end, or settings that cannot be used.
+      InputError: episodes without a time limit, or invalid settings.
     """
     if current is None and randomise is None:
         return None
@@ -143,21 +143,21 @@ def conditions_of(
 
 
 OF_THE_VEHICLE = ("qpos0", "body_ipos", "dof_invweight0", "dof_M0", "body_invweight0")
-"""Fields of a model beside the block that a real vehicle has of its own"""
+"""Fields of a model, besides the block, that differ between real vehicles."""
 
 
 class Nominal:
-    """What conditions change in a model, as it was compiled."""
+    """Nominal values of all that conditions change in a model."""
 
     def __init__(self, model: mujoco.MjModel):
-        """Remember a model that has no water of its own yet."""
+        """Copy the values of a model that has no water of its own yet."""
         self._model = model
         self._values = {
             name: getattr(model, name).copy() for name in ("numeric_data", *OF_THE_VEHICLE)
         }
 
     def restore(self) -> None:
-        """Make the model so again."""
+        """Write the nominal values back into the model."""
         for name, values in self._values.items():
             getattr(self._model, name)[...] = values
 
@@ -169,13 +169,13 @@ def write_conditions(
     conditions: Conditions,
     duration: float,
 ) -> None:
-    """Put the vehicle and the water of an episode of `duration` [s] into a model as compiled.
+    """Write vehicle and water of an episode of `duration` [s] into a model as compiled.
 
-    `data` are the model's and are overwritten.
+    `data` belong to the model and are overwritten.
 
     Raises:
-      InputError: the water takes more room than the model has. VehicleError: a vehicle that needs
-        a model of its own.
+      InputError: the water exceeds the model's room. VehicleError: the vehicle needs a model of
+        its own.
     """
     real = conditions.vehicle
     if real is not None:
@@ -191,7 +191,7 @@ def write_conditions(
 
 
 def water_of(conditions: Conditions, vehicle: Vehicle, duration: float) -> Tables:
-    """The water of an episode of `duration` [s] around the real vehicle."""
+    """Compile the water of an episode of `duration` [s] around the real vehicle."""
     current, density, nothing = conditions.current, conditions.density, np.zeros(0)
     if density is None:
         tables = Tables()
@@ -210,9 +210,9 @@ def place_vehicle(
     vehicle: Vehicle | None = None,
     conditions: Conditions | None = None,
 ) -> None:
-    """Write a start into data that were reset, with the water that the model carries.
+    """Write a start into freshly reset data, relative to the current that the model carries.
 
-    The start is the vehicle's of the file; the errors of a real one act from there on.
+    The start is that of the file's vehicle; the errors of a real one act from there on.
     """
     program, water = table(model, "current"), np.zeros(3)
     if program.size:

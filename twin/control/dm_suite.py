@@ -1,7 +1,7 @@
-"""Suite: the tasks as environments of dm_control, which needs the extra `suite`.
+"""Dm_control suite: the tasks as environments of dm_control, which needs the extra `suite`.
 
-The loop of an episode, the task and the physics are the project's own; here they are shown as
-`dm_control.suite` shows its own, with dm_control's physics around the same MuJoCo model.
+Episodes, tasks and physics are the project's own. They get the interface of `dm_control.suite`,
+with dm_control's physics around the same MuJoCo model.
 """
 
 # ruff: noqa: E402 - dm_control and MuJoCo settle how they draw while they are imported
@@ -20,21 +20,21 @@ from twin.extras import preload_triton, require
 from twin.show.render.context import available_backend, claim_drawing
 
 MUJOCO_BELOW = 4
-"""dm-control 1.0.50 cannot load models under MuJoCo 4; the extra `suite` carries the same bound."""
+"""First major version of MuJoCo that dm-control 1.0.50 cannot use; the extra has this bound too."""
 ALONE = 'pip install --no-deps "dm-control>=1.0.50,<2"'
-"""dm-control asks for labmaze, which has no wheel from Python 3.13 on and which is not needed; so
-the extra does not bring dm-control there."""
+"""Command that installs dm-control alone: it requires labmaze, which is not needed and has no wheel
+from Python 3.13 on, so the extra leaves dm-control out there."""
 DM_SETTINGS = ("flat_observation", "legacy_step")
-"""What `environment_kwargs` has for dm_control beside those of `twin.control.environment.build`"""
+"""Keys of `environment_kwargs` for dm_control, besides those of `environment.build`."""
 _BACKEND = "MUJOCO_GL"
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def require_dm_control() -> None:
-    """Check that dm_control is installed beside a MuJoCo that it can use.
+    """Check that dm_control is installed, next to a MuJoCo that it can use.
 
     Raises:
-      InputError: it is not; the message has the one line that installs both.
+      InputError: dm_control is missing or MuJoCo too new; the message gives the install command.
     """
     version = metadata.version("mujoco")
     line = 'pip install "glider-twin[suite]"'
@@ -49,10 +49,10 @@ def require_dm_control() -> None:
 
 
 def choose_backend() -> None:
-    """Name a backend in MUJOCO_GL where there is no screen and nobody has named one.
+    """Set MUJOCO_GL to a backend if there is no screen and the user has set none.
 
-    dm_control settles how it draws while it is imported. It tries GLFW first, which warns without a
-    screen. With a screen, or with MUJOCO_GL set, the choice stays dm_control's and the user's.
+    dm_control chooses its backend at import. It tries GLFW first, which warns without a screen.
+    With a screen, or with MUJOCO_GL set, the choice is left to dm_control or the user.
     """
     preload_triton()  # dm_control opens OpenGL while it is imported
     if os.environ.get(_BACKEND) or not sys.platform.startswith("linux"):
@@ -81,9 +81,9 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 
 class SuitePhysics(dm_mujoco.Physics, Physics):
-    """A vehicle in water: `dm_control.mujoco.Physics` with the twin's model and callbacks.
+    """Vehicle in water: `dm_control.mujoco.Physics` with the twin's model and callbacks.
 
-    Build it with `from_vehicle`. Models that `compile_model` did not make are refused, because
+    Build it with `from_vehicle`. Models from elsewhere than `compile_model` are refused, because
     they would move in vacuum. Copies, pickles and binary models carry their water with them.
     """
 
@@ -93,7 +93,7 @@ class SuitePhysics(dm_mujoco.Physics, Physics):
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel | wrapper.MjModel) -> Self:
-        """From a model that `compile_model` made, taken as it is.
+        """Make the physics of a model from `compile_model`, without changing it.
 
         Raises:
           VehicleError: the model does not carry the twin's parameter block.
@@ -105,51 +105,51 @@ class SuitePhysics(dm_mujoco.Physics, Physics):
 
     @classmethod
     def from_xml_path(cls, file_path: str | Path) -> Self:
-        """From a vehicle file; see `from_vehicle`."""
+        """Make the physics of a vehicle file; see `from_vehicle`."""
         return cls.from_vehicle(load_vehicle(file_path))
 
     @classmethod
     def from_xml_string(cls, xml_string: str, assets: Mapping[str, Any] | None = None) -> Self:
-        """From the text of a vehicle file; `assets` must be empty: vehicle files stand alone."""
+        """Make the physics from a vehicle file's text; `assets` must be empty."""
         return cls.from_vehicle(_vehicle_from_text(xml_string, assets))
 
     @classmethod
     def from_byte_string(cls, byte_string: bytes) -> Self:
-        """From a binary model, with the water that it carries."""
+        """Make the physics of a binary model, with the water that it carries."""
         return cls.from_model(wrapper.MjModel.from_byte_string(byte_string))
 
     @classmethod
     def from_binary_path(cls, file_path: str) -> Self:
-        """From a file with a binary model, with the water that it carries."""
+        """Make the physics of a file with a binary model, with the water that it carries."""
         return cls.from_model(wrapper.MjModel.from_binary_path(file_path))
 
     def reload_from_xml_path(self, file_path: str | Path) -> None:
-        """Become a new instance of `from_xml_path`."""
+        """Replace this object's state by a new instance of `from_xml_path`."""
         self._reload_from_data(self.from_xml_path(file_path).data)
 
     def reload_from_xml_string(
         self, xml_string: str, assets: Mapping[str, Any] | None = None
     ) -> None:
-        """Become a new instance of `from_xml_string`."""
+        """Replace this object's state by a new instance of `from_xml_string`."""
         self._reload_from_data(self.from_xml_string(xml_string, assets).data)
 
     def _reload_from_data(self, data: wrapper.MjData) -> None:
         header(data.model.ptr)
-        install()  # dm_control computes with the new data at once
+        install()  # dm_control uses the new data at once
         super()._reload_from_data(data)
         self._attach(data.model.ptr, data.ptr)
 
     # --- state --------------------------------------------------------------------------------
 
     def _physics_state_items(self) -> list[NDArray[np.float64]]:
-        # userdata holds what the time-centred water remembers of the step before
+        # userdata holds the previous step's velocities for the time-centred water
         return [*super()._physics_state_items(), self.data.userdata]
 
     def step(self, nstep: int = 1) -> None:
         """Advance by `nstep` steps.
 
         Raises:
-          PhysicsError: the state left the finite numbers.
+          PhysicsError: the state is no longer finite.
         """
         super().step(nstep)
         if not self.legacy_step:
@@ -158,24 +158,24 @@ class SuitePhysics(dm_mujoco.Physics, Physics):
             raise control.PhysicsError(failure)
 
     def reset(self, keyframe_id: int | None = None) -> None:
-        """Back to the model's initial state, with nothing remembered of earlier velocities."""
+        """Return to the model's initial state, and clear the velocities of earlier steps."""
         super().reset(keyframe_id)
         self.data.userdata[:] = 0.0
 
     def after_reset(self) -> None:
-        """Bring everything up to date with a new state.
+        """Update all quantities to a new state.
 
-        dm_control's own switches actuation off here. The stiff servos then are missing from what
-        the `discrete` integrator prepares for the first step, which throws the battery away.
+        dm_control's own method disables actuation here. The `discrete` integrator then prepares the
+        first step without the stiff servos, which throws the battery away.
         """
         self.forward()
 
     @property
     def contexts(self) -> Any:
-        """What dm_control draws with.
+        """Contexts with which dm_control draws.
 
         Raises:
-          ForkedDrawing: this process was forked from one that had drawn.
+          ForkedDrawing: this process was forked from one that has drawn.
         """
         claim_drawing()
         return super().contexts
@@ -191,20 +191,20 @@ def _vehicle_from_text(xml: str, assets: Mapping[str, Any] | None) -> Vehicle:
 
 
 class SuiteEnvironment(control.Environment):
-    """A task with a glider, as an environment of dm_control.
+    """Task with a glider as an environment of dm_control.
 
-    When the state leaves the finite numbers, the episode ends with reward 0, discount 0 and the
-    last finite observation, so that no NaN reaches a learner; with `raise_on_instability` the
-    `PhysicsError` goes through instead.
+    If the state is no longer finite, the episode ends with reward 0, discount 0 and the last finite
+    observation, so that no NaN reaches a learner. With `raise_on_instability` the `PhysicsError` is
+    raised instead.
     """
 
     def __init__(
         self, own: Environment, *, flat_observation: bool = False, legacy_step: bool = True
     ):
-        """Show an environment of this project, whose physics becomes a `SuitePhysics`.
+        """Wrap an environment of this project, whose physics becomes a `SuitePhysics`.
 
         Args:
-          flat_observation: one array in place of named ones. legacy_step: see dm_control.
+          flat_observation: one array instead of named ones. legacy_step: see dm_control.
         """
         physics = SuitePhysics.from_model(own.physics.mj_model)
         own.physics = physics
@@ -217,7 +217,7 @@ class SuiteEnvironment(control.Environment):
         )
         self._flat = flat_observation
         self.own = own
-        """The project's environment behind it"""
+        """Wrapped environment of the project."""
 
     def reset(self) -> dm_env.TimeStep:
         """Start a new episode."""
@@ -225,7 +225,7 @@ class SuiteEnvironment(control.Environment):
         return dm_env.TimeStep(dm_env.StepType.FIRST, None, None, found)
 
     def step(self, action: Any) -> dm_env.TimeStep:
-        """Advance by one control timestep, or start a new episode after the last step of one."""
+        """Advance by one control period, or start a new episode after the last step of one."""
         if self.own.over:
             return self.reset()
         done = self.own.step(action)
@@ -236,13 +236,13 @@ class SuiteEnvironment(control.Environment):
         return control.flatten_observation(observation) if self._flat else observation
 
     def action_spec(self) -> specs.BoundedArray:
-        """Bounds of the commands; the name lists the actuators, separated by tabs."""
+        """Limits of the commands; the name lists the parts, separated by tabs."""
         low, high = self.own.task.action_range()
         names = "\t".join(self.own.task.vehicle.part_names)
         return specs.BoundedArray(low.shape, np.float64, low, high, name=names)
 
     def observation_spec(self) -> Mapping[str, specs.Array]:
-        """Shape and kind of each observation, by name."""
+        """Shape and dtype of each observation, by name."""
         found = self._shown(self.own.task.get_observation(self.own.physics))
         return collections.OrderedDict(
             (name, specs.Array(value.shape, value.dtype, name=name))
@@ -256,18 +256,18 @@ def load(
     environment_kwargs: Mapping[str, Any] | None = None,
     visualize_reward: bool = False,
 ) -> SuiteEnvironment:
-    """The environment of a task, for dm_control.
+    """Make the environment of a task for dm_control.
 
     Args:
       task_name: one of `twin.control.TASKS`.
       task_kwargs: vehicle (name or path), random (seed or RandomState), time_limit [s],
         normalised (actions from -1 to 1), hydrodynamics; `energy` also takes consumption.
-      environment_kwargs: of `twin.control.environment.Environment`, e.g. control_timestep [s],
-        raise_on_instability; flat_observation and legacy_step as in dm_control.
+      environment_kwargs: arguments of `twin.control.environment.Environment`, e.g.
+        control_timestep [s], raise_on_instability; flat_observation and legacy_step of dm_control.
       visualize_reward: colour the hull by the reward.
 
     Raises:
-      InputError: unknown task or argument; and what vehicle and task raise.
+      InputError: unknown task or argument; and the errors of vehicle and task.
     """
     settings = dict(environment_kwargs or {})
     shown = {name: settings.pop(name) for name in DM_SETTINGS if name in settings}

@@ -1,6 +1,6 @@
-"""Environment: the episodes of a task with one vehicle, step by step.
+"""Environment: episodes of a task with one vehicle, step by step.
 
-Each way to use a task stands on it: `twin.control.dm_suite` for dm_control,
+The interfaces are built on it: `twin.control.dm_suite` for dm_control, and
 `twin.control.glider_env` for Gymnasium.
 """
 
@@ -25,22 +25,22 @@ from twin.water.current.base import Current
 
 
 class Step(NamedTuple):
-    """What a control period brought."""
+    """Result of one control period."""
 
     observation: Observation
     reward: float
     discount: float
-    """0 where the vehicle was lost, 1 otherwise"""
+    """Discount: 0 if the vehicle was lost, 1 otherwise."""
     over: bool
-    """Whether it was the episode's last"""
+    """True if this was the last step of the episode."""
 
 
 class Environment:
-    """A task with a vehicle.
+    """Task with one vehicle.
 
-    When the state leaves the finite numbers, the episode ends with reward 0, discount 0 and the
-    last finite observation, so that no NaN reaches a learner; with `raise_on_instability` the
-    error of the physics goes through instead.
+    If the state is no longer finite, the episode ends with reward 0, discount 0 and the last finite
+    observation, so that no NaN reaches a learner. With `raise_on_instability` the error of the
+    physics is raised instead.
     """
 
     def __init__(
@@ -55,33 +55,33 @@ class Environment:
         current: Current | str | None = None,
         randomise: Randomiser | str | Mapping[str, Any] | None = None,
     ):
-        """Put a task's vehicle into its water.
+        """Set up a task with its physics, water and navigation.
 
         Args:
-          time_limit: [s] of an episode.
-          substeps: steps of the physics in a control period.
-          navigate: what observations show, as `Scenario.navigate`: the truth, or what is known on
-            board. Rewards and the ends of episodes go by the truth. A Navigation's own seed is not
-            used: every episode draws one from the task's `random`.
-          current: of the water, or its text as `twin simulate --current` takes it; it is added to
-            what the task draws.
-          randomise: what draws the errors of the vehicle and its water for every episode; see
+          time_limit: longest duration of an episode [s].
+          substeps: physics steps in a control period.
+          navigate: source of observations, as in `Scenario.navigate`: the truth, or an estimate on
+            board. Rewards and ends of episodes use the truth. The seed of a Navigation is ignored:
+            every episode samples one from the task's `random`.
+          current: current of the water, or its text as for `twin simulate --current`; it is added
+            to the current that the task samples.
+          randomise: sampler of the vehicle's errors and the water of every episode; see
             `twin.control.conditions`.
 
         Raises:
-          InputError: there is no such estimator, current or randomiser, or the episodes have no
-            time limit.
+          InputError: an unknown estimator, current or randomiser; or episodes without the time
+            limit that these need.
         """
         navigation = Navigation.of(navigate)
         self.physics, self.task, self.substeps = physics, task, substeps
         self.limit = math.inf
-        """Steps of an episode, not always a whole number"""
+        """Steps of an episode, not necessarily a whole number."""
         if time_limit != math.inf:
             self.limit = time_limit / (physics.timestep() * substeps)
         self.count = 0
-        """Steps since the last reset"""
+        """Steps since the last reset."""
         self.over = True
-        """Whether a reset must come next"""
+        """True if a reset must come next."""
         task.period = substeps * physics.timestep()
         task.duration = self.limit * task.period
         task.conditions = conditions_of(
@@ -104,11 +104,11 @@ class Environment:
         self._last: Observation = Observation()
 
     def control_timestep(self) -> float:
-        """[s] of a control period."""
+        """Duration of a control period [s]."""
         return self.physics.timestep() * self.substeps
 
     def reset(self) -> Observation:
-        """Begin an episode."""
+        """Start an episode; return its first observation."""
         task, physics = self.task, self.physics
         if task.believed is not None:
             task.believed.restart(task.random)
@@ -122,7 +122,7 @@ class Environment:
         """Advance by one control period.
 
         Raises:
-          InputError: no episode has begun or it is over, or an action that cannot be used.
+          InputError: no episode has started, the episode is over, or the action is invalid.
         """
         if self.over:
             raise InputError("no episode is under way: call reset first")
@@ -152,16 +152,16 @@ def build(
     time_limit: float,
     settings: Mapping[str, Any] | None,
 ) -> Environment:
-    """The environment of a task: control timestep of the vehicle unless `settings` says otherwise.
+    """Make a task's environment; its control period is the vehicle's unless `settings` has one.
 
     Args:
-      time_limit: [s] of an episode.
-      settings: the caller's `environment_kwargs`: those of `Environment`, and control_timestep [s]
-        or n_sub_steps of the physics.
+      time_limit: longest duration of an episode [s].
+      settings: the caller's `environment_kwargs`: arguments of `Environment`, and
+        control_timestep [s] or n_sub_steps, the number of physics steps.
 
     Raises:
       InputError: an impossible time limit or control timestep.
-      UnknownName: there is no such setting.
+      UnknownName: a setting has an unknown name.
     """
     time_limit = number(time_limit, "time_limit")
     if not time_limit > 0:
@@ -190,11 +190,11 @@ SETTINGS = (
     "current",
     "raise_on_instability",
 )
-"""What `build` takes as `settings`"""
+"""Names that `build` accepts in `settings`."""
 
 
 def _substeps(period: object, step: float) -> int:
-    """Steps of the physics [s] in a control timestep, which must be a whole number of them."""
+    """Number of physics steps in a control period, which must be a whole number."""
     asked = number(period, "control_timestep")
     steps = round(asked / step) if math.isfinite(asked) else 0
     if steps < 1 or not math.isclose(steps * step, asked, rel_tol=1e-9):
@@ -211,14 +211,14 @@ def load_environment(
     task_kwargs: Mapping[str, Any] | None = None,
     environment_kwargs: Mapping[str, Any] | None = None,
 ) -> Environment:
-    """The environment of a task by its name, on the project's own physics.
+    """Make the environment of a task by name, on the project's own physics.
 
     Args:
       task_name: one of `twin.control.TASKS`.
-      task_kwargs, environment_kwargs: as `twin.control.load`.
+      task_kwargs, environment_kwargs: as for `twin.control.load`.
 
     Raises:
-      InputError: unknown task or argument; and what vehicle and task raise.
+      InputError: unknown task or argument; and the errors of vehicle and task.
     """
     maker = TASKS[task_name]
     allowed = task_arguments(task_name)

@@ -1,4 +1,4 @@
-"""Environment: one task with one vehicle, as a Gymnasium environment."""
+"""Glider env: one task with one vehicle as a Gymnasium environment."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from twin.control.task import LARGEST_SEED, episode_random
 from twin.errors import InputError, UnknownName, unknown_name
 
 OWN = ("observation", "noise", "render_mode", "render_kwargs")
-"""Arguments of `GliderEnv` itself"""
+"""Arguments of `GliderEnv` itself."""
 LOADS = ("random", "environment_kwargs", "task_kwargs")
-"""Arguments of `twin.control.load` that have another form here"""
+"""Arguments of `twin.control.load` that take another form here."""
 VECTORS = ("engine", "threads", "autoreset_mode")
-"""Arguments of `GliderVectorEnv` that one vehicle has no use for"""
+"""Arguments of `GliderVectorEnv` that do not apply to one vehicle."""
 TAKEN = tuple(name for name in SETTINGS if name != "raise_on_instability")
-"""Settings of the environment behind it; all others are the task's"""
+"""Settings of the inner `Environment`; all other arguments are the task's."""
 RENDER_MODES = ("rgb_array",)
 
 
 def load_task(
     task: str, settings: Mapping[str, Any], own: Iterable[str], refused: Iterable[str] = ()
 ) -> Environment:
-    """The environment behind one of Gymnasium's.
+    """Make the inner `Environment` of a Gymnasium environment.
 
     Args:
-      own: arguments that the environment of Gymnasium takes itself, for the message of a wrong one.
-      refused: those of TAKEN that it refuses.
+      own: arguments of the Gymnasium environment itself, for error messages.
+      refused: names in TAKEN that it refuses.
 
     Raises:
-      InputError: an argument belongs to another interface; and what `twin.control.load` raises.
-      UnknownName: there is no such task or argument.
+      InputError: an argument belongs to another interface; and the errors of `twin.control.load`.
+      UnknownName: an unknown task or argument.
     """
     taken = {*task_arguments(task), *TAKEN}
     for name in settings:
@@ -60,16 +60,16 @@ def load_task(
 
 
 def action_space(environment: Environment) -> spaces.Space[Any]:
-    """Commands of the parts, from -1 to 1 or in their units."""
+    """Box of the commands of the parts, from -1 to 1 or in their units."""
     low, high = environment.task.action_range()
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
 class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
-    """A task with one vehicle.
+    """Task with one vehicle, for Gymnasium.
 
-    The end of the time limit is a truncation; the surface, the depth limit and an instability are
-    terminations. The k-th episode after `reset(seed=...)` is drawn from the seed and k alone.
+    The time limit truncates an episode; the surface, the depth limit and instability terminate it.
+    The k-th episode after `reset(seed=...)` is sampled from the seed and k alone.
     """
 
     metadata = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
@@ -89,13 +89,13 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         Args:
           task: one of `twin.control.TASKS`.
           observation: "flat", one Box of numbers of order 1; or "dict", by name in SI units.
-          noise: standard deviation of white noise by name of the observation, in its unit, and of
-            the heading [rad] and position [m] that goals are made of; see `Noise`.
+          noise: standard deviation of white noise, by name of the observation and in its unit; also
+            of the heading [rad] and position [m] from which goals are computed; see `Noise`.
           render_mode: None or "rgb_array".
-          render_kwargs: of `twin.control.pictures.Pictures.draw`: height, width, camera_id, depth,
-            segmentation, scene_option.
-          settings: the task's arguments (vehicle, time_limit [s], normalised, hydrodynamics) and
-            TAKEN.
+          render_kwargs: arguments of `twin.control.pictures.Pictures.draw`: height, width,
+            camera_id, depth, segmentation, scene_option.
+          settings: arguments of the task (vehicle, time_limit [s], normalised, hydrodynamics) and
+            those in TAKEN.
 
         Raises:
           InputError: an unknown task, argument, observation or render mode.
@@ -103,9 +103,9 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         if render_mode not in (None, *RENDER_MODES):
             raise InputError(unknown_name("render_mode", str(render_mode), RENDER_MODES))
         self.environment = load_task(task, settings, OWN)
-        """Task and physics, step by step; `twin.control.policies.Autopilot` takes it."""
+        """Task and physics, step by step; `twin.control.policies.Autopilot` takes this object."""
         self.task: Any = self.environment.task
-        """The task, with its goal and measurements."""
+        """Task with its goal and measurements."""
         self.render_mode, self._render_kwargs = render_mode, dict(render_kwargs or {})
         self._render_kwargs.setdefault("camera_id", "chase")
         self.metadata = {
@@ -121,10 +121,10 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode.
+        """Start an episode.
 
         Raises:
-          InputError: an option; there is none.
+          InputError: an option is given; a single environment has none.
         """
         for name in options or {}:
             raise InputError(f"option {name!r} of reset: a single environment takes no options")
@@ -142,7 +142,7 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         """Advance by one control period.
 
         Raises:
-          InputError: no episode has begun or it is over, or an action that cannot be used.
+          InputError: no episode has started, the episode is over, or the action is invalid.
         """
         if self._seed is None:
             raise InputError("no episode has begun: call reset first")
@@ -153,17 +153,17 @@ class GliderEnv(Observed, gymnasium.Env[Any, NDArray[np.float32]]):
         return shown, float(done.reward), terminated, done.over and not terminated, {}
 
     def _errors(self) -> dict[str, NDArray[np.float64]]:
-        """Of the observation that is being made, by name."""
+        """Errors of the observation in progress, by name."""
         assert self._seed is not None
         key = np.array([self._seed]), np.array([self._episode]), np.array([self._step])
         return {name: error[0] for name, error in self._noise.draw(*key).items()}
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The picture, shape (height, width, 3), in the render mode "rgb_array"."""
+        """Picture, shape (height, width, 3), in the render mode "rgb_array"; else None."""
         if self.render_mode is None:
             return None
         return np.asarray(self.environment.physics.render(**self._render_kwargs))
 
     def close(self) -> None:
-        """Free what draws."""
+        """Release the renderer."""
         self.environment.physics.free()

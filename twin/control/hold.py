@@ -1,4 +1,4 @@
-"""Hold: tasks that keep something, a pitch and a heading in a glide, or a depth at rest."""
+"""Hold: tasks that hold a pitch and a heading in a glide, or a depth at rest."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
 HOLD_TIME, HOLD_DEPTH = 600.0, 500.0
-"""[s] of an episode; [m] limit of the depth"""
+"""[s] Duration of an episode; [m] limit of depth."""
 START_DEPTHS = (200.0, 300.0)
-"""[m]: far from both ends of the water for the whole episode"""
+"""[m] Range of depths at the start, far from surface and depth limit for a whole episode."""
 PITCHES = (math.radians(30.0), math.radians(45.0))
-"""[rad] magnitudes of wanted and initial pitch"""
+"""[rad] Range of magnitudes of target pitch and initial pitch."""
 PROPELLED_PITCHES = (math.radians(8.0), math.radians(18.0))
-"""[rad] likewise of a vehicle under a propeller"""
+"""[rad] Range of magnitudes of target and initial pitch of a propelled vehicle."""
 LARGEST_TURN = math.radians(90.0)
-"""[rad] between initial and wanted heading"""
+"""[rad] Largest angle between initial and target heading."""
 PITCH_BAND, PITCH_MARGIN = math.radians(1.0), math.radians(20.0)
-"""[rad] error that counts as none, and beyond it where the reward has fallen to 0.1"""
+"""[rad] Pitch error with full reward, and margin beyond it at which the reward is 0.1."""
 HEADING_BAND, HEADING_MARGIN = math.radians(2.0), math.radians(60.0)
-"""[rad]"""
+"""[rad] Heading error with full reward, and margin beyond it at which the reward is 0.1."""
 SPEED_SHARE = 0.5
-"""Part of the cruise speed from which the speed is good enough: a drifting hull holds nothing"""
+"""[1] Fraction of the cruise speed at which the reward is full; a drifting hull earns nothing."""
 
 
 def hold(
@@ -52,7 +52,7 @@ def hold(
     hydrodynamics: str = "coefficients",
     environment_kwargs: Mapping[str, Any] | None = None,
 ) -> Environment:
-    """Hold a random heading and pitch, in a dive or in a climb, from a glide on another one."""
+    """Hold a random heading and pitch, in a dive or a climb, starting from another glide."""
     glider = load_vehicle(vehicle)
     physics = Physics.from_vehicle(glider, hydrodynamics=hydrodynamics)
     task = Hold(glider, max_depth=HOLD_DEPTH, normalised=normalised, random=random)
@@ -60,17 +60,17 @@ def hold(
 
 
 class Hold(GliderTask):
-    """Reward: product of how well pitch and heading are held and of flying fast enough to steer."""
+    """Hold task. Reward: product of pitch, heading and sufficient speed, 0 to 1 each."""
 
     goals = MappingProxyType({"target_pitch": (), "target_heading": ()})
     goals_from = MappingProxyType({"to_target": ("attitude", "heading")})
     target_pitch: Any = 0.0
-    """[rad]"""
+    """[rad] Target pitch."""
     target_heading: Any = 0.0
-    """[rad]"""
+    """[rad] Target heading."""
 
     def draw_episode(self, random: np.random.RandomState) -> Episode:
-        """A glide to start from and one to hold."""
+        """Sample the glide at the start and the one to hold."""
         heading = random.uniform(0.0, 2.0 * math.pi)
         goal = {
             "target_pitch": self._draw_pitch(random),
@@ -86,24 +86,24 @@ class Hold(GliderTask):
         return sense * float(random.uniform(*pitches))
 
     def pitch_error(self, physics: Physics) -> Any:
-        """Wanted minus present pitch [rad]."""
+        """Target minus present pitch [rad]."""
         return self.target_pitch - physics.pitch()
 
     def heading_error(self, physics: Physics) -> Any:
-        """Wanted minus present heading [rad], in [-pi, pi)."""
+        """Target minus present heading [rad], in [-pi, pi)."""
         return wrap_angle(self.target_heading - physics.heading())
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
-        """`to_target`: pitch error [rad], sine and cosine of the heading error."""
+        """Observe `to_target`: pitch error [rad], sine and cosine of the heading error."""
         error = self.heading_error(physics)
         return {"to_target": row(self.pitch_error(physics), np.sin(error), np.cos(error))}
 
     def goal_limits(self) -> dict[str, tuple[float, float]]:
-        """Pitches are within a quarter turn."""
+        """Limits of the goal; pitches are within a quarter turn."""
         return {"to_target": (-math.pi, math.pi)}
 
     def get_reward(self, physics: Physics) -> Any:
-        """1 on pitch and heading at half the cruise speed or more."""
+        """Reward of 1 at target pitch and heading, with at least half the cruise speed."""
         enough = SPEED_SHARE * self.cruise.speed
         pitch = rewards.tolerance(
             self.pitch_error(physics), bounds=(-PITCH_BAND, PITCH_BAND), margin=PITCH_MARGIN
@@ -124,25 +124,25 @@ class Hold(GliderTask):
         return pitch * heading * flying
 
     def reference(self, physics: Physics) -> Reference:
-        """The target, with the cruise's buoyancy."""
+        """Target pitch and heading, with the cruise's net buoyancy."""
         net_mass = -math.copysign(self.cruise_mass, self.target_pitch)
         return Reference(pitch=self.target_pitch, heading=self.target_heading, net_mass=net_mass)
 
 
 DEPTH_TIME, DEPTH_LIMIT = 900.0, 200.0
-"""[s] of an episode; [m] limit of the depth"""
+"""[s] Duration of an episode; [m] limit of depth."""
 DEPTHS = (20.0, 150.0)
-"""[m] of start and target"""
+"""[m] Range of depths of start and target."""
 BAND, MARGIN = 1.0, 50.0
-"""[m] error that counts as none, and beyond it where the reward has fallen to 0.1"""
+"""[m] Depth error with full reward, and margin beyond it at which the reward is 0.1."""
 STILL, STILL_MARGIN = 0.02, 0.2
-"""[m/s] vertical speed that counts as none, and beyond it where its share has fallen to 0.1"""
+"""[m/s] Vertical speed with full reward, and margin beyond it at which its share is 0.1."""
 APPROACH = 15.0
-"""[m] from the target where the reference starts to slow down"""
+"""[m] Distance from the target at which the reference starts to slow down."""
 LEAD = 60.0
-"""[s] by which the reference looks ahead: a glider needs that long to lose its way"""
+"""[s] Time by which the reference looks ahead, about what a glider needs to stop."""
 MARKER_SIZE = "40 0.05"
-"""[m] radius and half thickness of the disc that shows the wanted depth"""
+"""[m] Radius and half thickness of the disc that shows the target depth."""
 
 
 def depth(
@@ -154,7 +154,7 @@ def depth(
     hydrodynamics: str = "coefficients",
     environment_kwargs: Mapping[str, Any] | None = None,
 ) -> Environment:
-    """Reach a random depth from rest at another one and stay."""
+    """Reach a random depth from rest at another depth, and stay."""
     glider = load_vehicle(vehicle)
     marked = with_marker(glider, type="cylinder", size=MARKER_SIZE)
     physics = Physics.from_vehicle(marked, hydrodynamics=hydrodynamics)
@@ -163,39 +163,39 @@ def depth(
 
 
 class Depth(GliderTask):
-    """Reward: mostly for being near, a quarter of it for being still there."""
+    """Depth task. Reward: three quarters for a small depth error, a quarter for stillness there."""
 
     goals = MappingProxyType({"target_depth": ()})
     goal_scales = MappingProxyType({"to_target": 50.0})
     goals_from = MappingProxyType({"to_target": ("depth",)})
     target_depth: Any = 0.0
-    """[m]"""
+    """[m] Target depth."""
 
     def draw_episode(self, random: np.random.RandomState) -> Episode:
-        """Depths of target and start; the glider rests, neutral and level."""
+        """Sample the depths of target and start; the glider is at rest, neutral and level."""
         target_depth = random.uniform(*DEPTHS)
         start = Start(depth=random.uniform(*DEPTHS), heading=random.uniform(0.0, 2.0 * math.pi))
         return Episode(start=start, goal={"target_depth": target_depth})
 
     def mark(self, physics: Physics) -> None:
-        """A disc at the wanted depth."""
+        """Move the marker, a disc, to the target depth."""
         place_marker(physics, 0.0, 0.0, self.target_depth)
 
     def error(self, physics: Physics) -> Any:
-        """Wanted minus present depth [m], positive when it must dive."""
+        """Target minus present depth [m], positive if the vehicle must dive."""
         return self.target_depth - physics.depth()
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
-        """`to_target`: wanted minus present depth [m]."""
+        """Observe `to_target`: target minus present depth [m]."""
         return {"to_target": row(self.error(physics))}
 
     def goal_limits(self) -> dict[str, tuple[float, float]]:
-        """Target and vehicle are above the depth limit, but for the last step."""
+        """Limits of the goal: the depth limit, plus the path of the last step."""
         farthest = self.max_depth + self.fastest * self.period
         return {"to_target": (-farthest, farthest)}
 
     def get_reward(self, physics: Physics) -> Any:
-        """1 at rest at the wanted depth."""
+        """Reward of 1 at rest at the target depth."""
         near = rewards.tolerance(
             self.error(physics), bounds=(-BAND, BAND), margin=MARGIN, sigmoid="long_tail"
         )

@@ -1,7 +1,7 @@
-"""Many: vehicles side by side in one `mujoco.batch`, measured under the names of `Physics`.
+"""Many: vehicles side by side in one `mujoco.batch`, with the measurements of `Physics`.
 
-All are of one compiled model; water and what differs between the vehicles stand in each one's own
-copy of the parameter block. A step of a vehicle here is bit for bit a step of `Physics`.
+All vehicles share one compiled model. Each has its own copy of the parameter block, which holds its
+water and its differences from the others. A step here equals a step of `Physics` bit for bit.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from twin.physics.start import Start
 from twin.vehicle.vehicle import Vehicle
 
 _VELOCITY_STAGE = mujoco.mjtStage.mjSTAGE_VEL.value
-"""After a step positions, velocities and the water belong to the new state, as in `Physics`."""
+"""Stage after which positions, velocities and water belong to the new state, as in `Physics`."""
 _INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION.value
 
 
@@ -46,12 +46,12 @@ class ManyPhysics:
         """Put `count` vehicles at the model's initial state.
 
         Args:
-          model: of `compile_model`, time-centred or not; it stays this object's own.
-          real_vehicles: whether they may differ in more than their water.
-          threads: that step them, 0 takes every core. Results do not depend on their number.
+          model: from `compile_model`, time-centred or not; this object keeps it for itself.
+          real_vehicles: let vehicles differ in more than their water.
+          threads: number of threads, 0 takes every core. Results do not depend on it.
 
         Raises:
-          InputError: no vehicle. VehicleError: the model carries no parameter block.
+          InputError: `count` is below 1. VehicleError: the model carries no parameter block.
         """
         if count < 1:
             raise InputError(f"{count} vehicles: give at least 1")
@@ -82,14 +82,14 @@ class ManyPhysics:
         conditions: Conditions | None,
         duration: float,
     ) -> None:
-        """Write the start of the vehicle at (index,); `settle` follows.
+        """Write the start of the vehicle at (index,); call `settle` next.
 
         Args:
-          vehicle: of the file. conditions: what it really is, and its water.
-          duration: [s] for which the water flows.
+          vehicle: vehicle of the file. conditions: the real vehicle's errors, and its water.
+          duration: time [s] for which the water is compiled.
 
         Raises:
-          InputError: the water takes more room than the model has.
+          InputError: the water exceeds the model's room.
         """
         model, data, (index,) = self.model, self._data, at
         self._nominal.restore()
@@ -103,7 +103,7 @@ class ManyPhysics:
         self.batch.warning[index] = 0
 
     def settle(self, which: NDArray[np.bool_]) -> None:
-        """Bring what is measured up to date with new starts; `which` is (count,)."""
+        """Update measurements after new starts of the vehicles in the mask `which`, (count,)."""
         with quiet_mujoco():
             self.batch.forward(which)
 
@@ -117,37 +117,37 @@ class ManyPhysics:
             self.batch.step(which, nstep=steps, stage=_VELOCITY_STAGE)
 
     def failed(self) -> NDArray[np.bool_]:
-        """Whose state left the finite numbers since its start, (count,)."""
+        """Mask of the vehicles whose state is no longer finite since their start, (count,)."""
         return (self._water["failed"] != 0.0) | self.batch.warning[:, :, 1].any(axis=1)
 
     # --- measurements -------------------------------------------------------------------------
 
     def time(self) -> Array:
-        """[s]"""
+        """Time since the start [s], (count,)."""
         return self._time.copy()
 
     def north(self) -> Array:
-        """[m]"""
+        """Position north of the origin [m], (count,)."""
         return self._qpos[:, 0].copy()
 
     def east(self) -> Array:
-        """[m]"""
+        """Position east of the origin [m], (count,)."""
         return -self._qpos[:, 1]
 
     def depth(self) -> Array:
-        """[m]"""
+        """Depth of the CB [m], (count,)."""
         return -self._qpos[:, 2]
 
     def roll(self) -> Array:
-        """[rad]"""
+        """Roll [rad], positive starboard down, (count,)."""
         return np.arctan2(self._rotation[:, 2, 1], self._rotation[:, 2, 2])
 
     def pitch(self) -> Array:
-        """[rad]"""
+        """Pitch [rad], positive nose up, (count,)."""
         return np.arcsin(np.clip(self._rotation[:, 2, 0], -1.0, 1.0))
 
     def heading(self) -> Array:
-        """[rad] in [0, 2 pi)"""
+        """Heading [rad] in [0, 2 pi), (count,)."""
         return np.arctan2(-self._rotation[:, 1, 0], self._rotation[:, 0, 0]) % (2.0 * np.pi)
 
     def _centred(self, part: slice) -> Array:
@@ -158,7 +158,7 @@ class ManyPhysics:
         return velocity + 0.5 * known * (velocity - self._water["earlier"][:, part])
 
     def velocity_over_ground(self) -> Array:
-        """[m/s], NED, shape (count, 3)."""
+        """Velocity over ground [m/s], NED, shape (count, 3)."""
         return flip_vector(self._centred(slice(0, 3)))
 
     def velocity_through_water(self) -> Array:
@@ -171,19 +171,19 @@ class ManyPhysics:
         return flip_vector(self._centred(slice(3, 6)))
 
     def depth_rate(self) -> Array:
-        """[m/s]"""
+        """Vertical velocity of the vehicle [m/s], positive down, (count,)."""
         return -self._centred(slice(2, 3))[:, 0]
 
     def speed(self) -> Array:
-        """[m/s] through the water."""
+        """Speed through the water [m/s], (count,)."""
         return np.linalg.norm(self.velocity_through_water(), axis=1)
 
     def net_buoyancy(self) -> Array:
-        """[kg] of the immersed vehicle, + = heavy."""
+        """Net buoyancy mass [kg] of the immersed vehicle, positive = heavy, (count,)."""
         return self._water["net_mass"].copy()
 
     def immersion(self) -> Array:
-        """Immersed fraction of the hull."""
+        """Immersed fraction of the hull [1], (count,)."""
         return self._water["immersion"].copy()
 
     def current(self) -> Array:

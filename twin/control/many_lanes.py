@@ -1,7 +1,7 @@
-"""Many lanes: vehicles side by side by the Fossen model, measured under the names of `Physics`.
+"""Many lanes: vehicles in the batched Fossen engine, with the measurements of `Physics`.
 
-They stand in blocks of `twin.fossen.lanes`, which threads share. A vehicle flies here as
-`twin.simulate` with engine="lanes" flies it, to the last bit, whoever flies beside it.
+The vehicles are lanes in blocks of `twin.fossen.lanes`, which threads share. A vehicle flies here
+as in `twin.simulate` with engine="lanes", bit for bit, whatever flies in the other lanes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ WIDTH = LANES[-1]
 
 
 def _row(name: str, offset: int, text: str, *, width: int = 0) -> Callable[[ManyLanes], Array]:
-    """A measurement: one number of each vehicle, (count,), or a vector of some `width`."""
+    """Make a measurement: one number of each vehicle, (count,), or a vector if `width` is not 0."""
 
     def measured(self: ManyLanes) -> Array:
         first = AT[name] + offset
@@ -43,14 +43,14 @@ class ManyLanes:
     """`count` vehicles of one structure; measurements have the vehicle as their first axis."""
 
     def __init__(self, vehicle: Vehicle, count: int, *, timestep: float, threads: int = 0):
-        """Make room for them.
+        """Make room for `count` vehicles.
 
         Args:
-          vehicle: of the file, with the hydrodynamics that are flown.
+          vehicle: vehicle of the file, with the hydrodynamics to use.
           timestep: [s]. threads: as in `twin.control.many.ManyPhysics`.
 
         Raises:
-          InputError: no vehicle, or one with obstacles. VehicleError: it does not fly in lanes.
+          InputError: `count` is below 1, or obstacles. VehicleError: it cannot fly in lanes.
         """
         if count < 1:
             raise InputError(f"{count} vehicles: give at least 1")
@@ -67,8 +67,8 @@ class ManyLanes:
         still = column(self._structure, self._numbers, vehicle, Start(), np.zeros(0))
         self._rows[...] = still[None, :, None]
         self._travel: tuple[Array, Array] | None = None
-        """The parts' least positions and how far each can go, (count, parts) each; None: since the
-        last vehicle was placed, nobody has asked"""
+        """Lower ends and lengths of the parts' travel, (count, parts) each; None: outdated since a
+        vehicle was placed."""
         self._tables = [Tables()] * (blocks * WIDTH)
         self._tables_changed = True
         self._first = {name: PARTS_AT + PART.index(name) * parts for name in PART}
@@ -88,7 +88,7 @@ class ManyLanes:
         conditions: Conditions | None,
         duration: float,
     ) -> None:
-        """As `twin.control.many.ManyPhysics.place`.
+        """Write the start of a vehicle, like `twin.control.many.ManyPhysics.place`.
 
         Raises:
           VehicleError: the real vehicle has parts or a hull law of another kind.
@@ -121,7 +121,7 @@ class ManyLanes:
             self._tables[index], self._tables_changed = tables, True
 
     def settle(self, which: NDArray[np.bool_]) -> None:
-        """Bring what is measured up to date with new starts, those that were placed."""
+        """Update measurements after new starts."""
         if self._tables_changed:
             tables, self._tables_changed = self._tables, False
             self._water = [
@@ -160,7 +160,7 @@ class ManyLanes:
             list(self._pool.map(lambda ends: share(*ends), self._shares))
 
     def failed(self) -> NDArray[np.bool_]:
-        """Whose state left the finite numbers since its start, (count,)."""
+        """Mask of the vehicles whose state is no longer finite since their start, (count,)."""
         found: NDArray[np.bool_] = self._counts[:, :, ln.FAILED].reshape(-1)[: self.count] != 0.0
         return found
 
@@ -173,31 +173,31 @@ class ManyLanes:
             self._rows[full, row, :rest] = values[full * WIDTH :]
 
     def _get(self, row: int) -> Array:
-        """One number of each vehicle, (count,)."""
+        """One row of the blocks: a number of each vehicle, (count,)."""
         return np.array(self._rows[:, row]).reshape(-1)[: self.count]
 
     def _vector(self, row: int, width: int) -> Array:
-        """Some that follow each other, (count, width)."""
+        """Consecutive rows of the blocks as a vector of each vehicle, (count, width)."""
         rows = np.array(self._rows[:, row : row + width].transpose(0, 2, 1), order="C")
         return rows.reshape(-1, width)[: self.count]
 
-    time = _row("time", 0, "[s]")
-    north = _row("state", 0, "[m]")
-    east = _row("state", 1, "[m]")
-    depth = _row("state", 2, "[m]")
-    roll = _row("euler", 0, "[rad]")
-    pitch = _row("euler", 1, "[rad]")
-    heading = _row("euler", 2, "[rad] in [0, 2 pi)")
-    depth_rate = _row("rate", 2, "[m/s]")
-    net_buoyancy = _row("net_mass", 0, "[kg] of the immersed vehicle, + = heavy.")
-    immersion = _row("immersion", 0, "Immersed fraction of the hull.")
-    velocity_over_ground = _row("rate", 0, "[m/s], NED, shape (count, 3).", width=3)
+    time = _row("time", 0, "Time since the start [s], (count,).")
+    north = _row("state", 0, "Position north of the origin [m], (count,).")
+    east = _row("state", 1, "Position east of the origin [m], (count,).")
+    depth = _row("state", 2, "Depth of the CB [m], (count,).")
+    roll = _row("euler", 0, "Roll [rad], positive starboard down, (count,).")
+    pitch = _row("euler", 1, "Pitch [rad], positive nose up, (count,).")
+    heading = _row("euler", 2, "Heading [rad] in [0, 2 pi), (count,).")
+    depth_rate = _row("rate", 2, "Vertical velocity [m/s], positive down, (count,).")
+    net_buoyancy = _row("net_mass", 0, "Net buoyancy mass [kg], immersed, positive = heavy.")
+    immersion = _row("immersion", 0, "Immersed fraction of the hull [1], (count,).")
+    velocity_over_ground = _row("rate", 0, "Velocity over ground [m/s], NED, (count, 3).", width=3)
     velocity_through_water = _row("state", 7, "Surge, sway, heave [m/s], FRD, (count, 3).", width=3)
     rates = _row("state", 10, "Roll, pitch, yaw rate [rad/s], FRD, shape (count, 3).", width=3)
     current = _row("current", 0, "Velocity of the water at the CB [m/s], NED, (count, 3).", width=3)
 
     def speed(self) -> Array:
-        """[m/s] through the water."""
+        """Speed through the water [m/s], (count,)."""
         found: Array = np.linalg.norm(self.velocity_through_water(), axis=1)
         return found
 

@@ -1,15 +1,15 @@
-"""Observations: a task's named arrays as Gymnasium's spaces, flat or by name, and their noise.
+"""Observations: a task's named arrays as Gymnasium spaces, flat or by name, and their noise.
 
-Flat ones are one vector of 32-bit numbers: each observation over the size that it usually has
-(`GliderTask.scale`), cut off at `LIMIT` of them, in the task's order. So a network gets numbers of
-order 1 without a running mean. By name they are 64-bit numbers in the suite's units, cut off at the
-task's generous limits (`GliderTask.limits`), which noise widens.
+A flat observation is one vector of 32-bit numbers in the task's order. Each is divided by its usual
+size (`GliderTask.scale`) and clipped at `LIMIT`, so a network gets numbers of order 1 without a
+running mean. An observation by name has 64-bit numbers in SI units, clipped at the task's generous
+limits (`GliderTask.limits`), which noise widens.
 
-A number of white noise depends on seed, episode, step and place alone, so one vehicle's noise is
-the same alone and among any number of others. The numbers are made by hashing, with SplitMix64
-(Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators, OOPSLA), and shaped by
-Box and Muller's transform. Goals are worked out from the same noisy numbers that are shown, so that
-no observation tells what another one hides.
+White noise depends on seed, episode, step and index alone, so a vehicle's noise is the same alone
+and among any number of others. The numbers are hashed with SplitMix64 (Steele, Lea and Flood 2014,
+Fast splittable pseudorandom number generators, OOPSLA), and shaped by Box and Muller's transform.
+Goals are computed from the same noisy numbers that are observed, so no observation reveals the
+true value of another.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ Words = NDArray[np.uint64]
 Counts = NDArray[np.int64]
 
 UNSHOWN = {"heading": 1, "position": 2}
-"""Measurements behind goals that are no observations themselves, and how many numbers each has:
+"""Measurements from which goals are computed but which are no observations, and their widths:
 heading [rad]; north and east [m]."""
 
 
 class Noisy:
-    """Measurements plus errors; each is shaped as that of the physics, of one vehicle or many."""
+    """Measurements with errors, in the shapes of the physics, for one vehicle or many."""
 
     def __init__(self, seen: Any, errors: Mapping[str, Array]):
-        """Put errors on what is `seen`.
+        """Add errors to the measurements of `seen`.
 
         Args:
           seen: a Physics, a ManyPhysics or a Believed.
           errors: by the names of `GliderTask.observe_vehicle` and of UNSHOWN, in their units, shape
-            (numbers,) or (vehicles, numbers). What is not named has none.
+            (numbers,) or (vehicles, numbers). Names that are left out have no error.
         """
         self._seen, self._errors = seen, errors
 
@@ -65,16 +65,16 @@ class Noisy:
         return lambda: np.add(measured(), error)
 
     def heading(self) -> Any:
-        """[rad] in [0, 2 pi)"""
+        """Heading [rad] in [0, 2 pi), with its error."""
         errors = self._errors.get("heading")
         return (self._seen.heading() + (0.0 if errors is None else errors[..., 0])) % (2.0 * np.pi)
 
     def surge(self) -> Any:
-        """[m/s] through the water."""
+        """Surge [m/s] through the water, with the error of the velocity."""
         return self.velocity_through_water()[..., 0]
 
     def speed(self) -> Any:
-        """[m/s] through the water."""
+        """Speed [m/s] through the water, with the error of the velocity."""
         return np.linalg.norm(self.velocity_through_water(), axis=-1)
 
 
@@ -93,7 +93,7 @@ MEASURED: Mapping[str, Any] = {
     "north": ("position", 0),
     "east": ("position", 1),
 }
-"""Observation whose error a measurement gets, and the number of it; None: it has no error"""
+"""Observation and index whose error each measurement gets; None: without error."""
 DERIVED = ("heading", "surge", "speed")
 
 
@@ -101,8 +101,8 @@ _GAMMA, _ONE, _TWO = (np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xBF584
                                                       0x94D049BB133111EB))  # fmt: skip
 
 
-def _mixed(words: Words) -> Words:
-    """SplitMix64's next number of each state."""
+def _mix_words(words: Words) -> Words:
+    """Next SplitMix64 number of each state."""
     words = words + _GAMMA
     words = (words ^ (words >> np.uint64(30))) * _ONE
     words = (words ^ (words >> np.uint64(27))) * _TWO
@@ -110,34 +110,34 @@ def _mixed(words: Words) -> Words:
 
 
 LARGEST = 13.0
-"""Deviations that an error never reaches: radii end at sqrt(108 ln 2) = 8.7 of them, and a pair of
-numbers, turned into other axes, at sqrt(2) times that."""
+"""Largest error in standard deviations: Box-Muller radii end at sqrt(108 ln 2) = 8.7, and a pair
+of numbers that is turned into other axes at sqrt(2) times that."""
 
 
 def normal(seed: Counts, episode: Counts, step: Counts, width: int) -> Array:
-    """Standard normal numbers of vehicles, shape (vehicles, width).
+    """Standard normal numbers, shape (vehicles, width).
 
     Args:
-      seed, episode, step: whole numbers, one of each for every vehicle, shape (vehicles,).
+      seed, episode, step: integers, one of each for every vehicle, shape (vehicles,).
     """
     with np.errstate(over="ignore"):
         state = np.zeros(len(seed), np.uint64)
         for part in (seed, episode, step):
-            state = _mixed(state ^ np.asarray(part).astype(np.uint64))
+            state = _mix_words(state ^ np.asarray(part).astype(np.uint64))
         places = state[:, None] + np.arange(2 * width, dtype=np.uint64) * _GAMMA
-        bits = _mixed(places) >> np.uint64(11)
+        bits = _mix_words(places) >> np.uint64(11)
     uniform = (bits.astype(np.float64) + 0.5) * 2.0**-53
     radius = np.sqrt(-2.0 * np.log(uniform[:, :width]))
     return np.asarray(radius * np.cos(2.0 * np.pi * uniform[:, width:]))
 
 
 class Noise:
-    """White noise of what a task's observations are made of.
+    """White noise of the measurements from which a task's observations are made.
 
-    The vehicle's own observations get it where they are measured, so goals made of them follow:
-    with noise of the depth, the depth shown and the metres to go add up to the target. Heading and
-    position, which goals are made of and no observation shows, have noise by these names. Noise of
-    a goal's own name is added to the goal. Rewards and ends of episodes keep to the truth.
+    The vehicle's own observations get noise where they are measured, so goals computed from them
+    agree: a noisy depth plus the noisy distance to go is the true target. Heading and position have
+    noise by these names: goals are computed from them, but no observation shows them. Noise under a
+    goal's own name is added to the goal. Rewards and ends of episodes use the truth.
     """
 
     def __init__(
@@ -146,14 +146,14 @@ class Noise:
         goals_from: Mapping[str, tuple[str, ...]],
         widths: Mapping[str, int],
     ):
-        """Standard deviations by name, in its unit.
+        """Take standard deviations by name, in the unit of the observation.
 
         Args:
-          goals_from: of the task, what its goals are made of; see `GliderTask.goals_from`.
-          widths: numbers of each observation, by name.
+          goals_from: measurements of each goal of the task; see `GliderTask.goals_from`.
+          widths: count of numbers in each observation, by name.
 
         Raises:
-          InputError: no such observation, or a deviation that is negative or not finite.
+          InputError: an unknown observation, or a standard deviation below 0 or not finite.
         """
         behind = {name for made_of in goals_from.values() for name in made_of}
         unshown = {name: width for name, width in UNSHOWN.items() if name in behind}
@@ -170,7 +170,7 @@ class Noise:
                 raise InputError(f"noise of {name} is {deviation!r}: give 0 or more")
 
     def draw(self, seed: Counts, episode: Counts, step: Counts) -> dict[str, Array]:
-        """Errors by name, each of shape (vehicles, numbers)."""
+        """Sample errors by name, each of shape (vehicles, numbers)."""
         drawn = normal(seed, episode, step, self._width)
         return {
             name: sigma * drawn[:, self._first[name]] for name, sigma in self.deviations.items()
@@ -180,11 +180,11 @@ class Noise:
 FLAT, DICT = "flat", "dict"
 KINDS = (FLAT, DICT)
 LIMIT = 10.0
-"""Usual sizes at which flat observations are cut off"""
+"""Limit of flat observations, in their usual sizes."""
 
 
 class Observations:
-    """How the observations of a task are shown."""
+    """Spaces of a task's observations, and their conversion to these spaces."""
 
     def __init__(
         self,
@@ -194,12 +194,12 @@ class Observations:
         *,
         deviations: Mapping[str, float],
     ):
-        """For a task, a `GliderTask`.
+        """Prepare the spaces of a `GliderTask`.
 
         Args:
-          widths: numbers of each observation of one vehicle, by name.
+          widths: count of numbers in each observation of one vehicle, by name.
           kind: one of KINDS.
-          deviations: of noise, by name; see `Noise`.
+          deviations: standard deviations of noise, by name; see `Noise`.
 
         Raises:
           InputError: an unknown kind.
@@ -210,12 +210,12 @@ class Observations:
         self.widths = dict(widths)
         ends = itertools.pairwise(np.cumsum([0, *self.widths.values()]).tolist())
         self.columns = {name: slice(*two) for name, two in zip(self.widths, ends, strict=True)}
-        """Where each observation stands in a flat one."""
+        """Columns of each observation in a flat one."""
         self.scale = np.concatenate([np.full(n, task.scale(k)) for k, n in self.widths.items()])
-        """Unit of each number of a flat observation, shape (width,)."""
+        """Usual size of each number of a flat observation, shape (width,)."""
         limits, everywhere = task.limits(), (-np.inf, np.inf)
         self.limits: dict[str, tuple[float, float]] = {}
-        """Of each observation by name, in its unit."""
+        """Limits of each observation by name, in its unit."""
         for name in widths:
             made_of = {name, *task.goals_from.get(name, ())}
             room = LARGEST * sum(deviations.get(source, 0.0) for source in made_of)
@@ -224,7 +224,7 @@ class Observations:
 
     @property
     def space(self) -> gymnasium.Space[Any]:
-        """Space of one vehicle."""
+        """Gymnasium space of one vehicle's observation."""
         from gymnasium import spaces
 
         if self.kind == FLAT:
@@ -235,7 +235,7 @@ class Observations:
         return spaces.Dict(boxes)
 
     def show(self, found: Mapping[str, Array]) -> Any:
-        """A task's observation, of one vehicle or of many, in this space."""
+        """Convert a task's observation, of one vehicle or of many, to this space."""
         if self.kind == DICT:
             return {name: np.clip(value, *self.limits[name]) for name, value in found.items()}
         values = np.concatenate(list(found.values()), axis=-1)
@@ -245,7 +245,7 @@ class Observations:
 
 
 class Observed:
-    """What an environment, of one vehicle or of many, says of its flat observations."""
+    """Base of environments, for one vehicle or many, that describe their flat observations."""
 
     _observations: Observations
     _noise: Noise
@@ -257,7 +257,7 @@ class Observed:
         observation: str,
         noise: Mapping[str, float] | None,
     ) -> None:
-        """Show a task's observations, whose `first` one of a single vehicle tells their widths."""
+        """Set up observations; `first`, an observation of a single vehicle, gives their widths."""
         widths = {name: int(np.size(value)) for name, value in first.items()}
         self._noise = Noise(noise, task.goals_from, widths)
         deviations = self._noise.deviations
@@ -265,15 +265,15 @@ class Observed:
         task.noise = self._errors if deviations else None
 
     def _errors(self) -> dict[str, Array]:
-        """Errors of the observations that are being made, by name."""
+        """Errors of the observations in progress, by name."""
         raise NotImplementedError
 
     @property
     def columns(self) -> dict[str, slice]:
-        """Where each observation stands in a flat one, by name."""
+        """Columns of each observation in a flat one, by name."""
         return dict(self._observations.columns)
 
     @property
     def scale(self) -> Array:
-        """What a flat observation is multiplied by to be in SI units, shape (width,)."""
+        """Factors that convert a flat observation to SI units, shape (width,)."""
         return self._observations.scale.copy()

@@ -1,8 +1,8 @@
 """Physics: a vehicle in water on MuJoCo, with its measurements by name.
 
-The model is the one of `compile_model`, the callbacks are the native ones: a step here
-is bit for bit a step of the batch. Measurements are in NED and FRD, SI units. They belong to the
-present state: `step` and `reset_context` leave positions and velocities up to date.
+The model comes from `compile_model`, with the native callbacks, so a step here equals a step of
+the batch bit for bit. Measurements are in NED and FRD, SI units. They belong to the present state:
+`step` and `reset_context` update positions and velocities.
 """
 
 from __future__ import annotations
@@ -63,28 +63,28 @@ MEASUREMENTS = {
     "current_east": "m/s",
     "current_down": "m/s",
 }
-"""Every scalar measurement and its unit, besides the positions of the vehicle's parts; each is a
-method of `Physics` or a part of one."""
+"""Units of all scalar measurements besides the positions of the parts; each measurement is a
+method of `Physics` or a component of one."""
 
 ROOM = 4096
-"""Numbers of a current and a density profile that fit a model without compiling it again."""
+"""Count of numbers of a current and a density profile that fit a model without recompiling."""
 
 
 class Physics:
-    """A vehicle in water; build it with `from_vehicle`.
+    """Vehicle in water; build it with `from_vehicle`.
 
-    Models that `compile_model` did not make are refused, because they would move in vacuum. Copies
-    and pickles carry their water with them. That of `twin.control.dm_suite` has dm_control's own
-    way to make, step and draw a model, and water and measurements from here.
+    Models from elsewhere than `compile_model` are refused, because they would move in vacuum.
+    Copies and pickles carry their water with them. The subclass in `twin.control.dm_suite` makes,
+    steps and draws a model with dm_control; its water and measurements are from here.
     """
 
     unstable: ClassVar[type[Exception]] = SimulationUnstable
-    """Raised by `step` when the state leaves the finite numbers"""
+    """Error that `step` raises when the state is no longer finite."""
 
     # --- making one ---------------------------------------------------------------------------
 
     def __init__(self, data: mujoco.MjData):
-        """Of a model's data, which are taken as they are.
+        """Take the data of a model, without changing them.
 
         Raises:
           VehicleError: the model does not carry the twin's parameter block.
@@ -94,7 +94,7 @@ class Physics:
 
     @classmethod
     def from_model(cls, model: mujoco.MjModel) -> Self:
-        """From a model that `compile_model` made, taken as it is.
+        """Make the physics of a model from `compile_model`, without changing it.
 
         Raises:
           VehicleError: the model does not carry the twin's parameter block.
@@ -120,7 +120,7 @@ class Physics:
         timestep: float | None = None,
         integrator: str | None = None,
     ) -> Self:
-        """A vehicle in still water; the arguments are those of `compile_model`."""
+        """Make a vehicle in still water; the arguments are those of `compile_model`."""
         return cls.from_model(
             compile_model(
                 vehicle, hydrodynamics=hydrodynamics, timestep=timestep, integrator=integrator,
@@ -129,11 +129,11 @@ class Physics:
         )  # fmt: skip
 
     def _attach(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Measure these from now on."""
+        """Measure this model and these data from now on."""
         head = header(model)  # raises for models without a block
         install(current=head["current"]["size"] > 0.0, floor=head["floor"]["size"] > 0.0)
         self.mj_model, self.mj_data = model, data
-        """MuJoCo's own"""
+        """MuJoCo's own model and data."""
         self._nominal: Nominal | None = None
         self._head, self._parts = head, part_table(model)
         self._names = part_names(model)
@@ -155,7 +155,7 @@ class Physics:
 
     @contextmanager
     def reset_context(self) -> Iterator[Self]:
-        """Back to the model's initial state; after the block everything is up to date.
+        """Return to the model's initial state; update all quantities after the block.
 
         Raises:
           SimulationUnstable: the state that the block wrote is not finite.
@@ -166,7 +166,7 @@ class Physics:
         self.forward()
 
     def forward(self) -> None:
-        """Bring everything up to date with the state.
+        """Update all quantities to the state.
 
         Raises:
           SimulationUnstable: the state is not finite.
@@ -178,10 +178,10 @@ class Physics:
         """Advance by `nstep` steps.
 
         Raises:
-          SimulationUnstable: the state left the finite numbers.
+          SimulationUnstable: the state is no longer finite.
         """
         model, data = self.mj_model, self.mj_data
-        with self._watched():  # the first half of a step is always done: see `reset_context`
+        with self._watched():  # the first half of a step is already done
             mujoco.mj_step2(model, data)
             if nstep > 1:
                 mujoco.mj_step(model, data, nstep - 1)
@@ -193,7 +193,7 @@ class Physics:
 
     @contextmanager
     def _watched(self) -> Iterator[None]:
-        """Raise where MuJoCo warns, or where native code found numbers that are not finite."""
+        """Raise if MuJoCo warns, or if native code finds numbers that are not finite."""
         warned = self.mj_data.warning.number
         before = warned.copy()
         with quiet_mujoco():
@@ -206,11 +206,11 @@ class Physics:
             raise SimulationUnstable(found, mission=0, time_s=self.time())
 
     def time(self) -> float:
-        """[s] since the start."""
+        """Time since the start [s]."""
         return float(self.mj_data.time)
 
     def timestep(self) -> float:
-        """[s] of a step."""
+        """Step of the physics [s]."""
         return float(self.mj_model.opt.timestep)
 
     def control(self) -> Array:
@@ -222,7 +222,7 @@ class Physics:
         return self._act.copy()
 
     def _failure(self) -> str | None:
-        """Why the present state cannot be used, None when it can."""
+        """Reason why the present state is unusable; None if it is usable."""
         if not self._water["failed"]:
             return None
         return (
@@ -231,13 +231,13 @@ class Physics:
         )
 
     def set_start(self, start: Start) -> None:
-        """Place the glider, moving relative to the water as `start` says; call it in a reset.
+        """Place the glider, moving relative to the water as in `start`; call it in a reset.
 
-        Time-centred runs keep velocities half a step back in time, and so does this, in the same
-        way as `twin.physics.simulation.Simulation`.
+        Time-centred runs store velocities half a step back in time, as
+        `twin.physics.simulation.Simulation` does.
 
         Raises:
-          InputError: the start has a place or a time, which nothing here would use.
+          InputError: the start has a place or a time, which have no effect here.
         """
         if start.latitude is not None or start.time is not None:
             raise InputError(
@@ -256,7 +256,7 @@ class Physics:
         conditions: Conditions | None,
         duration: float,
     ) -> None:
-        """Begin an episode of a task, as `twin.control.many.ManyPhysics.place`; `at` is ()."""
+        """Start an episode of a task, as `twin.control.many.ManyPhysics.place` does; `at` is ()."""
         model, data = self.mj_model, self.mj_data
         if conditions is not None and conditions.only_current:
             self.set_current(conditions.current, duration, conditions.origin)
@@ -282,14 +282,14 @@ class Physics:
         self._set_tables(current=np.zeros(0) if program is None else program)
 
     def set_density(self, profile: Any) -> None:
-        """Stratify the water by a `twin.water.density.DensityProfile`; None makes it uniform."""
+        """Stratify the water with a `twin.water.density.DensityProfile`; None makes it uniform."""
         self._set_tables(density=np.zeros(0) if profile is None else profile.compile())
 
     def _set_tables(self, **changed: Array) -> None:
-        """Put tables into the model, whose others stay.
+        """Write tables into the model and keep its others.
 
         Raises:
-          InputError: they do not fit; the message says how to make room.
+          InputError: they exceed the model's room; the message says how to make room.
         """
         model = self.mj_model
         tables = {name: table(model, name).copy() for name in ("current", "density", "floor")}
@@ -308,7 +308,7 @@ class Physics:
     # --- measurements -------------------------------------------------------------------------
 
     def measurements(self) -> dict[str, float]:
-        """Every scalar of MEASUREMENTS now, and the position of each part, by name."""
+        """Values of MEASUREMENTS now, and the position of each part, by name."""
         vectors = {
             ("roll_rate", "pitch_rate", "yaw_rate"): self.rates(),
             ("surge", "sway", "heave"): self.velocity_through_water(),
@@ -326,31 +326,31 @@ class Physics:
         return {**found, **dict(zip(self._names, self._act.tolist(), strict=True))}
 
     def north(self) -> float:
-        """[m] of the CB from the origin."""
+        """Position of the CB north of the origin [m]."""
         return float(self._qpos[0])
 
     def east(self) -> float:
-        """[m] of the CB from the origin."""
+        """Position of the CB east of the origin [m]."""
         return float(-self._qpos[1])
 
     def depth(self) -> float:
-        """[m] of the CB below the mean sea surface."""
+        """Depth of the CB below the mean sea surface [m]."""
         return float(-self._qpos[2])
 
     def roll(self) -> float:
-        """[rad], positive starboard down."""
+        """Roll [rad], positive starboard down."""
         return math.atan2(self._rotation[2, 1], self._rotation[2, 2])
 
     def pitch(self) -> float:
-        """[rad], positive nose up."""
+        """Pitch [rad], positive nose up."""
         return math.asin(min(max(self._rotation[2, 0], -1.0), 1.0))
 
     def heading(self) -> float:
-        """[rad] true, in [0, 2 pi)."""
+        """True heading [rad], in [0, 2 pi)."""
         return math.atan2(-self._rotation[1, 0], self._rotation[0, 0]) % (2.0 * math.pi)
 
     def _centred(self, part: slice) -> Array:
-        """qvel now: time-centred runs store it half a step earlier."""
+        """Velocity now, from `qvel`, which time-centred runs store half a step earlier."""
         velocity = self._qvel[part]
         if not self._head["centred"] or not self._water["known"]:
             return velocity.copy()
@@ -358,7 +358,7 @@ class Physics:
         return velocity + 0.5 * (velocity - earlier)
 
     def velocity_over_ground(self) -> Array:
-        """[m/s], NED, shape (3,)."""
+        """Velocity over ground [m/s], NED, shape (3,)."""
         return flip_vector(self._centred(slice(0, 3)))
 
     def velocity_through_water(self) -> Array:
@@ -371,46 +371,46 @@ class Physics:
         return flip_vector(self._centred(slice(3, 6)))
 
     def depth_rate(self) -> float:
-        """[m/s], positive while diving."""
+        """Vertical velocity of the vehicle [m/s], positive down."""
         return float(-self._centred(slice(0, 3))[2])
 
     def surge(self) -> float:
-        """[m/s] through the water, forward."""
+        """Surge [m/s]: velocity through the water, forward."""
         return float(self.velocity_through_water()[0])
 
     def sway(self) -> float:
-        """[m/s] through the water, to starboard."""
+        """Sway [m/s]: velocity through the water, to starboard."""
         return float(self.velocity_through_water()[1])
 
     def heave(self) -> float:
-        """[m/s] through the water, downward in body axes."""
+        """Heave [m/s]: velocity through the water, downward in body axes."""
         return float(self.velocity_through_water()[2])
 
     def speed(self) -> float:
-        """[m/s] through the water."""
+        """Speed through the water [m/s]."""
         return float(np.linalg.norm(self.velocity_through_water()))
 
     def angle_of_attack(self) -> float:
-        """[rad], atan2(heave, surge)."""
+        """Angle of attack [rad], atan2(heave, surge)."""
         surge, _, heave = self.velocity_through_water()
         return math.atan2(heave, surge)
 
     def sideslip(self) -> float:
-        """[rad], asin(sway / speed), 0 at rest."""
+        """Sideslip [rad], asin(sway / speed), 0 at rest."""
         velocity = self.velocity_through_water()
         speed = float(np.linalg.norm(velocity))
         return math.asin(velocity[1] / speed) if speed > 0.0 else 0.0
 
     def net_buoyancy(self) -> float:
-        """Net buoyancy mass [kg] of the immersed glider, positive = heavy = dives."""
+        """Net buoyancy mass [kg] of the immersed glider, positive = heavy."""
         return float(self._water["net_mass"])
 
     def immersion(self) -> float:
-        """Immersed fraction of the hull, 1 under water."""
+        """Immersed fraction of the hull [1], 1 under water."""
         return float(self._water["immersion"])
 
     def density(self) -> float:
-        """[kg/m3] of the water at the CB."""
+        """Density of the water at the CB [kg/m3]."""
         return float(self._water["density"])
 
     def current(self) -> Array:
@@ -425,7 +425,7 @@ class Physics:
         """Position of a part in its own unit: a glider's shift [m], rotation [rad], pump [cm3].
 
         Raises:
-          InputError: the vehicle has no part of that name; the nearest is offered.
+          InputError: the vehicle has no part of that name; the nearest name is offered.
         """
         if name not in self._names:
             raise InputError(unknown_name("part of the vehicle", name, self._names))
@@ -443,17 +443,17 @@ class Physics:
     # --- pictures -----------------------------------------------------------------------------
 
     def render(self, **settings: Any) -> NDArray[Any]:
-        """What a camera sees now; the arguments are those of `twin.control.pictures.Pictures.draw`.
+        """Draw the image of a camera; arguments are those of `twin.control.pictures.Pictures.draw`.
 
         Raises:
-          NoOpenGL: this machine cannot draw. InputError: a camera or size that cannot be.
+          NoOpenGL: this machine cannot draw. InputError: an unknown camera or impossible size.
         """
         if self._pictures is None:
             self._pictures = Pictures(self.model)
         return self._pictures.draw(self.data, **settings)
 
     def free(self) -> None:
-        """Release what draws; `render` takes it up again."""
+        """Release the renderer; `render` makes it again."""
         if self._pictures is not None:
             self._pictures.close()
             self._pictures = None

@@ -1,6 +1,6 @@
-"""Pictures: what a camera of a model sees, drawn without a screen.
+"""Pictures: images from a camera of a model, drawn without a screen.
 
-A picture is that of `dm_control.mujoco.Physics.render` and takes its words.
+An image equals that of `dm_control.mujoco.Physics.render`, with the same arguments.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from twin.errors import InputError, unknown_name
 from twin.show.render.context import claim_drawing, keep_current, new_context, release
 
 FREE_CAMERA = -1
-"""Looks at the middle of the model from outside"""
+"""Number of the free camera, which looks at the middle of the model from outside."""
 
 
 class Pictures:
-    """Draws a model; `close` releases the OpenGL context."""
+    """Renderer of a model's images; `close` releases the OpenGL context."""
 
     def __init__(self, model: mujoco.MjModel):
-        """Of pictures up to the file's `<global offwidth offheight>`.
+        """Open a context for images up to the file's `<global offwidth offheight>`.
 
         Raises:
           NoOpenGL: this machine cannot draw.
@@ -43,18 +43,18 @@ class Pictures:
         segmentation: bool = False,
         scene_option: mujoco.MjvOption | None = None,
     ) -> NDArray[np.generic]:
-        """A picture of the state as it stands, first row on top.
+        """Draw an image of the present state, first row on top.
 
         Args:
           height, width: [pixel]. camera_id: name or number of a camera, -1 is a free one.
-          depth: distances from the camera [m], float32, shape (height, width).
-          segmentation: number and `mjtObj` of what is seen, -1 for nothing, int32, shape (height,
-            width, 2). Without both: colours, uint8, shape (height, width, 3).
-          scene_option: what of the model is drawn.
+          depth: draw distances from the camera [m], float32, shape (height, width).
+          segmentation: draw number and `mjtObj` of the visible object, -1 for none, int32, shape
+            (height, width, 2). Without either: colours, uint8, shape (height, width, 3).
+          scene_option: MuJoCo's options for the visible elements.
 
         Raises:
-          InputError: no such camera, a picture that is too large, or depth and segmentation
-            together. ForkedDrawing: this process was forked from one that had drawn.
+          InputError: an unknown camera, a size that is too large, or depth and segmentation
+            together. ForkedDrawing: this process was forked from one that has drawn.
         """
         claim_drawing()
         for name, size in (("height", height), ("width", width)):
@@ -84,7 +84,7 @@ class Pictures:
                 None if depth else colours, distances if depth else None, place, self._renderer
             )
         found: NDArray[np.generic] = colours
-        if depth:  # the depth buffer runs from 0 at the near plane to 1 at the far one
+        if depth:  # the depth buffer is 0 at the near plane and 1 at the far one
             near, far = (
                 end * model.stat.extent for end in (model.vis.map.znear, model.vis.map.zfar)
             )
@@ -119,12 +119,12 @@ class Pictures:
 
 
 def _most_geoms(model: mujoco.MjModel) -> int:
-    """Room for every geom, site and decoration of a model."""
+    """Upper bound on the geoms of a scene: every geom, site and decoration of a model."""
     return 1000 + 3 * (model.ngeom + model.nsite)
 
 
 def _labels(colours: NDArray[np.uint8], scene: mujoco.MjvScene) -> NDArray[np.generic]:
-    """Number and kind of the object that each pixel's colour stands for."""
+    """Number and type of the object that each pixel's colour represents."""
     words = colours.astype(np.uint32) @ np.array([1, 2**8, 2**16], np.uint32)
     table = np.full((scene.ngeom + 1, 2), -1, np.int32)
     for geom in scene.geoms[: scene.ngeom]:

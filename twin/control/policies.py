@@ -1,6 +1,6 @@
-"""Policies: pilots to compare with and to watch, by name.
+"""Policies: pilots by name, to compare with and to watch.
 
-They read the physics and not the observation, so they know what the task knows.
+They read the physics instead of the observation, so they know the true state.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ Policy = Callable[[Any], Array]
 
 
 class Flown(Protocol):
-    """What a pilot needs of an environment, of either face."""
+    """Interface of the environments, of any kind, that a policy can fly."""
 
     @property
     def task(self) -> GliderTask:
-        """The task that it flies."""
+        """Task of the environment."""
 
     @property
     def physics(self) -> Physics:
-        """The vehicle that it flies."""
+        """Physics of the vehicle."""
 
 
 LARGEST_ROTATION = math.radians(60.0)
-"""[rad] beyond it a climbing glider can roll over"""
+"""[rad] Limit of the turning part; beyond it a climbing glider can roll over."""
 
 
 class Autopilot:
-    """Flies the task's reference with the vehicle's own gains: a policy for a viewer or a loop."""
+    """Policy that flies the task's reference with the vehicle's own gains."""
 
     damping = 1.0
-    """Part of the file's gains of the rates that is used"""
+    """[1] Fraction of the file's rate gains that is used."""
 
     def __init__(self, environment: Flown):
         self._environment = environment
         self._trims: dict[tuple[float, float], tuple[Array, float]] = {}
 
     def __call__(self, time_step: Any = None) -> Array:
-        """The action now; dm_control's viewer hands over the time step, which is not needed."""
+        """Return the action now; dm_control's viewer passes the time step, which is not used."""
         task, physics = self._environment.task, self._environment.physics
         vehicle = task.vehicle
         wanted = task.reference(physics)
@@ -76,14 +76,14 @@ class Autopilot:
         return task.to_action(vehicle.allocated(command))
 
     def _trim(self, pitch: float, net_mass: float) -> tuple[Array, float]:
-        """Positions that hold the steady way, and the factor of the heading loop there.
+        """Positions that hold the steady motion, and the factor of the heading loop in it.
 
-        Where there is no such way: at rest, and the sense of the part that turns the vehicle.
+        Without such a motion: positions at rest, and the sense of the turning part.
         """
         key = (pitch, net_mass)
         if key not in self._trims:
             if len(self._trims) > 64:
-                self._trims.clear()  # references that change all the time have no trim to keep
+                self._trims.clear()  # references that always change would fill the cache
             vehicle = self._environment.task.vehicle
             try:
                 degrees = math.degrees(pitch)
@@ -95,16 +95,16 @@ class Autopilot:
 
 
 def untrimmed(vehicle: Vehicle) -> tuple[Array, float]:
-    """Positions of the parts at rest, and the sense of the one that turns the vehicle."""
+    """Positions of the parts at rest, and the sense of the turning part."""
     turning = vehicle.steered("heading")
     return vehicle.rest, 1.0 if turning is None else turning.sense("heading")
 
 
 class Proportional(Autopilot):
-    """The task's reference flown by proportional gains alone, without rates and without trims.
+    """Policy that flies the task's reference by proportional gains, without rates and trims.
 
-    The pump follows the wanted net buoyancy, a propeller turns as in the cruise, and what pitches
-    and turns the vehicle moves in proportion to the error, by the gains of the vehicle file.
+    The pump follows the target net buoyancy, and a propeller turns as in the cruise. The parts that
+    pitch and turn the vehicle move in proportion to the error, by the gains of the vehicle file.
     """
 
     damping = 0.0
@@ -114,14 +114,14 @@ class Proportional(Autopilot):
 
 
 def random(environment: Flown, seed: int) -> Policy:
-    """Uniform commands."""
+    """Policy of uniformly sampled commands."""
     low, high = environment.task.action_range()
     generator = np.random.default_rng(seed)
     return lambda time_step: generator.uniform(low, high)
 
 
 def still(environment: Flown, seed: int) -> Policy:
-    """Every actuator at its neutral position."""
+    """Policy that keeps every part at position 0."""
     action = environment.task.to_action(np.zeros(len(environment.task.vehicle.parts)))
     return lambda time_step: action
 
@@ -132,4 +132,4 @@ POLICIES: Mapping[str, Callable[[Flown, int], Policy]] = {
     "random": random,
     "still": still,
 }
-"""Makers by name; the seed is the random one's."""
+"""Makers of policies by name; the seed is only used by `random`."""

@@ -1,8 +1,8 @@
-"""Registry: the control tasks by name; `register` adds one's own.
+"""Registry: control tasks by name; `register` adds your own.
 
 A task is one file with a `GliderTask` and a function that makes its environment. The function takes
-a vehicle first and then keyword arguments with defaults, `random` and `environment_kwargs` among
-them; the first line of its docstring says what the task is.
+a vehicle first, then keyword arguments with defaults, which include `random` and
+`environment_kwargs`. The first line of its docstring describes the task.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from twin.errors import InputError
 from twin.registry import Registry
 
 NEEDED = ("vehicle", "random", "environment_kwargs")
-"""Arguments that `twin.control.load`, the viewer and Gymnasium's environments hand over"""
+"""Arguments that `twin.control.load`, the viewer and Gymnasium's environments pass to a task."""
 Maker = Callable[..., Any]
-"""Makes the `twin.control.environment.Environment` of a task"""
+"""Function that makes the `twin.control.environment.Environment` of a task."""
 
 
 def check_task(name: str, maker: Any) -> Maker:
-    """The function when it is complete; raises InputError otherwise."""
+    """Return the function if it is complete; raises InputError otherwise."""
 
     def half(what: str) -> InputError:
         return InputError(f"task {name!r} is only half there: {what}")
@@ -42,31 +42,31 @@ def check_task(name: str, maker: Any) -> Maker:
 
 
 TASKS: Registry[Maker] = seams.TASKS
-"""The functions that make the tasks, by name."""
+"""Registry of the functions that make the tasks, by name."""
 
 register = TASKS.add
-"""Add a task of one's own under its function's name; usable as a decorator."""
+"""Register a task of your own under its function's name; usable as a decorator."""
 
 ALL_TASKS = TASKS.shipped()
-"""Names of the tasks that come with the package; `TASKS` has registered ones too."""
+"""Names of the tasks that come with the package; `TASKS` also has registered ones."""
 
 NAMESPACE = "glider_twin"
 VERSION = 0
-"""Of the tasks as Gymnasium counts them: it rises when rewards are not to be compared any more."""
+"""Version of the tasks in Gymnasium; it rises when rewards are no longer comparable."""
 
 
 def task_arguments(task_name: str) -> list[str]:
-    """Names of what `task_kwargs` of a task takes.
+    """Names of the arguments that `task_kwargs` of a task may contain.
 
     Raises:
-      UnknownName: there is no such task.
+      UnknownName: no task has that name.
     """
     parameters = inspect.signature(TASKS[task_name]).parameters
     return [name for name in parameters if name != "environment_kwargs"]
 
 
 def environment_id(task: str) -> str:
-    """Gymnasium's name of a task: `glider_twin/Depth-v0` of `depth`."""
+    """Gymnasium's name of a task: `glider_twin/Depth-v0` for `depth`."""
     return f"{NAMESPACE}/{task.capitalize()}-v{VERSION}"
 
 

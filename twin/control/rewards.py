@@ -1,7 +1,7 @@
 """Rewards: soft indicators of whether a number is within bounds.
 
-The shapes are those of `dm_control.utils.rewards` (Tassa et al. 2018, DeepMind Control Suite,
-arXiv:1801.00690), number for number; only those that the tasks use are here.
+The shapes equal those of `dm_control.utils.rewards` (Tassa et al. 2018, DeepMind Control Suite,
+arXiv:1801.00690), number for number; only the shapes that the tasks use are here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from twin.errors import InputError, unknown_name
 
 AT_MARGIN = 0.1
-"""Value at the distance `margin` from the bounds, where nothing else is asked for"""
+"""Default value of a reward at the distance `margin` from the bounds."""
 
 
 def _gaussian(x: Any, at_margin: float) -> Any:
@@ -37,7 +37,7 @@ SIGMOIDS: dict[str, Callable[[Any, float], Any]] = {
     "long_tail": _long_tail,
     "linear": _linear,
 }
-"""How a reward falls with the distance over the margin: 1 at 0, `value_at_margin` at 1."""
+"""Decrease of a reward over distance / margin: 1 at 0, `value_at_margin` at 1."""
 
 
 def tolerance(
@@ -47,17 +47,17 @@ def tolerance(
     sigmoid: str = "gaussian",
     value_at_margin: float = AT_MARGIN,
 ) -> Any:
-    """1 within the bounds, falling to `value_at_margin` at the distance `margin` from them.
+    """Return 1 within the bounds, falling to `value_at_margin` at the distance `margin` from them.
 
     Args:
       x: a number, or an array of any shape; the result has its shape.
       bounds: ends of the interval, which may be infinite or equal, in the unit of `x`.
-      margin: in the unit of `x`; 0 makes everything outside of the bounds 0.
+      margin: in the unit of `x`; with 0 the result is 0 outside of the bounds.
       sigmoid: one of SIGMOIDS.
-      value_at_margin: above 0 and below 1; `linear` takes 0 too.
+      value_at_margin: above 0 and below 1; for `linear` also 0.
 
     Raises:
-      InputError: bounds, margin, sigmoid or value that cannot be.
+      InputError: impossible bounds, margin, sigmoid or value.
     """
     lower, upper = bounds
     if not lower <= upper:

@@ -1,4 +1,4 @@
-"""Stable-baselines: a vector environment as stable-baselines3 takes it."""
+"""Stable-baselines: a vector environment in the form of stable-baselines3's `VecEnv`."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from stable_baselines3.common.vec_env import VecEnv  # noqa: E402
 class StableBaselinesVec(VecEnv):
     """`VecEnv` of stable-baselines3 over a `GliderVectorEnv`.
 
-    What it asks of each vehicle alone (wrappers, attributes) is not there: all vehicles are one
-    object. Its `VecMonitor` and `VecNormalize` go around it.
+    Wrappers and attributes of single vehicles are not supported, because all vehicles are one
+    object. `VecMonitor` and `VecNormalize` can wrap it.
     """
 
     def __init__(self, environment: GliderVectorEnv):
-        """Take a vector environment that resets in the same step.
+        """Wrap a vector environment that resets in the same step.
 
         Raises:
-          InputError: it resets in another way.
+          InputError: the environment has another autoreset mode.
         """
         if environment.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
             raise InputError(
@@ -45,14 +45,14 @@ class StableBaselinesVec(VecEnv):
         self._actions: NDArray[np.float32] | None = None
 
     def reset(self) -> Any:
-        """The first observations, from the seeds of `seed` where they were given."""
+        """First observations, from the seeds given to `seed`, if any."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations, _ = self.environment.reset(seed=seeds)
         self._reset_seeds()
         return observations
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Keep the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
@@ -73,21 +73,21 @@ class StableBaselinesVec(VecEnv):
         self.environment.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the vector environment, once for each vehicle asked for."""
+        """Attribute of the vector environment, repeated for each requested vehicle."""
         return [getattr(self.environment, attr_name)] * len(self._indices(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused: the vehicles are one object."""
+        """Raise InputError: the vehicles are one object."""
         raise InputError(f"{attr_name}: vehicles of a vector environment have no attributes alone")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Refused: the vehicles are one object."""
+        """Raise InputError: the vehicles are one object."""
         raise InputError(f"{method_name}: vehicles of a vector environment have no methods alone")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """False for each: nothing wraps one vehicle."""
+        """Return False for each vehicle: no wrapper acts on a single one."""
         return [False] * len(self._indices(indices))
 
     def _indices(self, indices: int | Iterable[int] | None) -> Sequence[int]:

@@ -1,4 +1,4 @@
-"""Task: what every task with a glider shares: actions, observations, the ends of an episode."""
+"""Task: base of all control tasks: actions, observations, and the ends of an episode."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from twin.water.current.base import Current
 
 Observation = collections.OrderedDict[str, Array]
 Place = tuple[int, ...]
-"""(index,) of one vehicle among many, or () of the only one."""
+"""(index,) of one vehicle among many, or () of a single one."""
 
 CRUISE_PITCH = math.radians(35.0)
-"""[rad] of the glide that rewards and starts take as normal"""
+"""[rad] Pitch of the cruise glide, from which rewards and starts are scaled."""
 PROPELLED_PITCH = math.radians(15.0)
-"""[rad] likewise of a vehicle under a propeller, whose elevator holds no glider's pitch"""
+"""[rad] Pitch of a propelled vehicle's cruise; its elevator cannot hold a glider's pitch."""
 CRUISE_PUMP = 0.5
-"""Part of the pump's travel in that glide"""
+"""[1] Fraction of the pump's travel used in the cruise glide."""
 MARKER = "target"
-"""Name of the site that shows where to go"""
+"""Name of the site that shows the target."""
 VEHICLE_SCALES = {
     "attitude": 1.0,  # rad
     "rates": 0.1,  # rad/s
@@ -45,75 +45,75 @@ VEHICLE_SCALES = {
     "actuators": 1.0,
     "net_buoyancy": 0.5,  # kg
 }
-"""Sizes that the observations of a vehicle usually have, in their units."""
+"""Usual sizes of the observations of a vehicle, in their units."""
 LARGEST_RATE = 8.0 * math.pi
-"""[rad/s] limit of observed rates: four turns a second; a propelled hull can roll at 0.8 of one"""
+"""[rad/s] Limit of observed rates: four turns a second; propelled hulls can roll at 0.8 of one."""
 FASTEST = 10.0
-"""[m/s] least limit of observed speeds"""
+"""[m/s] Least limit of observed speeds."""
 FASTEST_CRUISES = 10.0
-"""Times the speed of the cruise, where that is more"""
+"""[1] Limit of observed speeds as a multiple of the cruise speed, if that is more."""
 LARGEST_FRACTION = 2.0
-"""Limit of observed positions of parts, whose travel is from -1 to 1: room for a sensor's errors"""
+"""[1] Limit of observed part positions; travel is -1 to 1, and sensors have errors."""
 _HULL = "hull"
 _REWARDED = np.array([0.15, 0.85, 0.35])
-"""Colour of the hull at reward 1, when rewards are shown"""
+"""Colour of the hull at reward 1, if rewards are shown."""
 _COLOUR_POWER = 4
-"""As in dm_control: high rewards are told apart better"""
+"""Power applied to a reward for the colour, as in dm_control, to distinguish high rewards."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What a pilot would aim at now; the autopilot flies it."""
+    """Setpoints of a pilot at this time; the autopilot flies them."""
 
     pitch: float
-    """[rad], positive nose up"""
+    """[rad] Pitch, positive nose up."""
     heading: float | None
-    """[rad], None: any"""
+    """[rad] Heading; None: any."""
     net_mass: float
-    """[kg], positive = heavy"""
+    """[kg] Net buoyancy mass, positive = heavy."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Episode:
-    """One draw of a task."""
+    """Start, goal and current of one sampled episode."""
 
     start: Start
-    """Where and how the vehicle begins."""
+    """Position, attitude and motion at the start."""
     goal: Mapping[str, Any]
-    """What to reach, by the names of `GliderTask.goals`."""
+    """Goal values, by the names of `GliderTask.goals`."""
     current: Current | None = None
-    """A steady current that belongs to the task; None: it brings none."""
+    """Steady current that belongs to the task; None: no current from the task."""
 
 
 LARGEST_SEED = 2**31
 
 
 def episode_random(seed: int, episode: int) -> np.random.RandomState:
-    """The random numbers of the `episode`-th reset after `seed`, which depend on nothing else."""
+    """Random numbers of the `episode`-th reset after `seed`; they depend on nothing else."""
     sequence = np.random.SeedSequence(seed, spawn_key=(episode,))
     return np.random.RandomState(np.random.PCG64(sequence))
 
 
 class GliderTask:
-    """A task for one vehicle.
+    """Base class of control tasks.
 
     Actions command the vehicle's parts in their order (a glider's: shift, rotation and pump), each
     from -1 to 1 over its travel, or in its own unit with `normalised=False`. The parts follow with
     their lags and rates. An episode ends with discount 0 when the hull breaks the surface or goes
     below `max_depth`.
 
-    A task that draws its episodes in `draw_episode` and whose formulas take arrays serves one
-    vehicle or, after `serve`, many at once: `physics` then is a `twin.control.many.ManyPhysics`,
-    and measurements, goals and rewards have the vehicle as their first axis.
+    A task that implements `draw_episode`, with formulas that take arrays, serves one vehicle or,
+    after `serve`, many at once. For many, `physics` is a `twin.control.many.ManyPhysics`, and
+    measurements, goals and rewards have the vehicle as their first axis.
     """
 
     goals: ClassVar[Mapping[str, tuple[int, ...]]] = {}
-    """Attributes that an episode or its course sets for each vehicle, and their shapes."""
+    """Attributes that an episode sets for each vehicle, and their shapes."""
     goal_scales: ClassVar[Mapping[str, float]] = {}
-    """Usual sizes of what `observe_goal` shows, in their units; others count as 1."""
+    """Usual sizes of the observations of `observe_goal`, in their units; others count as 1."""
     goals_from: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    """Of what `observe_goal` makes each of its own, whose noise it shows: names of the vehicle's
-    observations, `heading` and `position`."""
+    """Measurements from which each observation of `observe_goal` is computed, and whose noise it
+    therefore has: names of the vehicle's observations, `heading` and `position`."""
 
     def __init__(
         self,
@@ -126,7 +126,7 @@ class GliderTask:
         """Take a vehicle and a depth limit [m].
 
         Raises:
-          InputError: the depth limit leaves no room. MissionError: the vehicle cannot cruise.
+          InputError: `max_depth` is not positive. MissionError: the vehicle cannot cruise.
         """
         if not max_depth > 0:
             raise InputError(f"max_depth {max_depth} m must be positive")
@@ -135,48 +135,48 @@ class GliderTask:
         if not isinstance(random, np.random.RandomState):
             random = np.random.RandomState(random)
         self.random = random
-        """Every random number of the only vehicle comes from here."""
+        """Generator of all random numbers of a single vehicle."""
         self.visualize_reward = False
-        """Colour the hull by the reward"""
+        """True: colour the hull by the reward."""
         self.vehicle = vehicle
         self.max_depth = float(max_depth)
         self.normalised = normalised
         self._low, self._high = vehicle.actuator_min, vehicle.actuator_max
         self.propelled = vehicle.steered("speed") is not None
         self.cruise_pitch = PROPELLED_PITCH if self.propelled else CRUISE_PITCH
-        """[rad] magnitude in the cruise"""
+        """[rad] Magnitude of pitch in the cruise."""
         pump = vehicle.steered("buoyancy")
         self.cruise_mass = 0.0
-        """[kg] net buoyancy of a cruise down; 0 without a pump, or under a propeller"""
+        """[kg] Net buoyancy mass of a cruise down; 0 without a pump or with a propeller."""
         if pump is not None and not self.propelled:
             volume = pump.rest + CRUISE_PUMP * (pump.low - pump.rest)
             self.cruise_mass = vehicle.net_mass_for_pump(float(volume))
         self.cruise = self.way(-self.cruise_pitch)
         self.conditions: Randomiser | None = None
-        """What draws the vehicle's errors and the water of an episode; None: as the files say."""
+        """Sampler of the vehicle's errors and the water of an episode; None: those of the files."""
         self.duration = math.inf
-        """[s] of an episode at most"""
+        """[s] Longest duration of an episode."""
         self.period = math.inf
-        """[s] between two observations"""
+        """[s] Time between two observations."""
         self.count: int | None = None
-        """Vehicles that it serves at once; None is one, without an axis for it."""
+        """Number of vehicles served at once; None: a single one, without an axis for it."""
         self._generators: list[np.random.RandomState] = []
         self._colour: Array | None = None
         self.believed: Believed | None = None
-        """What observations are made of in place of the truth, in a navigated environment."""
+        """State estimate behind the observations of a navigated environment; None: the truth."""
         self.noise: Callable[[], Mapping[str, Array]] | None = None
-        """Gives the errors of the observations that are being made, by name; None: no errors."""
+        """Function that returns errors of the observations in progress, by name; None: none."""
 
     # --- actions ------------------------------------------------------------------------------
 
     def action_range(self) -> tuple[Array, Array]:
-        """Least and largest commands, (parts,) each, from -1 to 1 or in the parts' units."""
+        """Lower and upper limits of actions, (parts,) each, from -1 to 1 or in the parts' units."""
         if not self.normalised:
             return self._low.copy(), self._high.copy()
         return np.full(len(self._low), -1.0), np.full(len(self._low), 1.0)
 
     def to_command(self, action: ArrayLike) -> Array:
-        """Commanded positions of the parts, in their order and units, of an action.
+        """Convert an action to commanded positions of the parts, in their order and units.
 
         Raises:
           InputError: another shape, or a value that is not finite.
@@ -203,23 +203,23 @@ class GliderTask:
         return self._low + fraction * (self._high - self._low)
 
     def to_action(self, command: ArrayLike) -> Array:
-        """The action that commands these positions; the inverse of `to_command`."""
+        """Convert commanded positions to an action; the inverse of `to_command`."""
         values: Array = np.clip(np.asarray(command, float), self._low, self._high)
         if not self.normalised:
             return values
         return 2.0 * (values - self._low) / (self._high - self._low) - 1.0
 
     def before_step(self, action: ArrayLike, physics: Physics) -> None:
-        """Command the actuators."""
+        """Command the parts."""
         physics.set_control(self.to_command(action))
 
     # --- episodes -----------------------------------------------------------------------------
 
     def serve(self, generators: Sequence[np.random.RandomState]) -> None:
-        """Be the task of as many vehicles as there are `generators`, one of each.
+        """Serve as many vehicles as there are `generators`, one generator for each.
 
         Raises:
-          InputError: it draws its episodes for one vehicle only.
+          InputError: the task can sample episodes for a single vehicle only.
         """
         kind = type(self)
         if kind.draw_episode is GliderTask.draw_episode or (
@@ -235,18 +235,18 @@ class GliderTask:
             setattr(self, name, np.zeros((self.count, *shape)))
 
     def generator(self, at: Place) -> np.random.RandomState:
-        """The random numbers of one vehicle: `at` is (its index,), or () for the only one."""
+        """Random numbers of one vehicle: `at` is (its index,), or () for a single vehicle."""
         return self._generators[at[0]] if at else self.random
 
     def set_generator(self, random: np.random.RandomState, at: Place = ()) -> None:
-        """Draw from `random` from now on."""
+        """Use the generator `random` for a vehicle from now on."""
         if at:
             self._generators[at[0]] = random
         else:
             self.random = random
 
     def put(self, at: Place, **values: Any) -> None:
-        """Set attributes of `goals` for one vehicle."""
+        """Set goal attributes of one vehicle."""
         for name, value in values.items():
             if at:
                 getattr(self, name)[at] = value
@@ -254,24 +254,24 @@ class GliderTask:
                 setattr(self, name, value)
 
     def draw_episode(self, random: np.random.RandomState) -> Episode:
-        """Where one vehicle begins and what it is to reach."""
+        """Sample the start, the goal and the current of one vehicle's episode."""
         raise NotImplementedError
 
     def initialize_episode(self, physics: Physics) -> None:
-        """Draw an episode and begin it."""
+        """Sample an episode and start it."""
         episode = self.place(physics, ())
         self.begin(physics, (), episode)
         self.mark(physics)
         self.after_step(physics)
 
     def place(self, physics: Physics, at: Place) -> Episode:
-        """Draw an episode of one vehicle and write its start; `begin` follows."""
+        """Sample an episode of one vehicle and write its start; call `begin` next."""
         random = self.generator(at)
         episode = self.draw_episode(random)
         conditions = None if self.conditions is None else self.conditions.draw(random)
         if episode.current is not None:
             conditions = (conditions or Conditions()).flowing(episode.current)
-        # without a limit only the tasks' own currents flow, which are steady
+        # without a time limit there are only currents of tasks, which are steady
         duration = self.duration if math.isfinite(self.duration) else 1.0
         physics.place(
             at, episode.start, vehicle=self.vehicle, conditions=conditions, duration=duration
@@ -279,14 +279,14 @@ class GliderTask:
         return episode
 
     def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
-        """Take over an episode whose vehicle has been placed."""
+        """Take over the goal of an episode whose vehicle has been placed."""
         self.put(at, **episode.goal)
 
     def mark(self, physics: Physics) -> None:
-        """Move the marker of a task that has one; it is called for a single vehicle."""
+        """Move the marker of a task that has one; only called for a single vehicle."""
 
     def after_step(self, physics: Physics) -> None:
-        """Colour the hull by the reward when rewards are shown."""
+        """Colour the hull by the reward if rewards are shown."""
         if not self.visualize_reward:
             return
         material = physics.mj_model.material(_HULL).id
@@ -297,22 +297,22 @@ class GliderTask:
         colours[material, :3] = blend * _REWARDED + (1.0 - blend) * self._colour
 
     def get_termination(self, physics: Physics) -> float | None:
-        """Discount 0 at the surface and below the depth limit, None otherwise."""
+        """Return discount 0 at the surface or below the depth limit, else None."""
         return 0.0 if self.lost(physics) else None
 
     def lost(self, physics: Physics) -> Any:
-        """Whether the hull is at the surface or below the depth limit, for each vehicle."""
+        """Tell for each vehicle whether the hull is at the surface or below the depth limit."""
         return (physics.immersion() < 1.0) | (physics.depth() > self.max_depth)
 
     def way(self, pitch: float) -> Way:
-        """The steady way at `pitch` [rad]: the cruise's glide, or under the propeller."""
+        """Steady motion at `pitch` [rad]: the cruise's glide, or propelled."""
         mass = -math.copysign(self.cruise_mass, pitch)
         return steady_way(
             self.vehicle, "task", "pitch", math.degrees(pitch), mass, None, within_travel=True
         )
 
     def gliding_start(self, *, depth: float, heading: float, pitch: float) -> Start:
-        """At the origin on the steady way at `pitch` [rad], depth [m], heading [rad]."""
+        """Start at the origin in steady motion at `pitch` [rad], depth [m] and heading [rad]."""
         way = self.way(pitch)
         alpha = way.angle_of_attack
         v_rel = (way.speed * math.cos(alpha), 0.0, way.speed * math.sin(alpha))
@@ -322,7 +322,7 @@ class GliderTask:
     # --- observations -------------------------------------------------------------------------
 
     def observe_vehicle(self, physics: Physics) -> Observation:
-        """What a vehicle knows about itself.
+        """Observe the state that a vehicle knows of itself.
 
         attitude: roll, pitch [rad]; rates: p, q, r [rad/s]; velocity: surge, sway, heave through
         the water [m/s]; depth [m]; depth_rate [m/s]; actuators: fractions of travel, -1 to 1;
@@ -339,8 +339,8 @@ class GliderTask:
         )
 
     def get_observation(self, physics: Physics) -> Observation:
-        """The vehicle's state and then what the task asks for; as it is believed on board where the
-        environment is navigated, and with errors where there is noise."""
+        """Observe the vehicle's state, then the goal: from the estimate on board in a navigated
+        environment, and with errors if there is noise."""
         seen: Any = physics
         if self.believed is not None:
             self.believed.look(physics)
@@ -351,15 +351,15 @@ class GliderTask:
         observation = self.observe_vehicle(seen)
         observation.update(self.observe_goal(seen))
         for name in errors.keys() & observation.keys() - VEHICLE_SCALES.keys() - UNSHOWN.keys():
-            observation[name] = observation[name] + errors[name]  # the others have theirs by now
+            observation[name] = observation[name] + errors[name]  # the others have errors already
         return observation
 
     def limits(self) -> dict[str, tuple[float, float]]:
-        """What observations stay within, by name, in their units, without their noise.
+        """Limits of the observations without their noise, by name, in their units.
 
-        `fastest` bounds speeds and how far an episode leads; a depth is beyond its limit by one
-        control period at most; the net buoyancy is less than the vehicle's weight. Not named is
-        what has no limit.
+        `fastest` limits speeds and the path of an episode. A depth exceeds the depth limit by one
+        control period at most. The net buoyancy is less than the vehicle's mass. Observations that
+        are left out have no limit.
         """
         fastest = self.fastest
         margin = fastest * self.period
@@ -375,51 +375,51 @@ class GliderTask:
         }
 
     def goal_limits(self) -> dict[str, tuple[float, float]]:
-        """Likewise of what `observe_goal` shows."""
+        """Limits of the observations of `observe_goal` without their noise, by name."""
         return {}
 
     @property
     def fastest(self) -> float:
-        """[m/s] that no vehicle, current or hull adrift comes near."""
+        """[m/s] Speed far beyond every vehicle, current and drifting hull."""
         return max(FASTEST, FASTEST_CRUISES * self.cruise.speed)
 
     def scale(self, name: str) -> float:
-        """The size that an observation usually has, in its unit; 1 where nothing is said."""
+        """Usual size of an observation, in its unit; 1 if none is given."""
         return self.goal_scales.get(name, VEHICLE_SCALES.get(name, 1.0))
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
-        """What the task asks for, by name, relative to the vehicle."""
+        """Observe the goal relative to the vehicle, by name."""
         raise NotImplementedError
 
     def get_reward(self, physics: Physics) -> Any:
-        """Between 0 and 1, for each vehicle."""
+        """Reward between 0 and 1, for each vehicle."""
         raise NotImplementedError
 
     def reference(self, physics: Physics) -> Reference:
-        """What a pilot would aim at now."""
+        """Setpoints of a pilot at this time."""
         raise NotImplementedError
 
 
 def row(*values: Any) -> Array:
-    """Numbers of one vehicle as shape (values,), or of many as (vehicles, values)."""
+    """Stack numbers of one vehicle to shape (values,), or of many to (vehicles, values)."""
     return np.stack([np.asarray(value, float) for value in values], axis=-1)
 
 
 def wrap_angle(angle: Any) -> Any:
-    """The same direction in [-pi, pi) [rad]."""
+    """Wrap an angle to [-pi, pi) [rad]."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def as_direction(angle: Any) -> Array:
-    """Sine and cosine of an angle [rad], which have no jump at a half turn, shape (..., 2)."""
+    """Sine and cosine of an angle [rad], shape (..., 2); they do not jump at a half turn."""
     return row(np.sin(angle), np.cos(angle))
 
 
 def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
-    """The vehicle with a translucent site named MARKER in its world; sites exert no force.
+    """Copy of the vehicle with a translucent site MARKER in its world; sites exert no force.
 
     Args:
-      attributes: of the site, as in MJCF (type, size, ...).
+      attributes: attributes of the site, as in MJCF (type, size, ...).
 
     Raises:
       VehicleError: the file has no world body, or a site of that name.
@@ -431,7 +431,7 @@ def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
             f"vehicle {vehicle.name!r}: the suite adds a site {MARKER!r} to <worldbody>; the file "
             "needs that element and must not use the name"
         )
-    # off the origin: MuJoCo gives a site at its body's origin the body's place for good
+    # off the origin, or MuJoCo would fix the site to its body's position for good
     ElementTree.SubElement(
         world, "site", name=MARKER, pos="0 0 -1", rgba="0.2 0.9 0.4 0.3", group="0", **attributes
     )
@@ -439,7 +439,7 @@ def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
 
 
 def place_marker(physics: Physics, north: float, east: float, depth: float) -> None:
-    """Move the site of `with_marker` to a place [m]; call it in a reset or before a step."""
+    """Move the site of `with_marker` to a position [m]; call it in a reset or before a step."""
     model, data = physics.mj_model, physics.mj_data
     marker = model.site(MARKER).id
     model.site_pos[marker] = (north, -east, -depth)

@@ -1,9 +1,9 @@
-"""Vector: one task with many vehicles at once, stepped natively on every core.
+"""Vector env: one task with many vehicles at once, stepped natively on every core.
 
-Observations, rewards and ends are arrays; no Python loop goes over the vehicles in a step, except
-over those few whose episode begins or whose waypoint is reached. Vehicle i of `reset(seed=s)` flies
-the episodes of the single environment after `reset(seed=s + i)`, with the same observations and
-rewards to rounding, however many others there are and whatever they do.
+Observations, rewards and ends are arrays. In a step, Python loops only over the few vehicles whose
+episode starts or whose waypoint is reached. Vehicle i of `reset(seed=s)` flies the episodes of the
+single environment after `reset(seed=s + i)`, with the same observations and rewards to rounding,
+whatever the other vehicles do.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from twin.physics.mujoco_model import compile_model, with_hydrodynamics
 from twin.physics.scenario import ENGINES
 
 SMALL_ROOM = 64
-"""Numbers of a task's own current that fit each vehicle's copy of the parameter block"""
+"""Count of numbers of a task's own current that fit each vehicle's copy of the parameter block."""
 OWN = ("num_envs", "engine", "observation", "noise", "autoreset_mode", "threads")
-"""Arguments of `GliderVectorEnv` itself"""
+"""Arguments of `GliderVectorEnv` itself."""
 AUTORESET = {mode.name.lower(): mode for mode in AutoresetMode}
 Mask = NDArray[np.bool_]
 Many = ManyPhysics | ManyLanes
 
 
-def _in_mujoco(one: Environment, law: str, count: int, threads: int) -> ManyPhysics:
+def _make_physics(one: Environment, law: str, count: int, threads: int) -> ManyPhysics:
     varied = one.task.conditions is not None
     model = compile_model(
         one.task.vehicle,
@@ -48,18 +48,18 @@ def _in_mujoco(one: Environment, law: str, count: int, threads: int) -> ManyPhys
     return ManyPhysics(model, count, threads=threads, real_vehicles=varied)
 
 
-def _in_lanes(one: Environment, law: str, count: int, threads: int) -> ManyLanes:
+def _make_lanes(one: Environment, law: str, count: int, threads: int) -> ManyLanes:
     vehicle = with_hydrodynamics(one.task.vehicle, law)
     return ManyLanes(vehicle, count, timestep=one.physics.timestep(), threads=threads)
 
 
 class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
-    """A task with `num_envs` vehicles.
+    """Task with `num_envs` vehicles, for Gymnasium.
 
-    `metadata["autoreset_mode"]` says what follows the end of an episode, as in Gymnasium: in
-    `next_step` (usual) the next step ignores the action and begins an episode with reward 0; in
-    `same_step` the same step returns the first observation of the next episode, and the last one
-    of the old stands in `info["final_obs"]`; with `disabled` the caller resets, by
+    `metadata["autoreset_mode"]` is the action after the end of an episode, as in Gymnasium. In
+    `next_step` (default) the next step ignores the action and starts an episode with reward 0. In
+    `same_step` the same step returns the first observation of the next episode, and
+    `info["final_obs"]` the last one of the old. With `disabled` the caller resets, by
     `reset(options={"reset_mask": ended})`.
     """
 
@@ -80,18 +80,18 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
 
         Args:
           task: one of `twin.control.TASKS`.
-          num_envs: vehicles.
-          engine: what flies them, "mujoco", or "lanes" (`twin.control.many_lanes`), faster by far.
+          num_envs: number of vehicles.
+          engine: "mujoco", or "lanes" (`twin.control.many_lanes`), which is much faster.
           observation: "flat" or "dict", as in `GliderEnv`.
           noise: standard deviations of white noise, as in `GliderEnv`.
           autoreset_mode: next_step, same_step or disabled.
-          threads: that step the vehicles, 0 takes every core. Results do not depend on them.
-          render_mode: None: pictures are drawn by the single environment.
+          threads: number of threads, 0 takes every core. Results do not depend on it.
+          render_mode: must be None; the single environment draws pictures.
           settings: as in `GliderEnv`, without `navigate`.
 
         Raises:
-          InputError: a task that serves one vehicle only, navigation on board, a render mode; and
-            what `GliderEnv` raises.
+          InputError: a task for one vehicle only, navigation on board, or a render mode; and the
+            errors of `GliderEnv`.
         """
         if render_mode is not None:
             raise InputError(
@@ -123,12 +123,12 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.task: Any = one.task
-        """The task; its goals have the vehicle as their first axis."""
+        """Task whose goals have the vehicle as their first axis."""
         self.substeps, self._limit = one.substeps, one.limit
         law = settings.get("hydrodynamics", "coefficients")
-        fly: Callable[..., Many] = _in_lanes if engine == "lanes" else _in_mujoco
+        fly: Callable[..., Many] = _make_lanes if engine == "lanes" else _make_physics
         self.physics = fly(one, law, num_envs, threads)
-        """Measurements of all vehicles by name."""
+        """Physics of all vehicles, with measurements by name."""
         self.task.serve([np.random.RandomState(0)] * num_envs)
         self._seeds: NDArray[np.int64] | None = None
         self._episodes = np.zeros(num_envs, np.int64)
@@ -142,19 +142,19 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin episodes.
+        """Start episodes.
 
         Args:
-          seed: of the first vehicle, the others follow; or one for each vehicle; None goes on with
-            the next episodes.
-          options: `reset_mask`, whose episodes begin, shape (num_envs,); all without it.
+          seed: seed of the first vehicle, from which the others count up; or one for each vehicle;
+            None continues with the next episodes.
+          options: `reset_mask`, shape (num_envs,), True where an episode starts; default: all.
 
         Raises:
           InputError: an unknown option, or seeds or a mask of another length.
         """
         which = self._mask(options)
         self._take_seeds(seed, which)
-        self._begin(which)
+        self._begin_episodes(which)
         return self._show(self.task.get_observation(self.physics)), {}
 
     def _mask(self, options: Mapping[str, Any] | None) -> Mask:
@@ -184,8 +184,8 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
                 seeds[i], self._episodes[i] = value, 0
         self._seeds = np.asarray(seeds, np.int64)
 
-    def _begin(self, which: Mask) -> None:
-        """Draw and begin the next episode of some vehicles."""
+    def _begin_episodes(self, which: Mask) -> None:
+        """Sample and start the next episode of the vehicles in a mask."""
         assert self._seeds is not None
         task, physics = self.task, self.physics
         begun = []
@@ -208,7 +208,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         """Advance every vehicle by one control period.
 
         Raises:
-          InputError: no episode has begun, or with autoreset disabled one is over.
+          InputError: no episode has started, or with autoreset disabled one is over.
         """
         if self._seeds is None:
             raise InputError("no episode has begun: call reset first")
@@ -222,7 +222,7 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         physics.set_control(task.to_command(actions))
         physics.step(self.substeps, flying)
         if ended.any():
-            self._begin(ended)
+            self._begin_episodes(ended)
         task.after_step(physics)
         self._steps[flying] += 1
         failed = physics.failed()
@@ -231,15 +231,15 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         terminated = failed | (task.lost(physics) & ~limit & flying)
         truncated = limit & ~failed
         found = task.get_observation(physics)
-        if failed.any():  # the last finite ones: no NaN reaches a learner
+        if failed.any():  # repeat the last finite ones: no NaN reaches a learner
             for name, values in found.items():
                 values[failed] = self._last[name][failed]
         self._over = terminated | truncated
         info: dict[str, Any] = {}
         if self._mode is AutoresetMode.SAME_STEP and self._over.any():
             over = self._over.copy()
-            info = self._final(over, found)
-            self._begin(over)
+            info = self._final_info(over, found)
+            self._begin_episodes(over)
             found = task.get_observation(physics)
         return self._show(found), rewards, terminated, truncated, info
 
@@ -248,12 +248,12 @@ class GliderVectorEnv(Observed, VectorEnv[Any, NDArray[np.float32], NDArray[Any]
         return self._observations.show(found)
 
     def _errors(self) -> dict[str, NDArray[np.float64]]:
-        """Of the observations that are being made, by name, shape (num_envs, numbers)."""
+        """Errors of the observations in progress, by name, shape (num_envs, numbers)."""
         assert self._seeds is not None
         return self._noise.draw(self._seeds, self._episodes, self._steps)
 
-    def _final(self, over: Mask, found: Mapping[str, Any]) -> dict[str, Any]:
-        """The last observations of episodes, as Gymnasium's vector environments give them."""
+    def _final_info(self, over: Mask, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Last observations of ended episodes, in the form of Gymnasium's vector environments."""
         shown = self._observations.show(found)
         final = np.full(self.num_envs, None, dtype=object)
         for index in np.flatnonzero(over).tolist():

@@ -1,4 +1,4 @@
-"""Journeys in yos: waypoint after waypoint in a current, or far on a course with little energy."""
+"""Waypoints: tasks flown in yos: reach waypoints in a current, or go far on little energy."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from twin.water.current.profile import Profile
 Pair = tuple[float, float]
 
 TIME_LIMIT, MAX_DEPTH = 3600.0, 200.0
-"""[s] of an episode; [m] limit of the depth"""
+"""[s] Duration of an episode; [m] limit of depth."""
 START_DEPTH = 50.0
-"""[m]"""
+"""[m] Depth of the start."""
 LEGS = (150.0, 400.0)
-"""[m] horizontal distances between waypoints"""
+"""[m] Range of horizontal distances between waypoints."""
 RADIUS = 20.0
-"""[m] horizontal distance within which a waypoint is reached, at any depth"""
+"""[m] Horizontal distance within which a waypoint is reached, at any depth."""
 STRONGEST_CURRENT = 0.5
-"""Part of the cruise's horizontal speed: every waypoint can be reached"""
+"""[1] Largest current over the cruise's horizontal speed; below 1, every waypoint is reachable."""
 YO_TURNS = (25.0, 150.0)
-"""[m] where the reference turns from climb to dive and back"""
+"""[m] Depths at which the reference turns from climb to dive and back."""
 
 
 def waypoints(
@@ -62,15 +62,15 @@ def waypoints(
 
 
 class Waypoints(GliderTask):
-    """Reward: speed over ground toward the waypoint, 1 at the cruise's horizontal speed."""
+    """Waypoint task. Reward: speed over ground toward the waypoint; 1 at the cruise's speed."""
 
     goals = MappingProxyType({"target": (2,), "reached": ()})
     goal_scales = MappingProxyType({"to_target": 200.0, "current": 0.2})
     goals_from = MappingProxyType({"to_target": ("position", "heading"), "current": ("heading",)})
     target: Any = (0.0, 0.0)
-    """North and east of the waypoint [m]"""
+    """Position of the waypoint, north and east [m]."""
     reached: Any = 0
-    """Waypoints reached in this episode"""
+    """Number of waypoints reached in this episode."""
 
     def __init__(self, *arguments: Any, **settings: Any):
         super().__init__(*arguments, **settings)
@@ -78,7 +78,7 @@ class Waypoints(GliderTask):
         self.cruise_progress = math.sqrt(cruise.speed**2 - cruise.vertical_speed**2)
 
     def draw_episode(self, random: np.random.RandomState) -> Episode:
-        """The current, the heading of a dive to start from and the first waypoint."""
+        """Sample the current, the first waypoint and the heading of the dive at the start."""
         strongest = STRONGEST_CURRENT * self.cruise_progress
         speed = random.uniform(0.2 * strongest, strongest, size=2)
         toward = random.uniform(0.0, 2.0 * math.pi) + np.array([0.0, 1.0]) * (
@@ -95,16 +95,16 @@ class Waypoints(GliderTask):
         return Episode(start=start, goal={"target": target, "reached": 0}, current=current)
 
     def mark(self, physics: Physics) -> None:
-        """A column at the waypoint."""
+        """Move the marker, a column, to the waypoint."""
         place_marker(physics, self.target[0], self.target[1], 0.5 * self.max_depth)
 
     def after_step(self, physics: Physics) -> None:
-        """Put up the next waypoint when this one is reached."""
+        """Sample the next waypoint if this one is reached."""
         near = np.hypot(*self.to_target(physics)) < RADIUS
         north, east, reached = (
             np.asarray(v) for v in (physics.north(), physics.east(), self.reached)
         )
-        for place in np.argwhere(near):  # few: a leg takes minutes
+        for place in np.argwhere(near):  # few vehicles: a leg takes minutes
             at = tuple(place)
             target = _draw_waypoint(self.generator(at), float(north[at]), float(east[at]))
             self.put(at, target=target, reached=reached[at] + 1)
@@ -113,12 +113,12 @@ class Waypoints(GliderTask):
         super().after_step(physics)
 
     def to_target(self, physics: Physics) -> tuple[Any, Any]:
-        """North and east from the glider to the waypoint [m]."""
+        """Vector from the glider to the waypoint, north and east [m]."""
         target = np.asarray(self.target)
         return target[..., 0] - physics.north(), target[..., 1] - physics.east()
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
-        """`to_target` [m] and `current` [m/s], each ahead and to starboard of the heading."""
+        """Observe `to_target` [m] and `current` [m/s], ahead and to starboard of the heading."""
         c, s = np.cos(physics.heading()), np.sin(physics.heading())
 
         def ahead_and_starboard(north: Any, east: Any) -> Array:
@@ -131,12 +131,12 @@ class Waypoints(GliderTask):
         }
 
     def goal_limits(self) -> dict[str, tuple[float, float]]:
-        """A leg, and how far an episode leads."""
+        """Limits of the goal: a leg plus the longest path of an episode; the fastest current."""
         farthest = LEGS[1] + self.fastest * self.duration
         return {"to_target": (-farthest, farthest), "current": (-self.fastest, self.fastest)}
 
     def get_reward(self, physics: Physics) -> Any:
-        """Progress over ground in units of the cruise's, from 0 to 1."""
+        """Progress over ground as a fraction of the cruise's, from 0 to 1."""
         north, east = self.to_target(physics)
         velocity = physics.velocity_over_ground()
         progress = (velocity[..., 0] * north + velocity[..., 1] * east) / np.hypot(north, east)
@@ -149,7 +149,7 @@ class Waypoints(GliderTask):
         )
 
     def reference(self, physics: Physics) -> Reference:
-        """A yo on the heading whose drift in the current leads to the waypoint."""
+        """Yo on a heading that corrects for the current's drift on the way to the waypoint."""
         north, east = self.to_target(physics)
         bearing = math.atan2(east, north)
         current = physics.current()
@@ -164,15 +164,15 @@ class Waypoints(GliderTask):
 
 
 def _draw_waypoint(random: np.random.RandomState, north: float, east: float) -> Pair:
-    """North and east [m] of the waypoint after a place."""
+    """Sample the waypoint after a position, north and east [m]."""
     distance, bearing = random.uniform(*LEGS), random.uniform(0.0, 2.0 * math.pi)
     return north + distance * math.cos(bearing), east + distance * math.sin(bearing)
 
 
 def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) -> float:
-    """+1 to dive, -1 to climb, between two depths [m].
+    """Return +1 to dive or -1 to climb, between two depths [m].
 
-    The commanded pump remembers it; of a vehicle without one, the pitch does.
+    Between them the commanded pump gives the present direction; without a pump, the pitch.
     """
     if physics.depth() >= deep:
         return -1.0
@@ -185,18 +185,18 @@ def yo_sense(physics: Physics, vehicle: Vehicle, shallow: float, deep: float) ->
 
 
 START_DEPTHS = (30.0, 60.0)
-"""[m]"""
+"""[m] Range of depths at the start."""
 LARGEST_TURN = math.radians(30.0)
-"""[rad] between initial heading and course"""
+"""[rad] Largest angle between initial heading and course."""
 GOOD_COST, COST_MARGIN = 0.004, 0.02
-"""Cost of transport that earns reward 1, and beyond it where the reward has fallen to 0.1"""
+"""[1] Cost of transport with reward 1, and margin beyond it at which the reward is 0.1."""
 SETTLING = 30.0
-"""[m] of way at GOOD_COST counted before the start, so that the first metres do not decide"""
+"""[m] Distance at GOOD_COST credited at the start, so that the first metres do not decide."""
 DEEP_TURNS = (15.0, 185.0)
-"""[m] where the reference turns: deep yos pump seldom"""
+"""[m] Depths at which the reference turns: deep yos need the pump rarely."""
 KILO = 1e3
 MOST_POWER = 2000.0
-"""[W] that the parts take at most on an average: limit of the observed energy"""
+"""[W] Largest mean power of the parts, for the limit of the observed energy."""
 
 
 def energy(
@@ -223,31 +223,31 @@ def energy(
 
 
 class Energy(GliderTask):
-    """Reward: falls with the cost of transport along the course since the start."""
+    """Energy task. Reward: decreases with the cost of transport along the course so far."""
 
     goals = MappingProxyType({"course": (), "spent": (), "counted": ()})
     goal_scales = MappingProxyType({"distance": 500.0, "spent": 5.0})
     goals_from = MappingProxyType({"to_course": ("heading",), "distance": ("position",)})
     course: Any = 0.0
-    """[rad]"""
+    """[rad] Heading of the course."""
     spent: Any = 0.0
-    """[J] since the start"""
+    """[J] Energy used since the start."""
     counted: Any = 0.0
-    """[s] time up to which it is counted"""
+    """[s] Time up to which energy has been counted."""
 
     def __init__(self, *arguments: Any, consumption: Consumption, **settings: Any):
         super().__init__(*arguments, **settings)
         self.consumption = consumption
         self.before: Any = self.vehicle.rest
-        """Positions of the parts up to which energy is counted, (parts,) of each vehicle"""
+        """Positions of the parts at the last count of energy, (parts,) for each vehicle."""
 
     def serve(self, generators: Sequence[np.random.RandomState]) -> None:
-        """As every task."""
+        """Serve as many vehicles as there are `generators`, as every task does."""
         super().serve(generators)
         self.before = np.tile(self.vehicle.rest, (len(generators), 1))
 
     def draw_episode(self, random: np.random.RandomState) -> Episode:
-        """A course and a dive to start from."""
+        """Sample a course and the dive at the start."""
         course = random.uniform(0.0, 2.0 * math.pi)
         heading = (course + random.uniform(-LARGEST_TURN, LARGEST_TURN)) % (2.0 * math.pi)
         depth = random.uniform(*START_DEPTHS)
@@ -255,12 +255,12 @@ class Energy(GliderTask):
         return Episode(start=start, goal={"course": course, "spent": 0.0})
 
     def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
-        """Count from here on."""
+        """Start an episode and the count of energy."""
         super().begin(physics, at, episode)
         self.put(at, before=physics.activation()[at], counted=np.asarray(physics.time())[at])
 
     def after_step(self, physics: Physics) -> None:
-        """Count what the step took."""
+        """Add the energy of the step."""
         after, time = physics.activation(), physics.time()
         shares = self.consumption.shares(
             self.vehicle,
@@ -276,7 +276,7 @@ class Energy(GliderTask):
         super().after_step(physics)
 
     def distance(self, physics: Physics) -> Any:
-        """Way made along the course since the start [m]."""
+        """Distance made along the course since the start [m]."""
         return physics.north() * np.cos(self.course) + physics.east() * np.sin(self.course)
 
     def heading_error(self, physics: Physics) -> Any:
@@ -284,7 +284,7 @@ class Energy(GliderTask):
         return wrap_angle(self.course - physics.heading())
 
     def observe_goal(self, physics: Physics) -> dict[str, Array]:
-        """`to_course`: sine and cosine of the heading error; `distance` [m]; `spent` [kJ]."""
+        """Observe `to_course`: sine, cosine of the heading error; `distance` [m]; `spent` [kJ]."""
         return {
             "to_course": as_direction(self.heading_error(physics)),
             "distance": row(self.distance(physics)),
@@ -292,7 +292,7 @@ class Energy(GliderTask):
         }
 
     def goal_limits(self) -> dict[str, tuple[float, float]]:
-        """How far an episode leads, and MOST_POWER of moves beside the electronics all along."""
+        """Limits of the goal: longest path; MOST_POWER plus electronics for a whole episode."""
         farthest = self.fastest * self.duration
         power = self.consumption.hotel_power + MOST_POWER
         return {
@@ -302,7 +302,7 @@ class Energy(GliderTask):
         }
 
     def get_reward(self, physics: Physics) -> Any:
-        """1 at GOOD_COST or less."""
+        """Reward from the cost of transport; 1 at GOOD_COST or less."""
         vehicle = self.vehicle
         credit = GOOD_COST * vehicle.mass * vehicle.gravity * SETTLING
         cost = cost_of_transport(vehicle, self.spent + credit, self.distance(physics) + SETTLING)
@@ -311,7 +311,7 @@ class Energy(GliderTask):
         )
 
     def reference(self, physics: Physics) -> Reference:
-        """Deep yos on the course."""
+        """Deep yo on the course."""
         sense = yo_sense(physics, self.vehicle, *DEEP_TURNS)
         return Reference(
             pitch=-sense * self.cruise_pitch, heading=self.course, net_mass=sense * self.cruise_mass

@@ -1,4 +1,4 @@
-"""Missions: what a glider is asked to fly, as dataclasses or TOML, checked and compiled."""
+"""Missions: plans for a vehicle as dataclasses or TOML files, checked and compiled for guidance."""
 
 from typing import TYPE_CHECKING
 

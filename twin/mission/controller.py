@@ -1,10 +1,10 @@
-"""Controllers in Python: what one sees, what it answers, and guidance as the first of them.
+"""Controllers: what a Python controller observes and returns; guidance is the first of them.
 
-The simulation calls a controller once per control period of its vehicle. Anything callable with
-this signature will do: a function, a trained policy, an object with a memory.
+The simulation calls a controller once per control period of its vehicle. Any callable with this
+signature works: a function, a trained policy, an object with a memory.
 
-A schedule replaces it by commands that are each held until the next one; followed positions
-replace what guidance commands one part by those of a log.
+A schedule replaces the controller by commands that each hold until the next one. Followed positions
+replace guidance's commands to one part by those of a log.
 """
 
 from __future__ import annotations
@@ -30,41 +30,41 @@ from twin.vehicle.vehicle import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Observation:
-    """The vehicle as its controller sees it: NED, FRD, SI."""
+    """State of the vehicle that its controller observes: NED, FRD, SI."""
 
     time: float
-    """[s] since the mission's start"""
+    """[s] Time since the mission's start."""
     depth: float
-    """[m] of the CB, positive down"""
+    """[m] Depth of the centre of buoyancy, positive down."""
     roll: float
-    """[rad], positive starboard down"""
+    """[rad] Roll, positive starboard down."""
     pitch: float
-    """[rad], positive nose up"""
+    """[rad] Pitch, positive nose up."""
     heading: float
-    """[rad] true, in [0, 2 pi)"""
+    """[rad] True heading, in [0, 2 pi)."""
     roll_rate: float
-    """p [rad/s]"""
+    """[rad/s] Roll rate p."""
     pitch_rate: float
-    """q [rad/s]"""
+    """[rad/s] Pitch rate q."""
     yaw_rate: float
-    """r [rad/s]"""
+    """[rad/s] Yaw rate r."""
     parts: Mapping[str, float]
-    """position of each part by its name, in the part's unit"""
+    """Position of each part by name, in the part's unit."""
     altitude: float = math.inf
-    """[m] of the CB above the sea floor; inf where there is none"""
+    """[m] Altitude of the centre of buoyancy above the sea floor; inf without a sea floor."""
     north: float = math.nan
-    """[m] of the vehicle: what a fix at the surface says, or a navigator at any time; NaN: none"""
+    """[m] Position north, from a fix at the surface, or from a navigator; NaN: unknown."""
     east: float = math.nan
-    """[m], likewise"""
+    """[m] Position east, from the same source."""
     current_north: float = math.nan
-    """[m/s] a navigator's estimate of the current; NaN: no navigator, guidance dead-reckons"""
+    """[m/s] Navigator's estimate of the current; NaN: no navigator, so guidance dead-reckons."""
     current_east: float = math.nan
-    """[m/s], likewise"""
+    """[m/s] Navigator's estimate of the current eastward."""
     fixed: bool = False
-    """True where a receiver has a fix: it is at the surface, whatever its depth says"""
+    """True if a receiver has a fix: the vehicle is at the surface, whatever its depth reads."""
 
     def __getattr__(self, name: str) -> float:
-        """A part's position by its name: `observation.pump`."""
+        """Position of a part by its name: `observation.pump`."""
         parts = object.__getattribute__(self, "parts")
         if name in parts:
             return float(parts[name])
@@ -73,16 +73,16 @@ class Observation:
 
 
 def misread(seen: Observation, gains: Array, memory: Array, surfaced: float) -> Observation:
-    """The observation by instruments that err, as guidance reads them.
+    """Apply the errors of guidance's instruments to an observation.
 
     Args:
-      seen: the truth.
-      gains: with the errors of the instruments, shape (GAINS,).
-      memory: as guidance's state, zeros at first; it is updated.
+      seen: the true observation.
+      gains: gains with the errors of the instruments, shape (GAINS,).
+      memory: memory like guidance's state, zeros at first; it is updated.
       surfaced: [m] depth of the CB above which a receiver has a fix.
     """
     altitude = altitude_read(gains, memory, seen.time, seen.altitude)
-    memory[PHASE] = HOLDING  # begun
+    memory[PHASE] = HOLDING  # any phase but NOT_STARTED
     return dataclasses.replace(
         seen,
         depth=seen.depth + float(gains[DEPTH_OFFSET]),
@@ -93,7 +93,7 @@ def misread(seen: Observation, gains: Array, memory: Array, surfaced: float) -> 
 
 
 class Command(Mapping[str, float]):
-    """Wanted positions by part: `Command(shift=0.02, pump=-200.0)`; parts left out rest.
+    """Commanded positions by part: `Command(shift=0.02, pump=-200.0)`; other parts go to rest.
 
     The parts follow with their lags, rates and limits. Units are the parts' own: a glider's shift
     is in m, its rotation in rad, its pump in cm3.
@@ -121,7 +121,7 @@ class Command(Mapping[str, float]):
         """Positions of all parts of `vehicle`, shape (parts,).
 
         Raises:
-          InputError: the vehicle has no part of some name; the nearest is offered.
+          InputError: the vehicle has no part of that name; the nearest name is offered.
         """
         values = vehicle.rest
         for name, value in self._positions.items():
@@ -133,18 +133,18 @@ class Command(Mapping[str, float]):
 
 
 class Controller(Protocol):
-    """Called once per control period, in the order of time."""
+    """Callable that the simulation calls once per control period, in the order of time."""
 
     def __call__(self, observation: Observation) -> Command:
-        """The command that holds until the next call."""
+        """Return the command that holds until the next call."""
         ...
 
 
 class MissionController:
-    """A mission flown from Python by the same compiled guidance as in the native plant.
+    """Controller that flies a mission with the same compiled guidance as the native plant.
 
-    Use it to wrap the guidance (noise on the observation, a limit on the command) or in loops that
-    are not ours. It remembers where the mission is: make a new one for every flight.
+    Use it to wrap guidance (noise on the observation, a limit on the command) or in a simulation
+    loop of your own. It remembers the progress of the mission: make a new one for every flight.
     """
 
     def __init__(self, mission: Mission, vehicle: Vehicle):
@@ -156,10 +156,10 @@ class MissionController:
         self._command = np.zeros(len(self._names))
 
     def __call__(self, observation: Observation) -> Command:
-        """One guidance tick.
+        """Run one guidance tick.
 
         Raises:
-          MissionError: it is flown above the sea floor, and the observation has none.
+          MissionError: the mission flies above the sea floor, and the observation has no altitude.
         """
         o = observation
         if self._needs_floor and math.isinf(o.altitude):
@@ -176,12 +176,12 @@ class MissionController:
 
     @property
     def segment(self) -> int:
-        """Index of the segment being flown; the number of segments once they are flown."""
+        """Index of the segment in progress; after the last one, the number of segments."""
         return int(self.state[SEGMENT])
 
     @property
     def done(self) -> bool:
-        """True once the plan is flown, and the surface reached where it ends there."""
+        """True once all segments are flown, and the surface reached if the mission ends there."""
         return bool(self.state[DONE])
 
     @property
@@ -192,17 +192,17 @@ class MissionController:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """Commands, piecewise constant in time, for either model.
+    """Commands that are piecewise constant in time, for either model.
 
     Raises:
-      MissionError: lengths differ, times do not increase, or something is not finite.
+      MissionError: lengths differ, times do not increase, or a number is not finite.
     """
 
     times: ArrayLike
-    """[s], shape (k,), increasing; the first not after the start"""
+    """[s] Times of the commands, shape (k,), increasing; the first is not after the start."""
     commands: ArrayLike
-    """position of each part of the vehicle, in their order and units, shape (k, parts); the
-    glider's are shift [m], rotation [rad], pump [cm3]"""
+    """Position of each part of the vehicle, in their order and units, shape (k, parts). A glider's
+    are shift [m], rotation [rad] and pump [cm3]."""
 
     def __post_init__(self) -> None:
         times = np.atleast_1d(np.array(self.times, dtype=np.float64))
@@ -220,11 +220,11 @@ class Schedule:
         object.__setattr__(self, "commands", commands)
 
     def table(self) -> Array:
-        """Rows (time, then the position of each part) for native code, shape (k, 1 + parts)."""
+        """Table for native code: rows of time and positions of all parts, shape (k, 1 + parts)."""
         return np.column_stack([np.asarray(self.times), np.asarray(self.commands)])
 
     def check(self, vehicle: Vehicle) -> None:
-        """Raise MissionError when the commands have another width than the vehicle."""
+        """Raise MissionError if the commands have another number of parts than the vehicle."""
         width = np.asarray(self.commands).shape[1]
         if width != len(vehicle.parts):
             raise MissionError(
@@ -233,42 +233,42 @@ class Schedule:
             )
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-able form; `Schedule(**form)` is equal."""
+        """Describe the schedule as a dict for JSON; `Schedule(**form)` is equal."""
         return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
 
 
 MEMORY = 2
-"""Numbers that `followed` remembers, at first 0: first position of the leg, and its begin [s]"""
+"""Count of numbers in the memory of `followed`: first position of the leg, start of the leg [s]."""
 FOLLOWED_HEAD = 3
-"""Numbers of a table before those of its segments"""
+"""Count of numbers in a table before those of its segments."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FollowedPositions:
-    """The positions of one part, whatever guidance commands it.
+    """Positions of one part, for a run in which guidance does not command that part.
 
-    Each leg of the mission has a piece of them, which begins when the leg does; a leg that takes
-    longer keeps the last one.
+    Each segment of the mission has a leg of positions, which starts with the segment. If the
+    segment takes longer, the part keeps the last position.
     """
 
     part: int
-    """index of the vehicle's part"""
+    """Index of the vehicle's part."""
     period: float
-    """[s] between two positions"""
+    """[s] Time between two positions."""
     positions: Array
-    """within the part's travel, in its unit, (time,)"""
+    """Positions within the part's travel, in its unit, (time,)."""
     legs: tuple[tuple[int, int], ...]
-    """first and last position of the leg of each segment of the mission"""
+    """Index of the first and the last position for each segment of the mission."""
 
     def table(self) -> Array:
-        """What `followed` reads: part, period, segments, their legs, positions."""
+        """Table that `followed` reads: part, period, number of segments, their legs, positions."""
         head = [self.part, self.period, len(self.legs)]
         return np.concatenate([head, np.ravel(self.legs), self.positions]).astype(float)
 
 
 @borrowing(nogil=True)
 def followed(table, memory, time, segment):  # type: ignore[no-untyped-def]
-    """Position of the part at a time [s] in a segment of the mission.
+    """Position of the followed part at a time [s] in a segment of the mission.
 
     Args:
       table: of `FollowedPositions.table`. memory: (MEMORY,); it is updated.

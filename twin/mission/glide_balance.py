@@ -1,12 +1,12 @@
-"""Balance of a steady motion: forces and moments whose sum must be zero; glides and cruises.
+"""Glide balance: forces and moments of a steady motion, whose sum must be zero; glides, cruises.
 
-Kirchhoff's equations with the rigid body's (Fossen 2021, sections 3.3 and 8.1), in still water of
-the reference density and far below the surface. Steady flight and turns are where they vanish.
+Equations are Kirchhoff's with the rigid body's (Fossen 2021, sections 3.3 and 8.1), in still water
+of the reference density, far below the surface. Steady flight and turns are their roots.
 
-The polar is drag, lift and pitch moment of a hull over the angle of attack, per speed squared. The
-inverse of a trim is the steady straight glide at a wanted pitch and net buoyancy. Under a propeller
-angle of attack, rate and the position of what pitches the vehicle follow from the balance of surge,
-heave and pitch.
+The polar is drag, lift and pitch moment of a hull over the angle of attack, divided by speed
+squared. `steady_glide` inverts a trim: it finds the straight glide at a given pitch and net mass.
+`steady_flight` finds angle of attack, propeller rate and position of the pitching part from the
+balance of surge, heave and pitch.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from twin.vehicle.parts import BatteryHinge, BatterySlide, Part
 from twin.vehicle.vehicle import Vehicle
 
 WIDEST = math.radians(20.0)
-"""[rad] angle of attack up to which a steady glide is looked for: beyond it wings stall"""
+"""[rad] Largest angle of attack in the search for a steady glide; beyond it wings stall."""
 
 
 class VehiclePolar:
-    """Polar of a whole vehicle: its identified law, or any other law and the parts at rest.
+    """Polar of a whole vehicle: an identified law as given, or another law plus the parts at rest.
 
     Raises:
-      VehicleError, MissionError: it cannot glide.
+      VehicleError, MissionError: the vehicle cannot glide.
     """
 
     def __init__(self, vehicle: Vehicle):
         self._vehicle, law = vehicle, vehicle.law
         self.valid_angle = min(law.valid_angle, WIDEST)
-        """[rad] largest angle of attack"""
+        """[rad] Largest angle of attack."""
         if is_flow_frame(law):
             self.valid_angle = law.valid_angle
             if not (law.drag[0] > 0.0 and law.drag[1] >= 0.0 and law.lift[1] > 0.0):
@@ -52,9 +52,9 @@ class VehiclePolar:
                     "closed-loop mission"
                 )
             self.zero_lift = -law.zero_lift
-            """[rad] angle of attack without lift"""
+            """[rad] Angle of attack without lift."""
             return
-        from scipy.optimize import brentq  # a fifth of a second that most vehicles do not need
+        from scipy.optimize import brentq  # 0.2 s to import, and rarely needed
 
         low, high = -self.valid_angle, self.valid_angle
         if not self.at(low).lift < 0.0 < self.at(high).lift:
@@ -67,7 +67,7 @@ class VehiclePolar:
     def at(self, alpha: float) -> Polar:
         """Forces over speed squared at an angle of attack [rad], parts at rest."""
         vehicle, density = self._vehicle, self._vehicle.reference_density
-        if is_flow_frame(vehicle.law):  # its coefficients are those of the whole vehicle
+        if is_flow_frame(vehicle.law):  # the coefficients are of the whole vehicle
             return vehicle.law.polar(alpha, density)
         nu_r = straight_flow(alpha)
         wrench = vehicle.law.wrench(nu_r, density)
@@ -77,21 +77,21 @@ class VehiclePolar:
 
 
 DEEP = 1e3
-"""[m] where everything is under water"""
+"""[m] Depth at which every part is under water."""
 SETTLED = 1e-9
-"""Forces and moments left over, in parts of the vehicle's weight (times a metre)"""
+"""[1] Largest residual of a root, as a fraction of the vehicle's weight (times a metre)."""
 _ITERATIONS = 40
 _STEP = 1e-6
 _LARGEST_STEP = 0.1
-"""of any unknown: a longer one may end beyond the stall of a fin"""
+"""Largest Newton step of any unknown; a longer one may end beyond the stall of a fin."""
 _LEAST_SHARE = 1e-3
-"""of a Newton step that overshoots"""
+"""Smallest fraction to which a Newton step that overshoots is shortened."""
 
 
 def newton(left: Callable[[Array], Array], x: Array) -> Array | None:
-    """Where `left` vanishes to SETTLED, from `x` on; None: not found.
+    """Find a root of `left` to SETTLED, starting at `x`; None if none is found.
 
-    Newton's method with central differences; a step that makes it worse is halved.
+    Newton's method with central differences; a step that increases the residual is halved.
     """
     rest = left(x)
     for _ in range(_ITERATIONS):
@@ -120,11 +120,11 @@ def imbalance(
     roll: float = 0.0,
     turn_rate: float = 0.0,
 ) -> Array:
-    """Force [N] and moment about the CB [N m] left over, shape (6,), body FRD.
+    """Residual force [N] and moment about the CB [N m] of a steady motion, shape (6,), body FRD.
 
     Args:
-      position: of the parts, shape (parts,), in their units; those that go along with others are
-        moved with them.
+      position: of the parts, shape (parts,), in their units; followers are moved with their
+        leading parts.
       velocity: through the water, shape (3,) [m/s], body FRD.
       pitch, roll: [rad]. turn_rate: about the vertical [rad/s], positive to starboard.
     """
@@ -136,7 +136,7 @@ def imbalance(
 
 
 def left_over(vehicle: Vehicle, position: Array, nu: Array, down: Array) -> Array:
-    """As `imbalance`, at any motion.
+    """Residual force [N] and moment about the CB [N m] of any motion, shape (6,), body FRD.
 
     Args:
       position: of the parts, shape (parts,), in their units.
@@ -164,7 +164,7 @@ def left_over(vehicle: Vehicle, position: Array, nu: Array, down: Array) -> Arra
 
 
 def mass_matrix(vehicle: Vehicle, position: Array) -> Array:
-    """Rigid body and added mass about the CB, shape (6, 6), body FRD, at positions of the parts."""
+    """Rigid-body and added mass about the CB, shape (6, 6), body FRD, at given part positions."""
     rows = [np.concatenate(_momentum(vehicle, position, unit)[2:]) for unit in np.eye(6)]
     return np.array(rows).T + vehicle.added_mass
 
@@ -174,7 +174,7 @@ def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Arra
     velocity, omega = nu[:3], nu[3:]
     mass, first = vehicle.static_mass, vehicle.static_mass * vehicle.static_cg
     inertia = product(vehicle.static_inertia, omega)
-    inertia = inertia + _point(vehicle.static_mass, vehicle.static_cg, omega)
+    inertia = inertia + _spin(vehicle.static_mass, vehicle.static_cg, omega)
     at = dict(zip(vehicle.part_names, position, strict=True))
     for moving in vehicle.masses:
         hinge = None if moving.hinge is None else vehicle.part(moving.hinge)
@@ -183,39 +183,39 @@ def _momentum(vehicle: Vehicle, position: Array, nu: Array) -> tuple[float, Arra
         place = moving.position(at.get(moving.slide or "", 0.0), turned)
         mass += moving.mass
         first = first + moving.mass * place
-        inertia = inertia + product(moving.inertia, omega) + _point(moving.mass, place, omega)
+        inertia = inertia + product(moving.inertia, omega) + _spin(moving.mass, place, omega)
     return mass, first, mass * velocity + cross(omega, first), inertia + cross(first, velocity)
 
 
-def _point(mass: float, place: Array, omega: Array) -> Array:
+def _spin(mass: float, place: Array, omega: Array) -> Array:
     """Angular momentum [N m s] of a point mass that turns about the CB, shape (3,)."""
     return mass * cross(place, cross(omega, place))
 
 
 _GRID = np.linspace(0.0, 1.0, 401)[1:]
-"""Fractions of the way from zero lift to the limit of the identified angles."""
+"""Fractions of the interval from zero lift to the largest angle of attack."""
 _BISECTIONS = 60
-"""Halvings that take any interval of angles below double precision."""
+"""Number of halvings that bring any interval of angles below double precision."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyGlide:
-    """A straight glide in still water of the reference density."""
+    """Straight glide in still water of the reference density."""
 
     angle_of_attack: float
-    """[rad]"""
+    """[rad] Angle of attack."""
     speed: float
-    """[m/s] through the water"""
+    """[m/s] Speed through the water."""
     vertical_speed: float
-    """[m/s], positive down"""
+    """[m/s] Vertical speed, positive down."""
     shift: float
-    """[m], battery displacement that holds it; may be outside the vehicle's travel"""
+    """[m] Battery displacement that balances the glide; may exceed the vehicle's travel."""
 
 
 def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide:
-    """The glide at `pitch` [rad] and `net_mass` [kg]: nose down and heavy, or nose up and light.
+    """Find the glide at `pitch` [rad] and `net_mass` [kg]: nose down, heavy, or nose up, light.
 
-    Of the two glides that may share a pitch it is the one with the smaller angle of attack.
+    If two glides have the same pitch, the result is the one with the smaller angle of attack.
 
     Raises:
       MissionError: the pitch is too shallow for the vehicle's lift and drag inside the identified
@@ -246,7 +246,7 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
     def steeper(alpha: float) -> bool:
         return alpha == zero_lift or not abs(pitch_at(alpha)) < abs(pitch)
 
-    _, alpha = _halved(steeper, zero_lift, float(angles[shallowest]))
+    _, alpha = _bisect(steeper, zero_lift, float(angles[shallowest]))
     glide_angle = pitch - alpha
     drag, _, moment = polar.at(alpha)
     speed = math.sqrt(-net_mass * vehicle.gravity * math.sin(glide_angle) / drag)
@@ -263,9 +263,9 @@ def _balancing_shift(
 ) -> float:
     """Shift [m] at which the pitch moments about the CB balance, wings level; 0 without a slide.
 
-    Gravity: -g (x cos(pitch) + z sin(pitch)) with (x, z) the first moments of mass [kg m], less
-    that of the water that the pump displaces at its place; water: (K_M0 + K_M alpha) V^2 and the
-    Munk moment (Z_A - X_A) u w of the added mass.
+    Gravity gives -g (x cos(pitch) + z sin(pitch)), with (x, z) the first moments of mass [kg m]
+    less that of the water displaced by the pump at its place. The water gives (K_M0 + K_M alpha)
+    V^2 and the Munk moment (Z_A - X_A) u w of the added mass.
     """
     slide = vehicle.steered("pitch")
     if not isinstance(slide, BatterySlide):
@@ -286,35 +286,35 @@ def _balancing_shift(
 
 
 LONGITUDINAL = (0, 2, 4)
-"""Rows of surge and heave force and pitch moment"""
+"""Rows of surge force, heave force and pitch moment in a wrench."""
 _LARGEST_ANGLE = math.radians(45.0)
-"""Angles of attack beyond this are no flight."""
+"""[rad] Largest angle of attack that counts as flight."""
 
 
 class SteadyCruise(NamedTuple):
-    """A straight flight under a propeller in still water of the reference density."""
+    """Straight propelled flight in still water of the reference density."""
 
     pitch: float
-    """[rad], positive nose up"""
+    """[rad] Pitch, positive nose up."""
     angle_of_attack: float
-    """[rad]"""
+    """[rad] Angle of attack."""
     position: Array
-    """of the parts, shape (parts,), in their units; may be outside the travel of what pitches"""
+    """Positions of the parts, (parts,), in their units; the pitching part may exceed its travel."""
 
 
 def steady_flight(
     vehicle: Vehicle, pitch: float | None, speed: float, position: Array
 ) -> SteadyCruise:
-    """The flight at a pitch [rad] and speed [m/s] through the water; pitch None flies level.
+    """Find the flight at a pitch [rad] and speed [m/s] through the water; pitch None flies level.
 
     Args:
-      position: of the parts, shape (parts,): the propeller and the part that pitches are found,
-        the others stay. A vehicle that nothing pitches flies at the pitch that its moments allow
-        and is given the rate for zero angle of attack.
+      position: of the parts, shape (parts,). The propeller's rate and the pitching part's position
+        are solved for, the others stay. A vehicle without a pitching part gets `pitch` or 0, and
+        the propeller rate for zero angle of attack.
 
     Raises:
-      MissionError: the propeller cannot drive it so fast (the largest speed is named), or no such
-        flight exists.
+      MissionError: the propeller cannot reach the speed (the message gives the largest one), or
+        no such flight exists.
     """
     found = _steady_flight(vehicle, pitch, speed, tuple(np.asarray(position, float).tolist()))
     return found._replace(position=found.position.copy())
@@ -324,7 +324,7 @@ def steady_flight(
 def _steady_flight(
     vehicle: Vehicle, pitch: float | None, speed: float, rest: tuple[float, ...]
 ) -> SteadyCruise:
-    """The flight, worked out once: segments of a mission, and its time limit, ask for few."""
+    """Find the flight and cache it: a mission and its time limit ask for few different ones."""
     driving, pitching = vehicle.steered_index("speed"), vehicle.steered_index("pitch")
     assert driving is not None
     position = np.array(rest)
@@ -356,8 +356,8 @@ def _steady_flight(
     )
 
 
-def _halved(below: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
-    """Ends of an interval halved _BISECTIONS times about the place where `below` ceases to hold."""
+def _bisect(below: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
+    """Ends of an interval after _BISECTIONS halvings around the point where `below` turns false."""
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         if below(middle):
@@ -368,31 +368,31 @@ def _halved(below: Callable[[float], bool], low: float, high: float) -> tuple[fl
 
 
 def cruise_rate(vehicle: Vehicle, speed: float) -> float:
-    """Rate [rad/s] at which thrust equals the drag of hull and parts, straight ahead at `speed`.
+    """Propeller rate [rad/s] whose thrust equals the drag of hull and parts at `speed` ahead.
 
     Raises:
-      MissionError: the propeller cannot; the largest speed [m/s] that it can hold is named.
+      MissionError: the propeller cannot; the message gives the largest speed [m/s] it can hold.
     """
     driving = vehicle.steered("speed")
     assert driving is not None
     most = float(driving.high)
     if not surplus(vehicle, driving.high, speed) >= 0.0:
-        fast, _ = _halved(lambda v: surplus(vehicle, driving.high, v) >= 0.0, 0.0, speed)
+        fast, _ = _bisect(lambda v: surplus(vehicle, driving.high, v) >= 0.0, 0.0, speed)
         raise MissionError(
             f"speed_m_s = {speed:g}: propeller {driving.name!r} of vehicle {vehicle.name!r} drives "
             f"it at up to {fast:.2f} m/s ({driving.high:g} rad/s); give less"
         )
     left = surplus_at(vehicle, speed)
-    return _halved(lambda rate: not left(rate) >= 0.0, 0.0, most)[1]
+    return _bisect(lambda rate: not left(rate) >= 0.0, 0.0, most)[1]
 
 
 def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:
-    """Thrust less drag [N] at a propeller's `rate` [rad/s] and `speed` [m/s] straight ahead."""
+    """Thrust minus drag [N] at a propeller's `rate` [rad/s] and `speed` [m/s] straight ahead."""
     return surplus_at(vehicle, speed)(rate)
 
 
 def surplus_at(vehicle: Vehicle, speed: float) -> Callable[[float], float]:
-    """`surplus` at a speed, of the rate; parts that do not go along with it are asked once."""
+    """Function of the rate that returns `surplus` at a speed; unmoved parts are evaluated once."""
     nu_r, density = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), vehicle.reference_density
     driving, position = vehicle.steering["speed"], vehicle.rest
     place = vehicle.part_names.index(driving)

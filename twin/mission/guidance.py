@@ -2,15 +2,15 @@
 
 Parts of the vehicle control its pitch (a battery slide, an elevator), its heading (a battery hinge,
 a rudder), its weight (a pump) and its speed (a propeller). A pitch loop and a heading loop steer
-dives, climbs and level ways; on a level way a loop around them asks for the pitch that holds the
-depth; in a hover the pump holds the depth and the battery the pitch. The other parts hold what each
-phase commands. `twin.mission` compiles a plan into the table that `guidance_step` reads; everything
-that it remembers lives in the caller's `state`, so the native plant, a Python loop and a copy of a
-simulation behave alike. Angles are rad, depths m positive down, the frame is NED and FRD.
+dives, climbs and level legs. On a level leg a depth loop around them sets the pitch. In a hover the
+pump holds the depth and the battery the pitch. Other parts hold the command of each phase.
+`twin.mission` compiles a plan into the table that `guidance_step` reads. All memory is in the
+caller's `state`, so the native plant, a Python loop and a copy of a simulation behave alike. Angles
+are rad, depths m positive down, the frames are NED and FRD.
 
 A loop works on the part's position times its sense: a slide moved forward pitches the nose down,
-so its sense in pitch is -1. Which way a rolled battery turns a glider depends on its lift, so the
-heading loop takes its sense and strength from the row, for dives and climbs apart
+so its sense in pitch is -1. The lift decides to which side a rolled battery turns a glider. So the
+heading loop takes its sense and strength from the row, separately for dives and climbs
 (`twin.mission.turning`).
 """
 
@@ -27,31 +27,31 @@ from twin.mission.reckoning import altitude_read, compass, heading_read, pid, re
 from twin.numbers import Array
 
 INTEGRAL_ZONE = math.radians(2.0)
-"""[rad] largest error that is integrated: turns and inflections must not wind the loops up."""
+"""[rad] Limit of the error in an integral, so that turns and inflections do not wind it up."""
 DEPTH_ZONE = 1.0
-"""[m] largest depth error that is integrated on the way: an approach must not wind a loop up."""
+"""[m] Limit of the depth error in an integral, so that an approach does not wind it up."""
 UNDER_WAY = 0.02
-"""[m/s] depth rate of a vehicle on its way; a slower one is stuck, and the integral frees it, or
-it turns its depth about."""
+"""[m/s] Vertical velocity above which a vehicle is moving vertically. Below, it is stuck (and the
+depth integral acts to free it) or in an inflection."""
 WAITING_ERROR = math.radians(60.0)
-"""[rad] heading error beyond which a turning setpoint waits for the vehicle."""
+"""[rad] Heading error above which a turning setpoint waits for the vehicle."""
 TURN_SIDE = math.radians(120.0)
-"""[rad] errors beyond it keep the side that the turn began on."""
+"""[rad] Heading error above which a turn keeps the side to which it began."""
 MIN_COS_PITCH = 0.2
-"""Floor of cos(pitch) in the heading rate: it is singular at 90 deg, missions end below 60 deg."""
+"""[1] Lower bound of cos(pitch) in the heading rate, which is singular at 90 deg of pitch."""
 
 
 @borrowing
-def _command(row, which, command):
-    """Copy one of the row's three commands."""
+def _copy_command(row, which, command):
+    """Copy one of the row's three commands into `command`."""
     first = g.SEGMENT_COLUMNS + which * command.size
     for i in range(command.size):
         command[i] = row[first + i]
 
 
 @borrowing
-def _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command):
-    """One part that pitches the vehicle, about its position in the phase's command.
+def _run_pitch_loop(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command):
+    """Run the pitch loop of one part about its position in the phase's command.
 
     Its three gains begin at gains[first].
     """
@@ -67,25 +67,25 @@ def _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_
 
 @borrowing
 def _pitch_loop(row, gains, state, slot, error, pitch_rate, command):
-    """What pitches the vehicle."""
+    """Run the loop of the part that controls pitch."""
     part, sense = gains[g.PITCH_PART], gains[g.PITCH_SENSE]
     low, high = row[g.PITCH_LOW], row[g.PITCH_HIGH]
     first = g.PITCH_KP
-    _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
+    _run_pitch_loop(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
 
 
 @borrowing
 def _trim_loop(gains, state, error, pitch_rate, command):
-    """The battery beside an elevator, in a hover."""
+    """Run the loop of the battery that trims pitch in a hover, next to an elevator."""
     part, sense = gains[g.TRIM_PART], gains[g.TRIM_SENSE]
     low, high = gains[g.TRIM_LOW], gains[g.TRIM_HIGH]
     first, slot = g.TRIM_KP, g.TRIM_INTEGRAL
-    _pitch_with(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
+    _run_pitch_loop(part, sense, low, high, gains, first, state, slot, error, pitch_rate, command)
 
 
 @borrowing
 def _wanted_depth(row, depth, altitude):
-    """Depth [m] of a level way or a hover: as given, or so far above the sea floor."""
+    """Depth [m] of a level leg or hover: the given one, or that of the altitude above the floor."""
     wanted = row[g.DEPTH]
     if not math.isnan(row[g.ALTITUDE]):
         wanted = max(depth + altitude - row[g.ALTITUDE], row[g.MIN_DEPTH])
@@ -96,9 +96,9 @@ def _wanted_depth(row, depth, altitude):
 
 @borrowing
 def _depth_pid(gains, first, state, slot, error, depth_rate, feedforward, low, high):
-    """One tick of a loop that wants to go deeper by `error` [m]; its gains begin at gains[first].
+    """Run one tick of a loop that must go deeper by `error` [m]; its gains begin at gains[first].
 
-    On the way to a depth the integral stands still.
+    The integral is frozen while the vehicle approaches the depth from afar.
     """
     integral = state[slot]
     output = pid(gains, first, error, depth_rate, feedforward, low, high, DEPTH_ZONE, state, slot)
@@ -109,7 +109,7 @@ def _depth_pid(gains, first, state, slot, error, depth_rate, feedforward, low, h
 
 @borrowing
 def _level_pitch(row, gains, state, depth, altitude, depth_rate):
-    """Pitch [rad] that takes the vehicle to the depth of a level way and keeps it there."""
+    """Pitch [rad] that takes the vehicle to the depth of a level leg and keeps it there."""
     error = _wanted_depth(row, depth, altitude) - depth
     level, low, high = -row[g.LEVEL_PITCH], -row[g.CLIMB_PITCH], -row[g.DIVE_PITCH]
     first, slot = g.DEPTH_KP, g.DEPTH_INTEGRAL
@@ -118,7 +118,7 @@ def _level_pitch(row, gains, state, depth, altitude, depth_rate):
 
 @borrowing
 def _buoyancy_loop(gains, state, wanted, depth, depth_rate, command):
-    """The pump that holds a depth without speed: less volume sinks."""
+    """Run the pump's loop that holds a depth without speed: a smaller volume sinks."""
     part = int(gains[g.BUOYANCY_PART])
     if not 0 <= part < command.size:
         return
@@ -130,10 +130,10 @@ def _buoyancy_loop(gains, state, wanted, depth, depth_rate, command):
 
 @borrowing
 def _leave_surface(gains, command):
-    """Go down from the surface by weight: pump and battery of a vehicle that an elevator pitches.
+    """Sink from the surface by weight, with pump and battery, if an elevator controls pitch.
 
-    An elevator lifts the tail out of the water before it pitches the nose down, and awash a hull
-    is stiff in pitch: at low speeds it would stay there.
+    An elevator lifts the tail out of the water before it pitches the nose down, and a hull awash
+    is stiff in pitch. At low speeds it would stay at the surface.
     """
     if gains[g.PITCHES_AT_REST] != 0.0:
         return
@@ -145,12 +145,12 @@ def _leave_surface(gains, command):
 
 
 @borrowing
-def _turns_otherwise(row, gains, phase, depth_rate):
-    """Whether a vehicle that rolls to turn does not yet go the way that its phase turns it in.
+def _moves_against_phase(row, gains, phase, depth_rate):
+    """Tell whether a vehicle that turns by rolling is not yet moving in the direction of its phase.
 
-    In an inflection, and where it slides off the surface, its lift is that of the other way, or of
-    none: a loop closed with the phase's sign would turn it away from its heading. As real ones do,
-    it keeps the roll that flies straight until it is under way.
+    In an inflection, or when it leaves the surface, its lift has the opposite sign or is zero. A
+    loop with the phase's sign would then turn it away from its heading. As real gliders do, it
+    keeps the roll that flies straight.
     """
     opposite = row[g.DIVE_TURN] * row[g.CLIMB_TURN] < 0.0
     if gains[g.TURNS_BY_ROLL] == 0.0 or phase == g.ON_LEVEL or not opposite:
@@ -159,11 +159,11 @@ def _turns_otherwise(row, gains, phase, depth_rate):
 
 
 @jit
-def _go_along(gains: Array, command: Array) -> None:
-    """Move the parts that go along with those that the loops moved, within their travel."""
+def _move_followers(gains: Array, command: Array) -> None:
+    """Move the followers of the parts that the loops have moved, within their travel."""
     wanted = command.copy()
     count = gains[g.FOLLOWERS]
-    if not 0.0 <= count <= g.MOST_FOLLOWERS:  # nothing that compiled the plan wrote this
+    if not 0.0 <= count <= g.MOST_FOLLOWERS:  # not from `Mission.compile`
         return
     for k in range(int(count)):
         row = gains[g.FOLLOWER + k * g.FOLLOWER_COLUMNS :]
@@ -176,10 +176,10 @@ def _go_along(gains: Array, command: Array) -> None:
 
 
 @borrowing
-def _has_a_fix(row, gains, state, depth):
-    """Whether a fix tells the surface to a vehicle whose depth gauge does not.
+def _has_fix(row, gains, state, depth):
+    """Tell whether the vehicle has a GPS fix, which shows the surface if its depth gauge errs.
 
-    `depth`: true one [m].
+    `depth`: true depth [m].
     """
     highest = row[g.SURFACE_DEPTH]
     if state[g.PHASE] == g.CLIMB and row[g.MIN_DEPTH] < highest:
@@ -192,11 +192,11 @@ def _steer(
     table, gains, state, t, depth, roll, pitch, heading, p, q, r, command, altitude,
     north, east, current_north, current_east, fixed,
 ):  # fmt: skip
-    """A tick as `guidance_step` says it, for the parts that steer alone."""
+    """Run one tick like `guidance_step`, for the controlling parts without their followers."""
     heading = compass(heading_read(gains, heading))
     altitude = altitude_read(gains, state, t, altitude)
     row = table[min(max(int(state[g.SEGMENT]), 0), table.shape[0] - 1)]
-    afloat = fixed != 0.0 or _has_a_fix(row, gains, state, depth)
+    afloat = fixed != 0.0 or _has_fix(row, gains, state, depth)
     depth += gains[g.DEPTH_OFFSET]
     reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east)
     advance(table, state, t, depth, altitude, heading, afloat)
@@ -207,12 +207,12 @@ def _steer(
     pitch_rate = q * math.cos(roll) - r * math.sin(roll)
 
     if phase in (g.HOLDING, g.AT_SURFACE):
-        # at the surface open loop too: without speed there is no damping to close a loop around
+        # the surface is open loop too: without speed there is no damping to close a loop around
         state[g.PITCH_SETPOINT] = np.nan
-        _command(row, g.REST_COMMAND, command)
+        _copy_command(row, g.REST_COMMAND, command)
         return
     if phase == g.HOVERING:
-        _command(row, g.REST_COMMAND, command)
+        _copy_command(row, g.REST_COMMAND, command)
         setpoint = state[g.PITCH_SETPOINT] = row[g.LEVEL_PITCH]
         if gains[g.PITCHES_AT_REST] != 0.0:
             _pitch_loop(row, gains, state, g.LEVEL_INTEGRAL, setpoint - pitch, pitch_rate, command)
@@ -221,20 +221,20 @@ def _steer(
         _buoyancy_loop(gains, state, wanted, depth, depth_rate, command)
         return
 
-    # each way keeps its own integrals: the trim error of a dive is not that of a climb
+    # dive, climb and level leg keep separate integrals, because their trim errors differ
     if phase == g.ON_LEVEL:
         setpoint = _level_pitch(row, gains, state, depth, altitude, depth_rate)
         slot = g.LEVEL_INTEGRAL
         turn, turn_slot = row[g.LEVEL_TURN], g.LEVEL_TURN_INTEGRAL
-        _command(row, g.LEVEL_COMMAND, command)
+        _copy_command(row, g.LEVEL_COMMAND, command)
     elif phase == g.DIVE:
         setpoint, slot = row[g.DIVE_PITCH], g.DIVE_INTEGRAL
         turn, turn_slot = row[g.DIVE_TURN], g.DIVE_TURN_INTEGRAL
-        _command(row, g.DIVE_COMMAND, command)
+        _copy_command(row, g.DIVE_COMMAND, command)
     else:
         setpoint, slot = row[g.CLIMB_PITCH], g.CLIMB_INTEGRAL
         turn, turn_slot = row[g.CLIMB_TURN], g.CLIMB_TURN_INTEGRAL
-        _command(row, g.CLIMB_COMMAND, command)
+        _copy_command(row, g.CLIMB_COMMAND, command)
     state[g.PITCH_SETPOINT] = setpoint
     _pitch_loop(row, gains, state, slot, setpoint - pitch, pitch_rate, command)
     if setpoint < 0.0 and (afloat or depth < row[g.SURFACE_DEPTH]):
@@ -248,7 +248,7 @@ def _steer(
         turned = state[g.HEADING_SETPOINT] + row[g.TURN_RATE] * gains[g.PERIOD]
         state[g.HEADING_SETPOINT] = compass(turned)
         error = wrapped(turned - heading)
-    # a turn of half a circle stays on its side, whichever way a yaw makes shorter
+    # a turn of half a circle stays on its side, although a yaw may make the other side shorter
     before = state[g.HEADING_ERROR]
     if before * error < 0.0 and abs(before) > TURN_SIDE and abs(error) > TURN_SIDE:
         error += math.copysign(2.0 * math.pi, before)
@@ -258,7 +258,7 @@ def _steer(
         heading_rate -= row[g.TURN_RATE]
     if not abs(turn) > 0.0:
         return
-    if _turns_otherwise(row, gains, phase, depth_rate):
+    if _moves_against_phase(row, gains, phase, depth_rate):
         error, heading_rate = 0.0, 0.0
     limit = row[g.TURN_LIMIT] / abs(turn)
     command[part] = turn * pid(
@@ -288,33 +288,33 @@ def guidance_step(
     current_east: float = math.nan,
     fixed: float = 0.0,
 ) -> None:
-    """One control tick: reads the vehicle's state, writes `command` and updates `state`.
+    """Run one control tick: read the vehicle's state, write `command` and update `state`.
 
     Args:
       table: (segments + 1, SEGMENT_COLUMNS + 3 parts) float64, from `Mission.compile`.
       gains: (GAINS,) float64, from `Mission.compile`.
       state: (GUIDANCE_STATE,) float64, zeros before the first tick; changed in place.
-      t: [s] since the mission's start; call once per control period.
+      t: [s] since the mission's start; one call per control period.
       depth: [m] of the CB, positive down.
-      roll, pitch, heading: [rad]. The errors of the instruments (`instruments`) are added to
-        heading, depth and altitude here.
+      roll, pitch, heading: [rad]. The errors of the instruments in `gains` are added here to
+        heading, depth and altitude.
       p, q, r: body rates [rad/s].
-      command: (parts,) float64, out: the wanted position of each part.
-      altitude: [m] of the CB above the sea floor, inf without one.
-      north, east: [m] of the vehicle: what a fix at the surface says; NaN: there are no fixes.
-      current_north, current_east: [m/s] estimate of a navigator, whose position north and east then
-        are, under water too; NaN: there is none, and guidance dead-reckons (`reckoning`).
-      fixed: 1 where a receiver has a fix, so that it is at the surface whatever its gauge says;
-        0: the depth alone tells.
+      command: (parts,) float64, out: the commanded position of each part.
+      altitude: [m] of the CB above the sea floor, inf without a sea floor.
+      north, east: [m] position of the vehicle, from a fix at the surface; NaN: no fixes.
+      current_north, current_east: [m/s] estimate of a navigator, which then also gives north and
+        east under water; NaN: no navigator, so guidance dead-reckons (`reckoning`).
+      fixed: 1 if a receiver has a fix, so the vehicle is at the surface whatever its gauge reads;
+        0: the depth alone decides.
     """
     _steer(
         table, gains, state, t, depth, roll, pitch, heading, p, q, r, command, altitude,
         north, east, current_north, current_east, fixed,
     )  # fmt: skip
     if gains[g.FOLLOWERS] > 0.0 and state[g.PHASE] != g.HOLDING:
-        _go_along(gains, command)
+        _move_followers(gains, command)
 
 
 def new_state() -> Array:
-    """The memory of a guidance that has not started, shape (GUIDANCE_STATE,)."""
+    """Memory of guidance before its first tick, shape (GUIDANCE_STATE,)."""
     return np.zeros(g.GUIDANCE_STATE)

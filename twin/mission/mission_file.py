@@ -1,9 +1,9 @@
-"""Table: the columns of a compiled mission, the gains of its loops and what guidance remembers.
+"""Mission file: columns of a compiled mission, gains of its loops, guidance's state, and checks.
 
-`Mission.compile` writes the table and the gains, `twin.mission.guidance` flies them; everything is
-float64, so that compiled code can read it. Angles are rad, depths m positive down.
+`Mission.compile` writes the table and the gains, and `twin.mission.guidance` reads them. They are
+float64, so that compiled code can read them. Angles are rad, depths m positive down.
 
-Checks of mission fields; each raises a one-line MissionError that says what to give.
+Each check of a mission field raises a one-line MissionError that gives the allowed values.
 """
 
 from __future__ import annotations
@@ -23,36 +23,35 @@ KIND = 0  # one of the kinds below
 MIN_DEPTH, MAX_DEPTH = 1, 2  # [m] where a climb and a dive turn
 DIVE_PITCH, CLIMB_PITCH = 3, 4  # [rad] signed: nose down is negative
 HEADING = 5  # [rad], NaN: the heading at entry
-PITCH_LOW, PITCH_HIGH = 6, 7  # travel of the pitching part
-TURN_LIMIT = 8  # largest position of the turning part in the heading loop, either way
+PITCH_LOW, PITCH_HIGH = 6, 7  # travel of the part that controls pitch
+TURN_LIMIT = 8  # largest position of the turning part in the heading loop, either side
 YO_LIMIT = 9  # NaN: none
 DURATION = 10  # [s], NaN: none
 UNTIL_DEPTH = 11  # [m], NaN: none
 ABORT_DEPTH = 12  # [m], inf: none
-SURFACE_DEPTH = 13  # [m] above this the vehicle counts as surfaced
-DIVE_TURN, CLIMB_TURN = 14, 15  # factor of the heading loop, with the sign of the turn
-MIN_ALTITUDE = 16  # [m] above the sea floor at which a dive turns and level ways rise, NaN: none
-DEPTH, ALTITUDE = 17, 18  # [m] that a level way or a hover holds, NaN: none; one of them
-LEVEL_PITCH = 19  # [rad] at which a level way keeps its depth
-TURN_RATE = 20  # [rad/s] of the wanted heading on a level way, 0: straight
-# horizontal speed through the water of both ways [m/s], and angle of attack [rad], NaN: the
-# speed is the propeller's; dead reckoning uses them
+SURFACE_DEPTH = 13  # [m] the vehicle counts as surfaced above this depth
+DIVE_TURN, CLIMB_TURN = 14, 15  # factor of the heading loop, signed like the turn
+MIN_ALTITUDE = 16  # [m] altitude at which a dive turns and a level leg rises, NaN: none
+DEPTH, ALTITUDE = 17, 18  # [m] one of them holds on a level leg or in a hover, NaN: none
+LEVEL_PITCH = 19  # [rad] at which a level leg keeps its depth
+TURN_RATE = 20  # [rad/s] of the heading setpoint on a level leg, 0: straight
+# for dead reckoning, of dive and climb: horizontal speed through the water [m/s], and angle of
+# attack [rad]; NaN: propelled, so the speed does not follow from the vertical velocity
 DIVE_SPEED, CLIMB_SPEED, DIVE_ATTACK, CLIMB_ATTACK = 21, 22, 23, 24
 LEVEL_SPEED, LEVEL_ATTACK = DIVE_SPEED, DIVE_ATTACK
 TARGET_NORTH, TARGET_EAST = 25, 26  # [m] of a waypoint
 ARRIVAL_RADIUS = 27  # [m]
-YO_SPEED = 28  # [m/s] horizontal through the water, mean of a dive and its climb
-SURFACE_AFTER, SURFACE_YOS = 29, 30  # [s] under water and yos after which it surfaces, NaN: none
+YO_SPEED = 28  # [m/s] mean horizontal speed through the water of a dive and its climb
+SURFACE_AFTER, SURFACE_YOS = 29, 30  # [s] under water, and yos, until it surfaces, NaN: none
 STAY = 31  # [s] at the surface for a fix
-SURFACE_AT_TARGET = 32  # 1: it surfaces on arrival
-STEERS_ALWAYS = 33  # 1: the course is renewed at every tick, 0: at surfacings
-SEES_TRUTH = 34  # 1: the position is known under water, 0: it is dead-reckoned
-USES_CURRENT = 35  # 0: dead reckoning and course leave the estimated current out
-FIRST_CURRENT_NORTH, FIRST_CURRENT_EAST = 36, 37  # [m/s] believed before the first estimate
+SURFACE_AT_TARGET = 32  # 1: surfaces on arrival
+STEERS_ALWAYS = 33  # 1: updates the course at every tick, 0: at surfacings
+SEES_TRUTH = 34  # 1: the true position is known under water, 0: dead-reckoned
+USES_CURRENT = 35  # 0: dead reckoning and course ignore the estimated current
+FIRST_CURRENT_NORTH, FIRST_CURRENT_EAST = 36, 37  # [m/s] used before the first estimate
 SEGMENT_COLUMNS = 38
-# then three commands, each of the width of the vehicle: what its parts do in a dive or on a level
-# way, in a climb, and in a hold, a hover or at the surface. The loops start from the position of
-# their part in it.
+# Three commands follow, each with a position for every part: for a dive or level leg, for a
+# climb, and for a hold, a hover or the surface. A loop starts from its part's position there.
 DIVE_COMMAND, CLIMB_COMMAND, REST_COMMAND = 0, 1, 2
 LEVEL_COMMAND, LEVEL_TURN = DIVE_COMMAND, DIVE_TURN
 
@@ -61,33 +60,33 @@ WAYPOINT = 9.0
 END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # kinds of the last row
 
 # --- gains ------------------------------------------------------------------------------------
-PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # position per error [1/rad], [1/(rad s)], [s/rad]
-HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # likewise
+PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # position per error [rad], integral [rad s], rate [rad/s]
+HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # the same for heading
 PERIOD = 6  # [s]
-PITCH_PART, PITCH_SENSE = 7, 8  # place among the parts, -1: none; +1 or -1
-TURN_PART = 9  # place among the parts, -1: none
-DEPTH_KP, DEPTH_KI, DEPTH_KD = 10, 11, 12  # nose down [rad] per depth [m], [m s], [m/s]
-TRIM_KP, TRIM_KI, TRIM_KD = 13, 14, 15  # as the pitch loop's, of what trims in a hover
-TRIM_PART, TRIM_SENSE, TRIM_LOW, TRIM_HIGH = 16, 17, 18, 19  # likewise, and its travel
-BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] less per depth [m], [m s], [m/s]
-BUOYANCY_PART, BUOYANCY_LOW, BUOYANCY_HIGH = 23, 24, 25  # the pump, likewise
-PITCHES_AT_REST = 26  # 1: the pitching part is a battery, which needs no flow
-COMPASS_OFFSET = 27  # [rad] that the compass reads beyond the true heading
-FOLLOWERS = 28  # how many parts go along with others
-FOLLOWER = 29  # first of them: lead, part, weight, the lead's rest, lowest and highest position
+PITCH_PART, PITCH_SENSE = 7, 8  # index of the part, -1: none; +1 or -1
+TURN_PART = 9  # index of the part, -1: none
+DEPTH_KP, DEPTH_KI, DEPTH_KD = 10, 11, 12  # [rad] nose down per depth [m], [m s], [m/s]
+TRIM_KP, TRIM_KI, TRIM_KD = 13, 14, 15  # like the pitch loop's, for the trim part in a hover
+TRIM_PART, TRIM_SENSE, TRIM_LOW, TRIM_HIGH = 16, 17, 18, 19  # the trim part and its travel
+BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] less per depth error, as above
+BUOYANCY_PART, BUOYANCY_LOW, BUOYANCY_HIGH = 23, 24, 25  # index of the pump, and its travel
+PITCHES_AT_REST = 26  # 1: a battery controls pitch and needs no flow
+COMPASS_OFFSET = 27  # [rad] compass reading minus true heading
+FOLLOWERS = 28  # number of parts that follow others
+FOLLOWER = 29  # first row: lead, part, weight, lead's rest, lowest and highest position
 FOLLOWER_COLUMNS = 6
-# [rad] that iron of the vehicle's own adds to the compass, times sine and cosine of the heading
+# [rad] compass errors by the vehicle's own iron: factors of sine and cosine of the heading
 IRON_SINE = FOLLOWER + FOLLOWER_COLUMNS * MOST_FOLLOWERS
 IRON_COSINE = IRON_SINE + 1
-TURNS_BY_ROLL = IRON_COSINE + 1  # 1: a battery turns it by its roll, dives and climbs apart
-DEPTH_OFFSET = TURNS_BY_ROLL + 1  # [m] that the depth by the pressure gauge is beyond the true one
-ECHOES_LOST = DEPTH_OFFSET + 1  # share of the altimeter's echoes
+TURNS_BY_ROLL = IRON_COSINE + 1  # 1: a battery hinge controls heading, by rolling
+DEPTH_OFFSET = TURNS_BY_ROLL + 1  # [m] depth by the pressure gauge minus true depth
+ECHOES_LOST = DEPTH_OFFSET + 1  # fraction of the altimeter's returns that are lost
 GAINS = ECHOES_LOST + 1
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown
 PHASE = 1  # one of the phases below
-YO_COUNT = 2  # of this segment, in halves; -0.5 while it finishes a climb it did not begin
+YO_COUNT = 2  # of this segment, in halves; -0.5 in a climb begun before it
 SEGMENT_START = 3  # [s]
 ARRIVAL = 4  # [s] time of reaching the surface
 UNTIL_SIDE = 5  # +1: the segment ends below UNTIL_DEPTH, -1: above it
@@ -95,25 +94,25 @@ DIVE_INTEGRAL, CLIMB_INTEGRAL = 6, 7  # of pitch [rad s]
 DIVE_TURN_INTEGRAL, CLIMB_TURN_INTEGRAL = 8, 9  # of heading [rad s]
 PITCH_SETPOINT = 10  # [rad], NaN: none
 HEADING_SETPOINT = 11  # [rad] in [0, 2 pi), NaN: none
-DONE = 12  # 1 once the plan is flown, and the surface reached where it ends there
+DONE = 12  # 1 once all segments are flown, and the surface reached if they end there
 ABORTED = 13  # 1 once the abort depth was exceeded
-HEADING_ERROR = 14  # [rad] of the last tick, by the side on which it turns
-LEVEL_INTEGRAL, LEVEL_TURN_INTEGRAL = 15, 16  # of pitch and heading on level ways [rad s]
+HEADING_ERROR = 14  # [rad] of the last tick, signed by the side of the turn
+LEVEL_INTEGRAL, LEVEL_TURN_INTEGRAL = 15, 16  # of pitch and heading on level legs [rad s]
 TRIM_INTEGRAL = 17  # of pitch in a hover [rad s]
 DEPTH_INTEGRAL, BUOYANCY_INTEGRAL = 18, 19  # of depth [m s]
 LAST_DEPTH = 20  # [m] at the last tick
 RECKONED_NORTH, RECKONED_EAST = 21, 22  # [m] position by dead reckoning since the last fix
 SEEN_NORTH, SEEN_EAST = 23, 24  # [m] position that the course to a waypoint starts from
 CURRENT_NORTH, CURRENT_EAST = 25, 26  # [m/s] estimate; 0 before the first
-CURRENT_KNOWN = 27  # 1 once there is one
-DRIFT_NORTH, DRIFT_EAST = 28, 29  # [m] by the estimate, in RECKONED since the last fix
+CURRENT_KNOWN = 27  # 1 once the current is estimated
+DRIFT_NORTH, DRIFT_EAST = 28, 29  # [m] part of RECKONED by the estimated current, since the fix
 LAST_TIME = 30  # [s] of the last tick
-LAST_FIX = 31  # [s] at the surface, or of the mission's start
-FIXED = 32  # 1 while fixes come in
+LAST_FIX = 31  # [s] time of the last fix, or of the mission's start
+FIXED = 32  # 1 while fixes arrive
 YOS_UNDER = 33  # yos since the last surfacing, in halves
 ARRIVED = 34  # 1 once the waypoint being flown to has been reached
-ECHOES_DUE = 35  # fraction of the next echo of an altimeter that loses some
-ECHO, ECHO_TIME = 36, 37  # [m] altitude by the last echo, and its time [s]
+ECHOES_DUE = 35  # accumulates received fractions; at 1 a return is received
+ECHO, ECHO_TIME = 36, 37  # [m] altitude of the last return, and its time [s]
 GUIDANCE_STATE = 38
 
 NOT_STARTED, DIVE, CLIMB, SURFACING, AT_SURFACE, HOLDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
@@ -121,20 +120,20 @@ ON_LEVEL, HOVERING = 6.0, 7.0
 
 
 MAX_PITCH_DEG = 60.0
-"""[deg] pitch below this: heading and roll lose their meaning as the hull stands up."""
+"""[deg] Upper limit of pitch; near vertical, heading and roll lose their meaning."""
 
 
 LARGEST = 1e9
-"""Largest number in a mission, either way: 1e9 s are 31 years, and sums of them stay finite."""
+"""Largest magnitude of a number in a mission: 1e9 s are 31 years, and sums stay finite."""
 
 
 def fail(label: str, field: str, value: object, rule: str) -> NoReturn:
-    """Raise the MissionError that every field check raises."""
+    """Raise the MissionError of every field check."""
     raise MissionError(f"{label}: {field} = {shown(value)} is not possible: give {rule}")
 
 
 def number(label: str, field: str, value: object) -> float:
-    """`value` as a finite float of a size that a mission can have; True and "3" are not numbers."""
+    """Convert `value` to a finite float within +-LARGEST; True and "3" are not numbers."""
     try:
         result = as_number(value, field, MissionError)
     except MissionError:
@@ -157,7 +156,7 @@ def within(
     open_low: bool = False,
     open_high: bool = False,
 ) -> None:
-    """Check low <= value <= high, with either end left out where it is open."""
+    """Check low <= value <= high; an open end is excluded."""
     x = number(label, field, value)
     if (x > low or (x == low and not open_low)) and (x < high or (x == high and not open_high)):
         return
@@ -172,27 +171,27 @@ def within(
 
 
 def pitch(label: str, field: str, value: object) -> None:
-    """A pitch magnitude [deg]."""
+    """Check a magnitude of pitch [deg]."""
     within(label, field, value, "deg", 0.0, MAX_PITCH_DEG, open_low=True, open_high=True)
 
 
 def heading(label: str, field: str, value: object) -> None:
-    """A true heading [deg], written either way round."""
+    """Check a true heading [deg] within -360..360."""
     within(label, field, value, "deg", -360.0, 360.0)
 
 
 def rotation(label: str, field: str, value: object) -> None:
-    """A battery rotation [deg]; the vehicle may allow less."""
+    """Check a battery rotation [deg]; the vehicle may allow less."""
     within(label, field, value, "deg", -180.0, 180.0)
 
 
 def net_mass(label: str, field: str, value: object) -> None:
-    """A magnitude of net buoyancy mass [kg]; the vehicle bounds it from above."""
+    """Check a magnitude of net mass [kg]; the vehicle sets the upper limit."""
     within(label, field, value, "kg", 0.0, open_low=True)
 
 
 def limit(label: str, field: str, value: object, unit: str) -> None:
-    """A time or count above zero."""
+    """Check a time, length or count above zero."""
     within(label, field, value, unit, 0.0, open_low=True)
 
 
@@ -221,11 +220,11 @@ RULES: Mapping[str, Callable[[str, str, object], object]] = {
     "shift_m": number,
     "trim_share": functools.partial(within, unit="", low=0.0, high=1.0),
 }
-"""Checks of the fields of missions and segments, by name"""
+"""Checks of the fields of missions and segments, by field name."""
 
 
 def fields(checked: Any, label: str, *apart: str) -> None:
-    """Check the fields of a dataclass by RULES, but for those `apart`; None may be a default."""
+    """Check the fields of a dataclass by RULES, except those `apart`; a default None passes."""
     for field in dataclasses.fields(checked):
         value = getattr(checked, field.name)
         absent = value is None and field.default is None
@@ -234,7 +233,7 @@ def fields(checked: Any, label: str, *apart: str) -> None:
 
 
 def known_keys(label: str, cls: type, data: Mapping[str, Any], also: tuple[str, ...] = ()) -> None:
-    """Every key of `data` is a field of the dataclass `cls` or one of `also`."""
+    """Require that every key of `data` is a field of the dataclass `cls` or in `also`."""
     allowed = [field.name for field in dataclasses.fields(cls)] + list(also)
     for key in data:
         if key not in allowed:
@@ -242,7 +241,7 @@ def known_keys(label: str, cls: type, data: Mapping[str, Any], also: tuple[str, 
 
 
 def required_keys(label: str, cls: type, data: Mapping[str, Any]) -> None:
-    """Every field of `cls` without a default is in `data`."""
+    """Require that every field of `cls` without a default is in `data`."""
     for field in dataclasses.fields(cls):
         required = (
             field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING

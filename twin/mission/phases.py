@@ -1,4 +1,4 @@
-"""Phases: when a dive turns, a segment ends, the next begins and a mission is aborted, compiled."""
+"""Phases: compiled logic that turns dives, ends and begins segments, and aborts a mission."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from twin.mission import mission_file as g
 from twin.mission.reckoning import course, distance_left
 
 TIME_TOLERANCE = 1e-6
-"""[s] a tick this close to a limit counts as on it: tick times are sums of rounded periods."""
+"""[s] Tolerance of time limits, because tick times are sums of rounded periods."""
 
 
 @borrowing
 def _at_bottom(row, depth, altitude):
-    """Whether a dive turns here: at its depth, or near the sea floor."""
+    """Tell whether a dive turns here: at its depth, or near the sea floor."""
     return bool(depth >= row[g.MAX_DEPTH] or altitude <= row[g.MIN_ALTITUDE])
 
 
@@ -64,10 +64,10 @@ def _enter(table, state, index, t, depth, altitude, heading):
 
 
 @borrowing
-def _surfaces(row, state, t, following):
-    """Whether a flight to a waypoint goes up for a fix: time, yos, or it has arrived.
+def _must_surface(row, state, t, following):
+    """Tell whether a flight to a waypoint surfaces now: by time, by yos or on arrival.
 
-    `following`: the phase that the turns at depth ask for.
+    `following`: phase after the turns at depth.
     """
     if state[g.ARRIVED] != 0.0:
         return bool(row[g.SURFACE_AT_TARGET] != 0.0)
@@ -78,14 +78,14 @@ def _surfaces(row, state, t, following):
 
 
 @borrowing
-def _to_waypoint(row, state, t, following):
-    """The phase of a flight to a waypoint: up for a fix, down again, steered to the target."""
+def _waypoint_phase(row, state, t, following):
+    """Phase of a flight to a waypoint: surfaces for a fix, dives again, updates the course."""
     phase = state[g.PHASE]
-    # a target that is held is flown to again and again
+    # a target of a mission that holds its last segment is approached again and again
     if state[g.DONE] == 0.0 and distance_left(row, state) <= row[g.ARRIVAL_RADIUS]:
         state[g.ARRIVED] = 1.0
     if phase in (g.DIVE, g.CLIMB):
-        if _surfaces(row, state, t, following):
+        if _must_surface(row, state, t, following):
             return g.SURFACING
         if row[g.STEERS_ALWAYS] != 0.0 and state[g.ARRIVED] == 0.0:
             state[g.HEADING_SETPOINT] = course(row, state)
@@ -98,9 +98,9 @@ def _to_waypoint(row, state, t, following):
 
 @borrowing
 def advance(table, state, t, depth, altitude, heading, afloat):
-    """Phases and segments: turn at the limits of depth and altitude, count, go on, abort.
+    """Advance phase and segment: turn at limits of depth and altitude, count yos, go on, abort.
 
-    `afloat`: it is known to be at the surface, where no climb goes on whatever the depth says.
+    `afloat`: the vehicle is known to be at the surface, which ends a climb whatever its depth.
     """
     end = table.shape[0] - 1
     if state[g.PHASE] == g.NOT_STARTED:
@@ -130,9 +130,9 @@ def advance(table, state, t, depth, altitude, heading, afloat):
             state[g.DONE] = 1.0
     there = False
     if table[index, g.KIND] == g.WAYPOINT:
-        following = _to_waypoint(table[index], state, t, following)
+        following = _waypoint_phase(table[index], state, t, following)
         there = state[g.ARRIVED] != 0.0 and following != g.SURFACING
-        # the stay for a fix comes before the next target
+        # the surface interval for a fix comes before the next target
         there = there and following != g.AT_SURFACE
 
     if index < end and state[g.DONE] == 0.0:
@@ -146,7 +146,7 @@ def advance(table, state, t, depth, altitude, heading, afloat):
         over = over or (depth - until) * state[g.UNTIL_SIDE] >= 0.0
         over = over or (afloat and until >= 0.0 and state[g.UNTIL_SIDE] < 0.0)
         if over and index + 1 == end and table[end, g.KIND] == g.END_HOLDING:
-            state[g.DONE] = 1.0  # the last segment goes on without limits
+            state[g.DONE] = 1.0  # the last segment continues without limits
             state[g.ARRIVED] = 0.0
         elif over:
             _enter(table, state, index + 1, t, depth, altitude, heading)

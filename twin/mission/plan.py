@@ -1,4 +1,4 @@
-"""Mission: segments in order, where they start, and what happens when they are flown."""
+"""Plan: a mission's segments in order, its start, its end and its limits."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from twin.vehicle.vehicle import Vehicle
 
 AT_END = ("surface", "hold")
 OVERSHOOT_MARGIN_M = 3.0
-"""[m] a dive overshoots its lower depth by up to 2.7 m; nearer limits would abort sound missions"""
+"""[m] Margin below a dive's lower depth; dives overshoot by up to 2.7 m, which must not abort."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Mission:
-    """What one glider is asked to fly."""
+    """Plan of segments that one vehicle flies in order."""
 
     segments: tuple[Segment, ...]
-    """In the order in which they are flown."""
+    """Segments in the order in which they are flown."""
     name: str = "mission"
-    """How summaries and stores call it."""
+    """Name of the mission in summaries and stores."""
     duration_s: float | None = None
-    """The simulation ends here [s]; None: when the segments are flown."""
+    """Time at which the simulation ends [s]; None: when the segments are flown."""
     start_depth_m: float = 0.0
-    """[m], positive down"""
+    """Depth of the start [m], positive down."""
     start_heading_deg: float = 0.0
-    """[deg true]"""
+    """Heading at the start [deg true]."""
     max_depth_m: float | None = None
-    """Deeper than this [m] the mission is aborted to the surface; None: no such limit."""
+    """Depth below which the mission is aborted to the surface [m]; None: no such limit."""
     at_end: str = "surface"
-    """After the last segment: climb to the "surface", or "hold": fly the last one on."""
+    """Action after the last segment: climb to the "surface", or "hold": continue the last one."""
     ascent_pitch_deg: float = 35.0
-    """Pitch magnitude [deg] of the final or aborted climb to the surface."""
+    """Magnitude of pitch [deg] in the final or aborted climb to the surface."""
 
     def __post_init__(self) -> None:
         if isinstance(self.segments, list):
@@ -96,7 +96,7 @@ class Mission:
         """Read a mission file; see docs/reference/missions.md for its keys.
 
         Raises:
-          MissionError: unreadable file, broken TOML, unknown key or impossible value.
+          MissionError: unreadable file, invalid TOML, unknown key or impossible value.
         """
         path = Path(path)
         hint = (
@@ -112,7 +112,7 @@ class Mission:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Mission:
-        """The inverse of `to_dict`; raises MissionError for unknown keys and impossible values."""
+        """Make a mission from `to_dict`; raises MissionError for unknown keys or wrong values."""
         check.known_keys("mission", cls, data)
         tables = data.get("segments")
         if not isinstance(tables, list | tuple) or not tables:
@@ -121,7 +121,7 @@ class Mission:
         return cls(**{**data, "segments": segments})
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for TOML, JSON or a store's attributes; what is None is left out."""
+        """Convert to plain values for TOML, JSON or a store's attributes; None is left out."""
         data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         data["segments"] = [{"kind": s.kind, **dataclasses.asdict(s)} for s in self.segments]
         plain: dict[str, Any] = _plain(data)
@@ -129,7 +129,7 @@ class Mission:
 
     @property
     def needs_floor(self) -> str:
-        """The first field by which something is flown above the sea floor; empty: nothing is."""
+        """Name of the first field in use that needs a sea floor; empty: none does."""
         for name in ("altitude_m", "min_altitude_m"):
             if any(getattr(segment, name, None) is not None for segment in self.segments):
                 return name
@@ -137,27 +137,27 @@ class Mission:
 
     @property
     def needs_place(self) -> bool:
-        """Whether a target is a latitude and longitude: the start must be known on the Earth."""
+        """True if a target is a latitude and longitude, so the start must be known on the Earth."""
         return any(getattr(segment, "geographic", False) for segment in self.segments)
 
     def placed(self, latitude: float, longitude: float) -> Mission:
-        """The mission with every target in metres from an origin [degree]."""
+        """Copy of the mission with every target in metres from an origin [degree]."""
         if not self.needs_place:
             return self
         segments = tuple(segment.placed(latitude, longitude) for segment in self.segments)
         return dataclasses.replace(self, segments=segments)
 
     def check(self, vehicle: Vehicle) -> None:
-        """Raise MissionError when `vehicle` cannot fly this: pump, rotation, pitch, trim."""
+        """Raise MissionError if `vehicle` cannot fly the mission: pump, rotation, pitch, trim."""
         self._rows(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
 
-        A segment has one row, those that are made of others have several.
+        A segment has one row; a kind made of several segments, such as a lawn-mower, has several.
 
         Raises:
-          MissionError: a segment is beyond the vehicle, or a target is in degrees: see `placed`.
+          MissionError: a segment exceeds the vehicle's abilities, or a target is in degrees.
         """
         if self.needs_place:
             raise MissionError(
@@ -165,13 +165,13 @@ class Mission:
                 'give --start LAT,LON or start={"latitude": 49.0, "longitude": -16.0}; '
                 "without a scenario, compile Mission.placed(latitude, longitude)"
             )
-        self._name_idle(vehicle)
+        self._warn_of_idle_parts(vehicle)
         table = np.array(self._rows(vehicle))
         if self.max_depth_m is not None:
             table[:, g.ABORT_DEPTH] = self.max_depth_m
         return table, _gains(vehicle)
 
-    def _name_idle(self, vehicle: Vehicle) -> None:
+    def _warn_of_idle_parts(self, vehicle: Vehicle) -> None:
         """Warn of parts that neither guidance nor a segment of this mission moves."""
         named = {
             name for segment in self.segments for name in getattr(segment, "parts", None) or ()
@@ -188,7 +188,7 @@ class Mission:
             )
 
     def _rows(self, vehicle: Vehicle) -> list[Array]:
-        """The table's rows; the last one is flown after the segments."""
+        """Rows of the table; the last row is flown after the segments."""
         rows = [
             part.row(vehicle, self._label(index))
             for index, segment in enumerate(self.segments)
@@ -205,8 +205,8 @@ class Mission:
     def time_limit_s(self, vehicle: Vehicle) -> float:
         """Longest time [s] to simulate: `duration_s`, or else a generous estimate.
 
-        The estimate adds each segment's limit in time, or its depth ranges at the vertical speed of
-        the steady glide, and the climb to the surface, times TIME_MARGIN where no clock ends it.
+        The estimate adds the time limits of the segments, or their depth ranges at steady vertical
+        speeds times TIME_MARGIN, and the final climb to the surface.
         """
         if self.duration_s is not None:
             return float(self.duration_s)
@@ -239,7 +239,7 @@ def _segment(index: int, table: object) -> Segment:
 
 
 def _plain(value: Any) -> Any:
-    """Plain values, without None and empty tables, numbers as Python floats."""
+    """Convert to plain values without None and empty tables, with numbers as Python floats."""
     if isinstance(value, Mapping):
         plain = {key: _plain(item) for key, item in value.items() if item is not None}
         return {key: item for key, item in plain.items() if item != {}}
@@ -249,7 +249,7 @@ def _plain(value: Any) -> Any:
 
 
 def _gains(vehicle: Vehicle) -> Array:
-    """The two loops' gains and parts, shape (GAINS,), for `guidance_step`."""
+    """Gains and parts of all loops, shape (GAINS,), for `guidance_step`."""
     gains = np.zeros(g.GAINS)
     for first, pid in (
         (g.PITCH_KP, vehicle.pitch_pid),

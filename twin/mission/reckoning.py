@@ -1,13 +1,13 @@
-"""Reckoning: what guidance reads of its instruments, and where it believes that the vehicle is.
+"""Reckoning: instrument readings of guidance, its PID loop, and dead reckoning of its position.
 
-Guidance that is flown by the true state reads depth, heading and altitude through here. Each fault
-of an instrument is a number among the gains, all zeros in a sound vehicle, which then reads the
-truth to the last bit.
+Guidance that runs on the true state reads depth, heading and altitude through these functions. Each
+instrument fault is a number among the gains. All are zero in a sound vehicle, whose readings equal
+the truth bit for bit.
 
-From fix to fix the way through the water is added up, as gliders do it, from depth rate, pitch and
-heading, with the angle of attack of the steady way, or from the propeller's speed. At the first fix
-after a dive the misclosure over the time under water is the estimate of the current, which the
-next dive adds to its way and its course allows for.
+Between fixes, guidance adds up its path through the water as gliders do, from vertical velocity,
+pitch and heading with the steady angle of attack, or from the propeller's speed. At the first fix
+after a dive, the misclosure divided by the time under water is the estimated current. The next dive
+adds it to the path, and its course allows for it.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from twin.compiled import borrowing
 from twin.mission import mission_file as g
 
 ALTITUDE_S = 20.0
-"""[s] for which the last echo of the altimeter holds"""
+"""[s] Time for which the last altimeter return stays valid."""
 OUT_OF_REACH = 1e4
-"""[m] of water below a vehicle whose altimeter has no echo: deeper than it can dive"""
+"""[m] Altitude without an altimeter return: deeper than the vehicle can dive."""
 
 
 @borrowing
 def heading_read(gains, heading):
-    """Compass reading [rad] of a true heading [rad]: its offset, and the iron of the vehicle."""
+    """Compass reading [rad] for a true heading [rad], with offset and the vehicle's own iron."""
     seen = heading + gains[g.COMPASS_OFFSET]
     if gains[g.IRON_SINE] != 0.0 or gains[g.IRON_COSINE] != 0.0:
         seen += gains[g.IRON_SINE] * math.sin(heading) + gains[g.IRON_COSINE] * math.cos(heading)
@@ -34,14 +34,14 @@ def heading_read(gains, heading):
 
 @borrowing
 def altitude_read(gains, state, t, altitude):
-    """Altitude [m] by the echoes that come back at time `t` [s].
+    """Altitude [m] from the altimeter's returns at time `t` [s].
 
-    A faulty altimeter loses its share of them, evenly over the ticks. The last one holds for
-    ALTITUDE_S, then the floor is out of reach.
+    A faulty altimeter loses a fraction of its returns, evenly over the ticks. The last return is
+    valid for ALTITUDE_S; then the altitude is OUT_OF_REACH.
 
     Args:
-      state: of guidance; its three numbers of the altimeter are updated.
-      altitude: true one, inf without a sea floor.
+      state: guidance's state; its three numbers of the altimeter are updated.
+      altitude: true altitude, inf without a sea floor.
     """
     if state[g.PHASE] == g.NOT_STARTED:
         state[g.ECHO], state[g.ECHO_TIME] = OUT_OF_REACH, t
@@ -60,10 +60,10 @@ def altitude_read(gains, state, t, altitude):
 
 @borrowing
 def pid(gains, first, error, rate, feedforward, low, high, zone, state, slot):
-    """One PID tick with the derivative on the measured rate; returns the clamped output.
+    """Run one PID tick with the derivative on the measured rate; return the clamped output.
 
-    Its three gains begin at gains[first]. The integral of the error, limited to `zone`, is kept in
-    state[slot] and stands still while the output is clamped and the error pushes further out.
+    Its three gains begin at gains[first]. state[slot] keeps the integral of the error, with the
+    error limited to `zone`. It is frozen while the output is clamped and the error pushes it out.
     """
     kp, ki, kd = gains[first], gains[first + 1], gains[first + 2]
     output = feedforward + kp * error + ki * state[slot] - kd * rate
@@ -75,31 +75,31 @@ def pid(gains, first, error, rate, feedforward, low, high, zone, state, slot):
 
 @borrowing
 def wrapped(angle):
-    """`angle` [rad] in [-pi, pi)."""
+    """Wrap `angle` [rad] to [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @borrowing
 def compass(angle):
-    """`angle` [rad] in [0, 2 pi), as headings are."""
+    """Wrap `angle` [rad] to [0, 2 pi), as for headings."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
 
 
 LEAST_SLOPE = math.radians(8.0)
-"""[rad] flatter ways say too little of the speed by their depth rate: the steady speed holds"""
+"""[rad] Glide angle below which vertical velocity gives no speed; the steady speed is used."""
 MOST_OF_STEADY = 2.0
-"""A depth rate never makes the speed more than so many times that of the steady way"""
+"""[1] Limit of the reckoned speed as a multiple of the steady speed."""
 MOST_SPEED = 1.0
-"""[m/s] likewise where no steady way is known"""
+"""[m/s] Limit of the reckoned speed if the steady speed is unknown."""
 LEAST_DIVE = 300.0
-"""[s] shorter times under water give no estimate of the current: the fix's error decides it"""
+"""[s] Least time under water for an estimate of the current; below, the fix error dominates."""
 MOST_CRAB = math.sin(math.radians(70.0))
-"""Of the speed, to stem a cross current: a course keeps a part toward its target"""
+"""[1] Largest fraction of the speed against a cross current; the rest still goes to the target."""
 
 
 @borrowing
 def speed_through_water(row, phase, depth_rate, pitch):
-    """Horizontal speed [m/s] by depth rate [m/s] and pitch [rad], or the propeller's."""
+    """Horizontal speed [m/s] from vertical velocity [m/s] and pitch [rad], or the propeller's."""
     if phase == g.AT_SURFACE or phase == g.HOVERING:
         return 0.0
     if phase == g.DIVE or phase == g.ON_LEVEL:
@@ -120,7 +120,7 @@ def speed_through_water(row, phase, depth_rate, pitch):
 
 @borrowing
 def _fix(state, t, north, east):
-    """Take a fix; the first one after a dive says what the current was."""
+    """Process a fix; the first fix after a dive gives the current estimate."""
     elapsed = t - state[g.LAST_FIX]
     if state[g.FIXED] == 0.0 and elapsed >= LEAST_DIVE:
         missed_north = north - state[g.RECKONED_NORTH] + state[g.DRIFT_NORTH]
@@ -135,9 +135,9 @@ def _fix(state, t, north, east):
 
 @borrowing
 def reckon(row, state, t, depth, pitch, heading, north, east, current_north, current_east):
-    """Bring the position that guidance believes in to `t`; see `guidance_step` for the arguments.
+    """Update the reckoned position to time `t`; see `guidance_step` for the arguments.
 
-    `row` and the phase in `state` are those that were flown since the last tick.
+    `row` and the phase in `state` are those since the last tick.
     """
     known = not math.isnan(north + east)
     phase = state[g.PHASE]
@@ -177,7 +177,7 @@ def reckon(row, state, t, depth, pitch, heading, north, east, current_north, cur
 
 @borrowing
 def distance_left(row, state):
-    """[m] from where the vehicle seems to be to the row's target."""
+    """Distance [m] from the estimated position to the row's target."""
     return math.hypot(
         row[g.TARGET_NORTH] - state[g.SEEN_NORTH], row[g.TARGET_EAST] - state[g.SEEN_EAST]
     )
@@ -185,9 +185,9 @@ def distance_left(row, state):
 
 @borrowing
 def course(row, state):
-    """Heading [rad] that makes good the way to the row's target in the estimated current.
+    """Heading [rad] whose track leads to the row's target in the estimated current.
 
-    The part of the current across the way is stemmed; one that is too strong, as far as MOST_CRAB.
+    The heading cancels the cross-track current; MOST_CRAB limits the correction.
     """
     bearing = math.atan2(
         row[g.TARGET_EAST] - state[g.SEEN_EAST], row[g.TARGET_NORTH] - state[g.SEEN_NORTH]

@@ -1,4 +1,4 @@
-"""Shipped missions by name, and shipped vehicles in a table."""
+"""Shipped missions by name, and a table of the shipped vehicles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from twin.vehicle.presets import assets_folder, vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 DEFAULT, PROPELLED = "default", "survey"
-"""What a vehicle flies when nothing is said: a glider, and one with a propeller"""
+"""Default missions: of a glider, and of a vehicle with a propeller."""
 
 
 def mission_names() -> tuple[str, ...]:
@@ -31,14 +31,14 @@ def _folder() -> Path:
 def load_mission(
     mission: str | Path = "default", vehicle: Vehicle | None = None, *, above_floor: bool = False
 ) -> Mission:
-    """A shipped mission by name, or any mission by the path of its TOML or Slocum file (.mi).
+    """Load a shipped mission by name, or a mission by the path of its TOML or Slocum file (.mi).
 
-    Warns of everything in a Slocum file that is not flown, one line each.
+    Warns of each item in a Slocum file that is not flown, a line each.
 
     Args:
       mission: name or path.
-      vehicle: that flies a Slocum file, as `twin.mission.slocum_mission.read_slocum` takes it.
-      above_floor: likewise.
+      vehicle: vehicle that flies a Slocum file, as for `slocum_mission.read_slocum`.
+      above_floor: use the altitudes in a Slocum file, as for `read_slocum`.
 
     Raises:
       MissionError: unknown name (the nearest is offered), unreadable or impossible mission.
@@ -62,7 +62,7 @@ def load_mission(
 
 
 def usual_mission(vehicle: Vehicle) -> str:
-    """Name of the shipped mission that suits a vehicle: its file's, or by its parts."""
+    """Name of the shipped mission for a vehicle: that of its file, else by its parts."""
     by_parts = PROPELLED if vehicle.steered("speed") is not None else DEFAULT
     return vehicle.usual_mission or by_parts
 
@@ -70,14 +70,14 @@ def usual_mission(vehicle: Vehicle) -> str:
 def load_mission_for(
     vehicle: Vehicle, mission: str | Path | None = None, *, above_floor: bool = False
 ) -> Mission:
-    """As `load_mission`, checked for a vehicle; None: the shipped one that suits it.
+    """Load a mission as `load_mission` does, and check it for a vehicle; None: its usual mission.
 
-    Where nobody asked for the mission and the vehicle cannot hold its pitch, it is flown at the
-    vehicle's own usual glide, and a warning says so.
+    If the usual mission's pitch is impossible for the vehicle, it is flown at the vehicle's own
+    usual glide, with a warning.
 
     Raises:
-      MissionError: as `load_mission`, or the vehicle cannot fly it; where the default mission is
-        for another kind of vehicle, the message names the one that suits this one.
+      MissionError: as for `load_mission`; or the vehicle cannot fly it. If a shipped mission is for
+        another kind of vehicle, the message names the usual one of this vehicle.
     """
     usual = usual_mission(vehicle)
     asked = mission is not None
@@ -102,8 +102,8 @@ def load_mission_for(
 
 
 def _at_usual_glide(mission: Mission, vehicle: Vehicle) -> Mission | None:
-    """The mission with its saw-teeth at the vehicle's usual glide, and its ascent too where it
-    must be; None where that does not fly either."""
+    """Copy of the mission with its saw-teeth, and its ascent if needed, at the vehicle's usual
+    glide; None if the vehicle cannot fly that either."""
     if vehicle.steered("speed") is not None:
         return None
     pitch = math.degrees(vehicle.usual_glide[0])
@@ -124,40 +124,40 @@ def _at_usual_glide(mission: Mission, vehicle: Vehicle) -> Mission | None:
 
 
 MISSING = "-"
-"""In a cell without a value"""
+"""Text of a cell without a value."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleLine:
-    """One shipped vehicle; None where it lacks the part, or does not glide."""
+    """Figures of one shipped vehicle; None if it lacks the part or does not glide."""
 
     name: str
     summary: str
     mass_kg: float
     propeller_high_rad_s: float | None
-    """largest rate of its propeller"""
+    """Largest rate of the propeller [rad/s]."""
     pump_low_cm3: float | None
-    """end of the pump's travel at which it is heaviest"""
+    """Pump position at which the vehicle is heaviest [cm3]."""
     pump_high_cm3: float | None
     pump_rate_cm3_s: float | None
     turns_by: str
-    """name of the part that turns it"""
+    """Name of the part that turns it."""
     pitch_deg: float | None
-    """magnitude in its usual glide"""
+    """Magnitude of pitch in the usual glide [deg]."""
     net_mass_kg: float | None
-    """magnitude in its usual glide"""
+    """Magnitude of net mass in the usual glide [kg]."""
     speed_m_s: float
-    """through the water, in still water of the reference density: in its usual glide down, or of a
-    propelled vehicle its cruise"""
+    """Speed through still water of the reference density [m/s]: in the usual dive, or the cruising
+    speed of a propelled vehicle."""
     climb_speed_m_s: float | None
-    """likewise up"""
+    """Speed through the water in the usual climb [m/s]."""
     vertical_speed_m_s: float | None
-    """down, in its usual glide"""
+    """Vertical speed in the usual dive [m/s], positive down."""
     source: str
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> VehicleLine:
-        """The line of a vehicle; MissionError when it cannot glide as its file says it does."""
+        """Figures of a vehicle; raises MissionError if its usual glide is impossible."""
         pump, propeller = vehicle.steered("buoyancy"), vehicle.steered("speed")
         pitch, net_mass = vehicle.usual_glide
         dive = climb = None
@@ -181,7 +181,7 @@ class VehicleLine:
         )
 
     def cells(self) -> dict[str, str]:
-        """What a person reads of it, by the heading of its column."""
+        """Cells of the table as text, by column heading."""
         pump = MISSING
         if self.pump_low_cm3 is not None:
             pump = f"{self.pump_low_cm3:.0f} to {self.pump_high_cm3:.0f}"
@@ -204,5 +204,5 @@ def _cell(value: float | None, form: str) -> str:
 
 
 def shipped_vehicles() -> list[VehicleLine]:
-    """Every shipped vehicle, by name."""
+    """Figures of every shipped vehicle, in the order of names."""
     return [VehicleLine.of(load_vehicle(name)) for name in vehicle_names()]

@@ -1,12 +1,12 @@
-"""Behavior: the text of a Slocum mission file as behaviors with their arguments.
+"""Slocum behavior: text of a Slocum mission file parsed into behaviors with their arguments.
 
-A mission file (.mi) is a stack of `behavior: NAME` blocks with lines `b_arg: NAME(UNIT) VALUE` and
-lines `sensor: NAME(UNIT) VALUE`. An argument file (.ma) says `behavior_name=NAME`, its arguments
-between `<start:b_arg>` and `<end:b_arg>`, and of a goto_list its places between
+A mission file (.mi) is a stack of `behavior: NAME` blocks with lines `b_arg: NAME(UNIT) VALUE`, and
+lines `sensor: NAME(UNIT) VALUE`. An argument file (.ma) has a line `behavior_name=NAME` and its
+arguments between `<start:b_arg>` and `<end:b_arg>`. That of a goto_list has waypoints between
 `<start:waypoints>` and `<end:waypoints>`, longitude before latitude in DDMM.mmm. `#` begins a
 comment (Teledyne Webb Research, Slocum G2 Glider Operators Training Guide, Rev. 06/12).
 
-Surfacing: what the surface behaviors of a Slocum mission ask for, together.
+`surfacings` combines the surface behaviors of a mission.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from twin.bounded import MOST_SETTINGS, read_text
 from twin.errors import MissionError
 
 _WORDS = r"\s*(?P<words>.*)$"
-"""Words behind what a line says: pilots write them, not always behind a `#`"""
+"""Pattern of the words after a line's value: pilots write comments, not always after a `#`."""
 _VALUE = r"\s*:\s*(\w+)\s*(?:\(([^)]*)\))?\s*(\S+)?" + _WORDS
 _ARGUMENT = re.compile("b_arg" + _VALUE, re.IGNORECASE)
 _SENSOR = re.compile("sensor" + _VALUE, re.IGNORECASE)
@@ -33,36 +33,36 @@ _PLACE = re.compile(
     rf"{_COORDINATE}(?:\s*[,;]\s*|\s+){_COORDINATE}(?![\w.]){_WORDS}", re.IGNORECASE
 )
 _NUMBER = re.compile(r"[\s,;]*[-+]?\.?\d")
-"""How words do not begin: a third number may be the end of a second one, as in 2022,0 -2510,0"""
+"""Words must not start like a number, which may be the end of the second one: 2022,0 -2510,0."""
 MINUTES = 60.0
-"""of a degree"""
+"""Minutes in a degree."""
 
 
 @dataclasses.dataclass(kw_only=True)
 class Behavior:
-    """One behavior: its arguments, and of a goto_list its places."""
+    """One behavior with its arguments, and with waypoints if it is a goto_list."""
 
     name: str
-    """In lower case."""
+    """Name in lower case."""
     file: str
-    """Name of the file that says it, or its arguments."""
+    """Name of the file with the behavior or with its arguments."""
     arguments: dict[str, float] = dataclasses.field(default_factory=dict)
-    """By name, without the unit."""
+    """Values by argument name, without the unit."""
     lines: dict[str, str] = dataclasses.field(default_factory=dict)
     """File and line of each argument."""
     places: list[tuple[float, float]] = dataclasses.field(default_factory=list)
-    """(latitude, longitude) [degree]"""
+    """Waypoints: (latitude, longitude) [degree]."""
 
     @property
     def label(self) -> str:
-        """How lines call it."""
+        """File and name of the behavior, for messages."""
         return f"{self.file}: {self.name}"
 
     def pitch_deg(self, name: str) -> float:
-        """Magnitude [degree] of the pitch that an argument gives in radian.
+        """Magnitude [degree] of a pitch argument, which is in radian.
 
         Raises:
-          MissionError: it cannot be radian.
+          MissionError: the value is too large for radian.
         """
         value = self.arguments[name]
         if abs(value) >= 0.5 * math.pi:
@@ -75,7 +75,7 @@ class Behavior:
 
 @dataclasses.dataclass(kw_only=True)
 class Parsed:
-    """The behaviors and sensor settings of one file, and lines that mean nothing to the reader."""
+    """Behaviors and sensor settings of one file, and notes on lines that were not understood."""
 
     behaviors: list[Behavior] = dataclasses.field(default_factory=list)
     sensors: dict[str, float] = dataclasses.field(default_factory=dict)
@@ -83,10 +83,10 @@ class Parsed:
 
 
 def parse(path: Path) -> Parsed:
-    """The behaviors of a .mi or .ma file.
+    """Parse a .mi or .ma file into its behaviors.
 
     Raises:
-      MissionError: it cannot be read, a value is no number, or a place no DDMM.mmm.
+      MissionError: the file is unreadable, a value is not a number, or a place not DDMM.mmm.
     """
     found, bracket = Parsed(), ""
     for number, line in _lines(path):
@@ -149,10 +149,10 @@ def _place(where: str, line: str, match: re.Match[str] | None) -> tuple[float, f
 
 
 def degrees(where: str, text: str | float) -> float:
-    """Degrees of a coordinate as DDMM.mmm, such as -7032.064: 70 degree 32.064 minutes west.
+    """Convert a coordinate from DDMM.mmm, such as -7032.064: 70 degree 32.064 minutes west.
 
     Raises:
-      MissionError: it is no number, or its minutes are 60 or more.
+      MissionError: the text is not a number, or its minutes are 60 or more.
     """
     value = _number(where, "coordinate", str(text))
     whole, minutes = divmod(abs(value), 100.0)
@@ -164,49 +164,49 @@ def degrees(where: str, text: str | float) -> float:
     return math.copysign(whole + minutes / MINUTES, value)
 
 
-# when a behavior starts (Operators Training Guide, beh_args.h)
+# values of start_when (Operators Training Guide, beh_args.h)
 IMMEDIATELY, STACK_IDLE, PITCH_IDLE, HEADING_IDLE, UPDOWN_IDLE, NEVER = 0, 1, 2, 3, 4, 5
 HIT_WAYPOINT, EVERY_SECS, EVERY_SECS_UPDOWN_IDLE, NO_COMMS = 8, 9, 10, 12
 QUITS = 0
-"""end_action that ends the mission"""
+"""Value of end_action that ends the mission."""
 DEFAULT_STAY = 300.0
-"""[s] where a surfacing does not say how long it waits for control-C"""
+"""[s] Surface interval if a surfacing does not give its wait for control-C."""
 _USED = {"start_when", "when_secs", "keystroke_wait_time", "end_action", "c_use_pitch",
          "c_pitch_value"}  # fmt: skip
 NO_EFFECT = {"gps_wait_time", "gps_postfix_wait_time", "printout_cycle_time", "report_all",
              "strobe_on", "force_iridium_use", "when_wpt_dist", "min_time_between_gps_fixes",
              "sensor_input_wait_time"}  # fmt: skip
-"""Arguments that move nothing: a fix, a call and a printout take the stay"""
+"""Arguments without effect on the motion: fix, call and printout happen during the stay."""
 
 
 @dataclasses.dataclass(kw_only=True)
 class Surfacings:
-    """When it comes up, and for how long."""
+    """Conditions that make the vehicle surface, and the time that it stays there."""
 
     after_s: float | None = None
-    """[s] under water"""
+    """[s] Time under water until it surfaces; None: never by time."""
     when_yo_ends: bool = False
     at_target: bool = False
     first: bool = False
-    """Before the first dive."""
+    """True: it stays at the surface before the first dive."""
     stay_s: float = DEFAULT_STAY
     pitch_deg: float | None = None
-    """Magnitude in the climb to the surface."""
+    """[degree] Magnitude of pitch in the climb to the surface; None: not given."""
 
 
 def surfacings(behaviors: list[Behavior], notes: list[str]) -> Surfacings:
-    """The surface behaviors as one; what is left out of each is added to `notes`."""
+    """Combine the surface behaviors into one; add what is left out to `notes`."""
     found = Surfacings()
     stays: list[float] = []
     for behavior in behaviors:
         arguments = behavior.arguments
         when = arguments.get("start_when")
-        if _take(found, behavior, notes):
+        if _add_surfacing(found, behavior, notes):
             stays.append(arguments.get("keystroke_wait_time", DEFAULT_STAY))
         quits = arguments.get("end_action") == QUITS
         if quits and when not in (STACK_IDLE, HEADING_IDLE, NO_COMMS):
             notes.append(f"{behavior.label}: end_action 0 ends the mission there; here it goes on")
-        _take_pitch(found, behavior, notes)
+        _add_pitch(found, behavior, notes)
         for name in sorted(set(arguments) - _USED - NO_EFFECT):
             notes.append(f"{behavior.label}: {name} = {arguments[name]:g} is left out")
     if stays:
@@ -220,8 +220,8 @@ def surfacings(behaviors: list[Behavior], notes: list[str]) -> Surfacings:
     return found
 
 
-def _take(found: Surfacings, behavior: Behavior, notes: list[str]) -> bool:
-    """Add one behavior; whether it brings the glider up during the mission."""
+def _add_surfacing(found: Surfacings, behavior: Behavior, notes: list[str]) -> bool:
+    """Add one behavior; return True if it surfaces the glider during the mission."""
     arguments = behavior.arguments
     when = arguments.get("start_when", math.nan)
     if when in (EVERY_SECS, EVERY_SECS_UPDOWN_IDLE, NO_COMMS):
@@ -239,7 +239,7 @@ def _take(found: Surfacings, behavior: Behavior, notes: list[str]) -> bool:
     elif when == IMMEDIATELY:
         found.first = True
     elif when in (STACK_IDLE, HEADING_IDLE, NEVER):
-        return False  # the end of the mission is at the surface anyway
+        return False  # a mission ends at the surface anyway
     else:
         said = "is missing" if math.isnan(when) else f"{when:g} is not flown"
         notes.append(f"{behavior.label}: start_when {said}: this surfacing is left out")
@@ -247,7 +247,7 @@ def _take(found: Surfacings, behavior: Behavior, notes: list[str]) -> bool:
     return True
 
 
-def _take_pitch(found: Surfacings, behavior: Behavior, notes: list[str]) -> None:
+def _add_pitch(found: Surfacings, behavior: Behavior, notes: list[str]) -> None:
     use, value = (behavior.arguments.get(f"c_{name}") for name in ("use_pitch", "pitch_value"))
     if value is None:
         return

@@ -1,6 +1,6 @@
-"""Reading: a Slocum mission file as a mission of waypoints, and lines on what it leaves out.
+"""Slocum mission: a Slocum mission file read as waypoints, with notes on what is left out.
 
-Argument files: a mission's behaviors with the arguments that .ma files give them.
+Arguments of a behavior may be in argument files (.ma), which replace the mission file's own.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from twin.mission.slocum_behavior import Behavior, Parsed, Surfacings, degrees, 
 from twin.vehicle.vehicle import Vehicle
 
 STEM = 6
-"""Letters of a behavior's name in the name of its files, which have eight before the point"""
+"""Length to which a behavior's name is cut in its file names, which have eight letters."""
 FOLDERS = (".", "mafiles", "../mafiles", "../Mafiles", "../MAFILES")
-"""Where they are looked for, from the mission file's folder"""
+"""Folders in which argument files are searched, relative to the mission file's folder."""
 
 
 def with_arguments(path: Path) -> Parsed:
-    """The behaviors of a mission file; what a .ma file says stands in place of the mission's own.
+    """Read the behaviors of a mission file; arguments of a .ma file override the mission's own.
 
     Raises:
-      MissionError: as `parse`, or a named file is not there or is for another behavior.
+      MissionError: as `parse`; or a named file is missing or belongs to another behavior.
     """
     mission = parse(path)
     for behavior in mission.behaviors:
@@ -37,22 +37,22 @@ def with_arguments(path: Path) -> Parsed:
             continue
         name = f"{behavior.name[:STEM]}{int(number):02d}.ma"
         if behavior.name.startswith("sensors_"):
-            continue  # switches that move nothing
+            continue  # switches without effect on the motion
         found = _find(path.parent, name)
         if found is None:
             if behavior.name == "sample":
-                continue  # it moves nothing, as the reading says
+                continue  # no effect on the motion; `_limit_of_depth` adds the note
             raise MissionError(
                 f"{behavior.label}: its arguments are in {name}, which is neither in {path.parent} "
                 "nor in a folder mafiles there or beside it"
             )
         file = parse(found)
-        _merge(behavior, file, found.name)
+        _merge_arguments(behavior, file, found.name)
         mission.notes += file.notes
     return mission
 
 
-def _merge(behavior: Behavior, file: Parsed, name: str) -> None:
+def _merge_arguments(behavior: Behavior, file: Parsed, name: str) -> None:
     own = file.behaviors[0]
     if own.name != behavior.name:
         raise MissionError(
@@ -66,7 +66,7 @@ def _merge(behavior: Behavior, file: Parsed, name: str) -> None:
 
 
 def _find(folder: Path, name: str) -> Path | None:
-    """The file whatever the case of its name, as DOS has it."""
+    """Find a file by its name regardless of case, as DOS does."""
     for place in FOLDERS:
         try:
             candidates = sorted((folder / place).iterdir())
@@ -79,30 +79,30 @@ def _find(folder: Path, name: str) -> Path | None:
 
 
 MOVES_NOTHING = ("sample", "prepare_to_dive", "sensors_in", "sensors_out", "nop_cmds")
-"""Behaviors without an effect on the motion"""
+"""Behaviors without an effect on the motion."""
 SERVO, BATTERY_POSITION = 3.0, 1.0
-"""use_pitch: a pitch to hold, or a place of the battery"""
+"""Values of use_pitch: the argument is a pitch to hold, or a position of the battery."""
 AUTOBALLAST, ABSOLUTE = 0.0, 2.0
-"""use_bpump: half of a volume either way, or a volume"""
+"""Values of use_bpump: dive and climb take half of the volume each, or all of it."""
 USUAL_PITCH_DEG = 26.0
-"""of a dive whose file gives no pitch"""
+"""[degree] Pitch of a dive or climb whose file gives no pitch."""
 KG_PER_CM3 = 1.025e-3
-"""of sea water"""
+"""[kg/cm3] Density of sea water."""
 WPT_DIST = 7.0
-"""list_stop_when: within list_when_wpt_dist"""
+"""Value of list_stop_when: the waypoint is reached within list_when_wpt_dist."""
 USUAL_RADIUS_M = 10.0
 FOREVER, ONCE = -1.0, -2.0
-"""num_legs_to_run"""
+"""Values of num_legs_to_run: without end, or once through the list."""
 MOST_LEGS = 1000
 LAST_ACHIEVED, CLOSEST = -1.0, -2.0
-"""initial_wpt"""
+"""Values of initial_wpt: the waypoint after the last achieved one, or the closest one."""
 LAT_LONG = 2.0
-"""wpt_units: longitude and latitude"""
+"""Value of wpt_units: longitude and latitude."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SlocumReading:
-    """A mission, and one line for everything that it leaves out or flies otherwise."""
+    """A mission, and a note for everything in its files that is left out or flown differently."""
 
     mission: Mission
     notes: tuple[str, ...]
@@ -111,15 +111,15 @@ class SlocumReading:
 def read_slocum(
     path: str | Path, vehicle: Vehicle | None = None, *, above_floor: bool = False
 ) -> SlocumReading:
-    """The mission of a Slocum mission file (.mi) with the .ma files that it names.
+    """Read the mission of a Slocum mission file (.mi) and of the .ma files that it names.
 
     Args:
-      path: of the .mi; .ma files lie beside it, or in a folder mafiles there or beside that.
-      vehicle: whose pump clips the volumes, as a glider does; None: they are taken as they are.
-      above_floor: take the altitudes at which dives turn; a run then needs a sea floor.
+      path: path of the .mi; .ma files are beside it, or in a folder mafiles there or one level up.
+      vehicle: vehicle whose pump limits the volumes, as on a glider; None: volumes are not limited.
+      above_floor: use the altitudes at which dives turn; a run then needs a sea floor.
 
     Raises:
-      MissionError: a file cannot be read, a value is no number, or it has no goto_list or yo.
+      MissionError: a file is unreadable, a value is not a number, or goto_list or yo is missing.
     """
     path = Path(path)
     if path.suffix.lower() == ".ma":
@@ -129,9 +129,9 @@ def read_slocum(
         )
     parsed = with_arguments(path)
     notes = parsed.notes
-    goto, yo = (_one(path.name, parsed.behaviors, name, notes) for name in ("goto_list", "yo"))
+    goto, yo = (_first(path.name, parsed.behaviors, name, notes) for name in ("goto_list", "yo"))
     surface = surfacings([b for b in parsed.behaviors if b.name == "surface"], notes)
-    settings = _yo(yo, notes, vehicle, above_floor)
+    settings = _yo_settings(yo, notes, vehicle, above_floor)
     half_cycles = yo.arguments.get("num_half_cycles_to_do", -1.0)
     if half_cycles > 0.0 and surface.when_yo_ends:
         settings["surface_after_yos"] = max(1.0, math.ceil(half_cycles / 2.0))
@@ -139,23 +139,23 @@ def read_slocum(
             notes.append(f"{yo.label}: num_half_cycles_to_do {half_cycles:g} is flown as even")
     elif half_cycles > 0.0:
         notes.append(f"{yo.label}: no surface behavior starts when it ends: it is flown on")
-    settings |= _surfacing(surface, settings, notes)
-    settings["current"] = _current(parsed.sensors, notes)
-    segments: list[Segment] = [Waypoint(**_list(goto, notes), **settings)]
+    settings |= _surface_settings(surface, settings, notes)
+    settings["current"] = _current_setting(parsed.sensors, notes)
+    segments: list[Segment] = [Waypoint(**_targets(goto, notes), **settings)]
     if surface.first:
         segments.insert(0, Surface(duration_s=surface.stay_s))
     mission: dict[str, Any] = {"name": path.stem, "segments": tuple(segments)}
     if surface.pitch_deg is not None:
         mission["ascent_pitch_deg"] = surface.pitch_deg
-    mission |= _rest(parsed.behaviors, settings["max_depth_m"], notes)
+    mission |= _limit_of_depth(parsed.behaviors, settings["max_depth_m"], notes)
     try:
         return SlocumReading(mission=Mission(**mission), notes=tuple(notes))
     except MissionError as error:
         raise MissionError(f"{path.name}: {error}") from None
 
 
-def _one(file: str, behaviors: list[Behavior], name: str, notes: list[str]) -> Behavior:
-    """The behavior of that name, the first of several."""
+def _first(file: str, behaviors: list[Behavior], name: str, notes: list[str]) -> Behavior:
+    """Find the first behavior of that name, and note the others as left out."""
     found = [behavior for behavior in behaviors if behavior.name == name]
     if not found:
         names = ", ".join(sorted({behavior.name for behavior in behaviors}))
@@ -165,10 +165,10 @@ def _one(file: str, behaviors: list[Behavior], name: str, notes: list[str]) -> B
     return found[0]
 
 
-def _yo(
+def _yo_settings(
     yo: Behavior, notes: list[str], vehicle: Vehicle | None, above_floor: bool
 ) -> dict[str, Any]:
-    """Depths, pitches and buoyancy."""
+    """Settings of depths, pitches and buoyancy from a yo behavior."""
     arguments = dict(yo.arguments)
     for name in ("start_when", "end_action", "num_half_cycles_to_do"):
         arguments.pop(name, None)
@@ -220,8 +220,8 @@ def _buoyancy(
     notes: list[str],
     vehicle: Vehicle | None,
 ) -> dict[str, float]:
-    """Net mass of one way, by its pump's volume; nothing where the vehicle's usual one is flown."""
-    mode = arguments.pop(f"{way}_bpump_mode", ABSOLUTE)  # its name in some versions
+    """Net mass of a dive or climb from its pump volume; empty for the vehicle's usual one."""
+    mode = arguments.pop(f"{way}_bpump_mode", ABSOLUTE)  # name of use_bpump in some versions
     use = arguments.pop(f"{way}_use_bpump", mode)
     value = arguments.pop(f"{way}_bpump_value", None)
     if value is None:
@@ -245,7 +245,7 @@ def _buoyancy(
     return {f"{prefix}net_mass_kg": kilograms} if kilograms > 0.0 else {}
 
 
-def _surfacing(
+def _surface_settings(
     surface: Surfacings, settings: Mapping[str, Any], notes: list[str]
 ) -> dict[str, Any]:
     climb = settings["climb_pitch_deg"]
@@ -261,15 +261,15 @@ def _surfacing(
     }
 
 
-def _current(sensors: Mapping[str, float], notes: list[str]) -> str:
+def _current_setting(sensors: Mapping[str, float], notes: list[str]) -> str:
     used = sensors.get("u_use_current_correction", 1.0)
     for name in sorted(set(sensors) - {"u_use_current_correction"}):
         notes.append(f"sensor {name} = {sensors[name]:g} is left out")
     return "estimated" if used > 0.0 else "none"
 
 
-def _list(goto: Behavior, notes: list[str]) -> dict[str, Any]:
-    """Targets in order, and their radius."""
+def _targets(goto: Behavior, notes: list[str]) -> dict[str, Any]:
+    """Targets of a goto_list in order, and their arrival radius."""
     arguments = dict(goto.arguments)
     arguments.pop("start_when", None)
     places = list(goto.places)
@@ -318,8 +318,8 @@ def _list(goto: Behavior, notes: list[str]) -> dict[str, Any]:
     return {"targets": targets, "arrival_radius_m": radius}
 
 
-def _rest(behaviors: list[Behavior], deepest: float, notes: list[str]) -> dict[str, Any]:
-    """What abend bounds; notes on behaviors that are not flown."""
+def _limit_of_depth(behaviors: list[Behavior], deepest: float, notes: list[str]) -> dict[str, Any]:
+    """Depth limit from abend behaviors; adds notes on the behaviors that are not flown."""
     fields: dict[str, Any] = {}
     for behavior in behaviors:
         if behavior.name == "abend":

@@ -1,9 +1,9 @@
-"""Slocum arguments: a mission of waypoints as the .ma files that a Slocum takes at sea.
+"""Slocum writer: a mission of waypoints as the argument files (.ma) that a Slocum reads at sea.
 
-`goto_l10.ma` has the places, `yo10.ma` depths and pitches, `surfac10.ma` when it comes up; a
-mission file names them by their number. `twin.mission.slocum_mission` reads them back. What
-they do not say, such as pump volumes where the mission leaves them open or a surfacing at each
-place, stays as the vehicle and its mission file have it.
+`goto_l10.ma` holds the targets, `yo10.ma` depths and pitches, `surfac10.ma` the surfacings. The
+vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. Settings
+that the files leave out keep their values on the vehicle: a surfacing at each target, and pump
+volumes that the mission does not give.
 """
 
 from __future__ import annotations
@@ -18,44 +18,44 @@ from twin.mission.slocum_behavior import EVERY_SECS, IMMEDIATELY, PITCH_IDLE
 from twin.mission.slocum_mission import ABSOLUTE, KG_PER_CM3, ONCE, SERVO, WPT_DIST
 
 NUMBER = 10
-"""Of the files, as the mission files that come with the vehicle name them"""
+"""Number of the files that the vehicle's own mission files refer to."""
 MOST_NUMBER = 99
 RESUMES, WAITS = 2, 1
-"""end_action: go on; wait for control-C, then go on"""
+"""Values of end_action: go on; wait for control-C, then go on."""
 ENDLESS, OFF = -1, -1
-"""Yos without end; an altitude that turns no climb"""
+"""Values for yos without end, and for an altitude that turns no climb."""
 ALTITUDE = 20.0
-"""[m] above the sea floor at which dives turn where the mission does not say: with none a glider
-would dive into the bottom of a chart that is wrong"""
+"""[m] Default height above the sea floor at which dives turn; without it, a glider would dive into
+the floor where the chart is wrong."""
 DECIMALS = 4
-"""of a minute: 0.2 m"""
+"""Number of decimals of a minute; the last one is 0.2 m."""
 
 
 def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str]:
-    """The texts of the argument files, by their names.
+    """Texts of the argument files, by file name.
 
     Args:
-      mission: one segment of waypoints, at places on the Earth.
-      number: of the files, 0 to 99.
+      mission: one segment of waypoints with geographic targets.
+      number: number of the files, 0 to 99.
 
     Raises:
-      MissionError: another kind of mission, or places that are given from the start.
+      MissionError: another kind of mission, or targets in metres from the start.
     """
     if not 0 <= number <= MOST_NUMBER:
         raise MissionError(f"argument files have numbers from 0 to {MOST_NUMBER}, not {number}")
     segment = waypoints_of(mission, "argument files of a Slocum")
     return {
-        f"goto_l{number:02d}.ma": _goto(segment),
-        f"yo{number:02d}.ma": _yo(segment),
-        f"surfac{number:02d}.ma": _surface(segment),
+        f"goto_l{number:02d}.ma": _goto_text(segment),
+        f"yo{number:02d}.ma": _yo_text(segment),
+        f"surfac{number:02d}.ma": _surface_text(segment),
     }
 
 
 def waypoints_of(mission: Mission, what: str) -> Waypoint:
-    """The one segment of a mission.
+    """Return the only segment of a mission, which must be waypoints with geographic targets.
 
     Raises:
-      MissionError: it is of another kind, or its places are given from the start.
+      MissionError: the segment is of another kind, or its targets are in metres from the start.
     """
     segment = mission.segments[0]
     if len(mission.segments) != 1 or not isinstance(segment, Waypoint):
@@ -67,7 +67,7 @@ def waypoints_of(mission: Mission, what: str) -> Waypoint:
 
 
 def degrees_minutes(degrees: float, *, decimals: int = DECIMALS) -> str:
-    """A coordinate as DDMM.mmmm, such as -7032.0640: 70 degree 32.064 minutes west."""
+    """Format a coordinate as DDMM.mmmm, such as -7032.0640: 70 degree 32.064 minutes west."""
     scale = 10**decimals
     count = round(abs(degrees) * 60 * scale)
     whole, part = divmod(count, 60 * scale)
@@ -75,12 +75,12 @@ def degrees_minutes(degrees: float, *, decimals: int = DECIMALS) -> str:
     return f"{sign}{whole * 100 + part / scale:.{decimals}f}"
 
 
-def _goto(segment: Waypoint) -> str:
+def _goto_text(segment: Waypoint) -> str:
     places = [
         f"{degrees_minutes(target['longitude'])} {degrees_minutes(target['latitude'])}"
         for target in segment.targets
     ]
-    return _file(
+    return _file_text(
         "goto_list",
         {
             "num_legs_to_run(nodim)": ONCE,
@@ -94,7 +94,7 @@ def _goto(segment: Waypoint) -> str:
     )
 
 
-def _yo(segment: Waypoint) -> str:
+def _yo_text(segment: Waypoint) -> str:
     climb = segment.pitch_deg if segment.climb_pitch_deg is None else segment.climb_pitch_deg
     arguments: dict[str, float] = {
         "start_when(enum)": PITCH_IDLE,
@@ -114,17 +114,17 @@ def _yo(segment: Waypoint) -> str:
         if kilograms is not None:
             arguments[f"{way}_use_bpump(enum)"] = ABSOLUTE
             arguments[f"{way}_bpump_value(X)"] = sign * kilograms / KG_PER_CM3
-    return _file("yo", arguments)
+    return _file_text("yo", arguments)
 
 
-def _surface(segment: Waypoint) -> str:
+def _surface_text(segment: Waypoint) -> str:
     if segment.surface_after_s is None or segment.surface_after_yos is not None:
         raise MissionError(
             "argument files of a Slocum have the time between surfacings: give surface_after_s, "
             "and leave surface_after_yos out"
         )
     climb = segment.pitch_deg if segment.climb_pitch_deg is None else segment.climb_pitch_deg
-    return _file(
+    return _file_text(
         "surface",
         {
             "start_when(enum)": EVERY_SECS,
@@ -137,14 +137,14 @@ def _surface(segment: Waypoint) -> str:
     )
 
 
-def _file(behavior: str, arguments: Mapping[str, float], places: Sequence[str] = ()) -> str:
+def _file_text(behavior: str, arguments: Mapping[str, float], places: Sequence[str] = ()) -> str:
     lines = [f"behavior_name={behavior}", "<start:b_arg>"]
-    lines += [f"    b_arg: {name} {_number(value)}" for name, value in arguments.items()]
+    lines += [f"    b_arg: {name} {_number_text(value)}" for name, value in arguments.items()]
     lines.append("<end:b_arg>")
     if places:
         lines += ["<start:waypoints>", "# longitude latitude", *places, "<end:waypoints>"]
     return "\n".join(lines) + "\n"
 
 
-def _number(value: float) -> str:
+def _number_text(value: float) -> str:
     return f"{value:.4f}".rstrip("0").rstrip(".")

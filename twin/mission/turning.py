@@ -1,8 +1,8 @@
-"""Turning: how fast a vehicle turns steadily at a position of the part that turns it.
+"""Turning: steady turn rate of a vehicle at a position of the part that turns it.
 
-Wings that sweep or stand up roll the hull in sideslip one way in a dive and the other in a climb;
-a rudder does not care. So neither the sign nor the gain of a heading loop is the same in both
-phases: they follow from the steady turns of the vehicle, linearised about its straight way.
+Swept or upright wings roll a hull in sideslip to opposite sides in a dive and in a climb; a rudder
+acts alike in both. So sign and gain of a heading loop can differ between the phases. They are
+found from the vehicle's steady turns, linearised about straight motion.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from twin.vehicle.parts import Fin
 from twin.vehicle.vehicle import Vehicle
 
 LATERAL = (1, 3, 5)
-"""Rows of side force, roll and yaw moment"""
+"""Rows of side force, roll moment and yaw moment in a wrench."""
 STEP = 1e-5
-"""[m/s, rad, rad/s] of the differences; the law is smooth there"""
+"""[m/s, rad, rad/s] Step of the finite differences; the law is smooth at this scale."""
 PART_STEP = 1e-4
-"""Part of the turning part's travel, likewise"""
+"""[1] Step of the differences by the turning part's position, as a fraction of its travel."""
 SLOWER_TURNS = 5
-"""on the way to a steady turn, each begun from the one before"""
+"""Number of stages to a steady turn, each started from the slower turn before."""
 LARGEST_FACTOR = 4.0
-"""A loop is never made stronger than this, nor weaker than its inverse"""
+"""[1] Limit of a loop's factor; its inverse is the lower limit."""
 
 
 def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
     """Turn rate [rad/s] about the vertical, to starboard, per unit of the turning part.
 
-    Side force, roll moment and yaw moment vanish for the three unknowns sway, roll and turn rate:
-    `twin.mission.glide_balance`, linearised about the straight way. 0 for
-    vehicles that nothing turns.
+    Side force, roll moment and yaw moment vanish for the three unknowns sway, roll and turn rate
+    (`twin.mission.glide_balance`, linearised about straight motion). 0 for a vehicle without a
+    turning part.
 
     Raises:
-      MissionError: no steady turn is near: the three equations do not determine one.
+      MissionError: the three equations do not determine a steady turn.
     """
     index = vehicle.steered_index("heading")
     if index is None:
@@ -50,12 +50,12 @@ def turn_per_position(vehicle: Vehicle, steady: Way) -> float:
 
 @functools.lru_cache(maxsize=4096)
 def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...]) -> float:
-    """The turn, worked out once: segments of a mission are flown in few ways."""
+    """Turn rate per position, cached: the segments of a mission have few different motions."""
     pitch, speed, alpha, *command = numbers
     part = vehicle.parts[index]
 
     def left(x: Array, moved: float) -> Array:
-        """Side force [N], roll and yaw moment [N m] left over at sway, roll and turn rate."""
+        """Residual side force [N], roll and yaw moment [N m] at sway, roll and turn rate."""
         velocity = np.array([speed * math.cos(alpha), x[0], speed * math.sin(alpha)])
         position = np.array(command)
         position[index] = part.rest + moved
@@ -75,15 +75,15 @@ def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...])
 
 
 def turn_factor(vehicle: Vehicle, steady: Way) -> float:
-    """What the heading loop of a vehicle file is multiplied by in a way.
+    """Factor on the vehicle file's heading loop in a steady motion.
 
-    It has the sign of the turn there, and the inverse of its size over that on the usual way,
-    within LARGEST_FACTOR. A hull whose fins do not keep it straight turns by itself, so its steady
-    turns say nothing of its rudder: there the sign is that of the rudder's moment, and the size
-    the inverse of the speed.
+    It has the sign of the turn in that motion. Its size is the ratio of the turn rate in the usual
+    motion to that here, within LARGEST_FACTOR. If the fins do not stabilise the hull, its steady
+    turns can oppose the rudder: then the sign is that of the rudder's moment, and the size the
+    usual speed over this one.
 
     Raises:
-      MissionError: as `turn_per_position`, or the part does not turn the vehicle.
+      MissionError: as for `turn_per_position`; or the part does not turn the vehicle.
     """
     if vehicle.steered("heading") is None:
         return 1.0
@@ -101,16 +101,16 @@ def turn_factor(vehicle: Vehicle, steady: Way) -> float:
 
 
 def circling(vehicle: Vehicle, steady: Way, turn_rate: float) -> Array:
-    """Positions of the parts, shape (parts,), in a level turn under the propeller.
+    """Positions of the parts, shape (parts,), in a level propelled turn.
 
-    Surge, side force, roll and yaw moment vanish for sway, roll, the propeller's rate and the
-    position of what turns it, at the speed of the straight way.
+    Surge force, side force, roll and yaw moment vanish. The unknowns are sway, roll, propeller rate
+    and position of the turning part; the speed is that of the straight motion.
 
     Args:
-      steady: the straight level way. turn_rate: [rad/s] about the vertical, positive to starboard.
+      steady: the straight level motion. turn_rate: [rad/s] about the vertical, to starboard.
 
     Raises:
-      MissionError: nothing turns it, there is no such turn, or a part has not the travel for it.
+      MissionError: no turning part, no such turn, or a part without enough travel.
     """
     turning, driving = vehicle.steered_index("heading"), vehicle.steered_index("speed")
     if turning is None or driving is None:
@@ -156,9 +156,9 @@ def circling(vehicle: Vehicle, steady: Way, turn_rate: float) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _usual_turn(vehicle: Vehicle) -> tuple[float, float]:
-    """`turn_per_position` and the speed [m/s] of the way that the gains of the file are for.
+    """`turn_per_position` and speed [m/s] of the motion for which the file's gains are given.
 
-    That is level at cruising speed, or the usual dive.
+    That is level motion at cruising speed, or the usual dive.
     """
     if vehicle.steered("speed") is not None:
         usual = level_way(vehicle, f"vehicle {vehicle.name!r}: its usual way", None)

@@ -1,7 +1,7 @@
-"""Steady way down or up: its pitch and speed, and the positions of the parts that hold it.
+"""Way: steady motion of a vehicle (dive, climb or level), with the part positions that hold it.
 
-A segment's values are checked here against the vehicle that is to fly it, and places that no
-mission goes to are refused with the place that was likely meant.
+Values of a segment are checked here against the vehicle that flies it. Targets too far away for a
+mission are refused, and the error suggests the place that was likely meant.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from twin.vehicle.parts import BatterySlide, Part
 from twin.vehicle.vehicle import Vehicle
 
 TIME_MARGIN = 1.5
-"""A mission may take this much longer than its steady ways: inflections, turns, down-currents."""
+"""[1] Factor on the time of steady motion, for inflections, turns and down-currents."""
 SLACK = 1e-9
-"""Relative rounding by which a value may exceed a part's travel."""
+"""[1] Rounding, relative to the travel, by which a value may exceed a part's travel."""
 
 
 class Way(NamedTuple):
-    """A steady dive or climb."""
+    """Steady dive, climb or level motion."""
 
     pitch: float
-    """[rad], positive nose up"""
+    """[rad] Pitch, positive nose up."""
     vertical_speed: float
-    """[m/s], positive down"""
+    """[m/s] Vertical speed, positive down."""
     speed: float
-    """[m/s] through the water"""
+    """[m/s] Speed through the water."""
     angle_of_attack: float
-    """[rad]"""
+    """[rad] Angle of attack."""
     command: Array
-    """Positions of the parts, shape (parts,), that hold it without any loop."""
+    """Positions of the parts, shape (parts,), that hold the motion without any loop."""
 
 
 def way(
@@ -53,17 +53,17 @@ def way(
     trim_share: float = 0.0,
     within_travel: bool = False,
 ) -> Way:
-    """The steady way at a pitch, driven by a propeller where the vehicle has one.
+    """Steady motion at a pitch; propelled if the vehicle has a propeller.
 
     Args:
-      label, field: of the mission's segment and its key, for errors.
-      pitch_deg: signed [deg]. net_mass: signed [kg], positive heavy; vehicles without a pump have
-        none. speed: [m/s] through the water, None: the cruising speed; of propelled vehicles.
-      trim_share: part of the pitch that a battery beside an elevator holds, 0 to 1.
-      within_travel: let what pitches the vehicle stop at its end, in place of an error.
+      label, field: segment of the mission and its key, for errors.
+      pitch_deg: signed [deg]. net_mass: signed [kg], positive heavy; unused without a pump.
+        speed: [m/s] through the water, None: cruising; only for propelled vehicles.
+      trim_share: fraction of the pitch that a battery next to an elevator holds, 0 to 1.
+      within_travel: clip the pitching part at the end of its travel instead of raising an error.
 
     Raises:
-      MissionError: the vehicle cannot fly it; names the segment and the field.
+      MissionError: the vehicle cannot fly it; the message names the segment and the field.
     """
     pitch = math.radians(pitch_deg)
     command = vehicle.rest
@@ -72,8 +72,8 @@ def way(
         command[pump] = vehicle.pump_for_net_mass(net_mass)
     if vehicle.steered("speed") is not None:
         speed = vehicle.cruise_speed if speed is None else speed
-        driven = _driven(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
-        return _straight(vehicle, label, driven)
+        driven = _propelled(vehicle, label, field, pitch, speed, command, within_travel, trim_share)
+        return _straighten(vehicle, label, driven)
     if pump is None:
         raise MissionError(
             f"{label}: vehicle {vehicle.name!r} has neither a pump nor a propeller: nothing "
@@ -94,17 +94,17 @@ def way(
             fail(label, field, abs(pitch_deg), rule)
         command[vehicle.part_names.index(pitching.name)] = min(max(glide.shift, low), high)
     found = Way(pitch, glide.vertical_speed, glide.speed, glide.angle_of_attack, command)
-    return _straight(vehicle, label, found)
+    return _straighten(vehicle, label, found)
 
 
 def level_way(vehicle: Vehicle, label: str, speed: float | None) -> Way:
-    """The steady level way of a vehicle with a propeller, at its neutral weight.
+    """Steady level motion of a vehicle with a propeller, with its other parts at rest.
 
     Args:
-      label: of the mission's segment, for errors. speed: [m/s] through the water, None: cruising.
+      label: segment of the mission, for errors. speed: [m/s] through the water, None: cruising.
 
     Raises:
-      MissionError: the vehicle has no propeller, or cannot fly so fast.
+      MissionError: the vehicle has no propeller, or cannot reach the speed.
     """
     if vehicle.steered("speed") is None:
         raise MissionError(
@@ -112,16 +112,15 @@ def level_way(vehicle: Vehicle, label: str, speed: float | None) -> Way:
             "goes ahead: give a saw-tooth"
         )
     speed = vehicle.cruise_speed if speed is None else speed
-    found = _driven(vehicle, label, "speed_m_s", None, speed, vehicle.rest, False)
-    return _straight(vehicle, label, found)
+    found = _propelled(vehicle, label, "speed_m_s", None, speed, vehicle.rest, False)
+    return _straighten(vehicle, label, found)
 
 
-def _straight(vehicle: Vehicle, label: str, steady: Way) -> Way:
-    """The same way with what turns the vehicle where it goes straight: at rest, but for a hull that
-    turns by itself.
+def _straighten(vehicle: Vehicle, label: str, steady: Way) -> Way:
+    """Set the turning part for straight motion: at rest, unless the hull turns by itself.
 
-    Side force, roll and yaw moment vanish for sway, roll and the part's position, without a turn.
-    Within the part's travel: what it cannot hold, the heading drifts by.
+    Sway, roll and the part's position are solved so that side force, roll moment and yaw moment
+    vanish without a turn. The position is clipped to its travel; then the heading drifts.
 
     Raises:
       MissionError: no position of the part keeps it straight.
@@ -149,7 +148,7 @@ def _straight(vehicle: Vehicle, label: str, steady: Way) -> Way:
     return steady._replace(command=command)
 
 
-def _driven(
+def _propelled(
     vehicle: Vehicle,
     label: str,
     field: str,
@@ -159,7 +158,7 @@ def _driven(
     within_travel: bool,
     trim_share: float = 0.0,
 ) -> Way:
-    """The steady way under the propeller; pitch [rad], None: level."""
+    """Steady motion under the propeller; pitch [rad], None: level."""
     pitching, trimming = vehicle.steered("pitch"), vehicle.steered("trim")
     more = ""
     if pitch is not None and trimming is not None:
@@ -202,9 +201,9 @@ def standing_shift(vehicle: Vehicle, slide: Part, pitch: float) -> float:
 
 
 def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:
-    """Raise MissionError for a field that speaks of a part which the vehicle has not.
+    """Raise MissionError for a segment's field about a part that the vehicle does not have.
 
-    A field that keeps its default says nothing.
+    A field at its default is ignored.
     """
     slides = isinstance(vehicle.steered("pitch"), BatterySlide)
     for field in dataclasses.fields(segment):
@@ -225,12 +224,12 @@ def reject_missing(vehicle: Vehicle, label: str, segment: Any) -> None:
 
 
 def heading(degrees: float | None) -> float:
-    """A heading in a table row [rad]; NaN: the one at entry."""
+    """Convert a heading to its number in a row [rad]; NaN for None: the heading at entry."""
     return math.nan if degrees is None else math.radians(degrees % 360.0)
 
 
 def turn_limit(vehicle: Vehicle, degrees: float) -> float:
-    """Symmetric limit [rad] of the heading loop inside the travel of the turning part."""
+    """Symmetric limit [rad] of the heading loop within the travel of the turning part."""
     part = vehicle.steered("heading")
     if part is None:
         return 0.0
@@ -248,7 +247,7 @@ def _check_travel(
 
 
 def checked_shift(vehicle: Vehicle, label: str, shift: float) -> float:
-    """`shift` [m] inside the travel of what pitches the vehicle."""
+    """Return `shift` [m] if it is within the travel of the pitching part."""
     part = vehicle.steered("pitch")
     assert part is not None
     _check_travel(label, "shift_m", shift, "m", float(part.low), float(part.high), vehicle)
@@ -256,7 +255,7 @@ def checked_shift(vehicle: Vehicle, label: str, shift: float) -> float:
 
 
 def checked_rotation(vehicle: Vehicle, label: str, field: str, degrees: float) -> float:
-    """[rad] of `degrees` inside the travel of what turns the vehicle."""
+    """Convert `degrees` to rad if they are within the travel of the turning part."""
     part = vehicle.steered("heading")
     assert part is not None
     low, high = math.degrees(part.low), math.degrees(part.high)
@@ -265,7 +264,7 @@ def checked_rotation(vehicle: Vehicle, label: str, field: str, degrees: float) -
 
 
 def checked_part(vehicle: Vehicle, label: str, name: str, value: float) -> int:
-    """Place of the part of that name, whose travel must hold `value` in its own unit."""
+    """Index of the part of that name, if its travel allows `value` in its own unit."""
     if name not in vehicle.part_names:
         known = vehicle.part_names
         raise MissionError(f"{label}: parts: {unknown_name('part', name, known)}")
@@ -275,7 +274,7 @@ def checked_part(vehicle: Vehicle, label: str, name: str, value: float) -> int:
 
 
 def check_net_mass(vehicle: Vehicle, label: str, field: str, net_mass: float) -> None:
-    """`net_mass` [kg] with its sign is within the pump's reach; messages speak of magnitudes."""
+    """Check that the pump can reach a signed `net_mass` [kg]; messages give magnitudes."""
     pump = vehicle.steered("buoyancy")
     assert pump is not None
     heaviest = vehicle.net_mass_for_pump(float(pump.low))
@@ -287,8 +286,8 @@ def check_net_mass(vehicle: Vehicle, label: str, field: str, net_mass: float) ->
 
 
 FARTHEST = 1000e3
-"""[m] of a target from the start: farther, the plane in which missions are flown bends too much
-(its error grows as the cube of the distance), and nearly always the place is a slip"""
+"""[m] Largest distance of a target from the start. Farther, the tangent plane is too wrong (its
+error grows as the cube of the distance), and the place is nearly always a mistake."""
 
 
 def check_reachable(label: str, place: tuple[float, float], start: tuple[float, float]) -> None:
@@ -296,7 +295,7 @@ def check_reachable(label: str, place: tuple[float, float], start: tuple[float, 
     metres = great_circle(*place, *start)
     if metres <= FARTHEST:
         return
-    near = [(great_circle(*one, *start), one, why) for one, why in _slips(*place)]
+    near = [(great_circle(*one, *start), one, why) for one, why in _likely_places(*place)]
     likely = min((one for one in near if one[0] <= FARTHEST), default=None)
     hint = "check its signs (south and west are negative), and --start or --from"
     if likely is not None:
@@ -309,7 +308,7 @@ def check_reachable(label: str, place: tuple[float, float], start: tuple[float, 
 
 
 def check_near(label: str, north: float, east: float) -> None:
-    """Raise MissionError for a target too far from the origin; both in metres."""
+    """Raise MissionError for a target too far from the origin, both in metres."""
     metres = math.hypot(north, east)
     if metres > FARTHEST:
         raise MissionError(
@@ -318,8 +317,8 @@ def check_near(label: str, north: float, east: float) -> None:
         )
 
 
-def _slips(latitude: float, longitude: float) -> Iterator[tuple[tuple[float, float], str]]:
-    """Places that could be meant, and by which slip they were missed."""
+def _likely_places(latitude: float, longitude: float) -> Iterator[tuple[tuple[float, float], str]]:
+    """Yield places that could be meant, each with the mistake that leads to the given one."""
     yield (latitude, -longitude), "the sign of the longitude; west is negative"
     yield (-latitude, longitude), "the sign of the latitude; south is negative"
     yield (-latitude, -longitude), "the signs"
@@ -336,6 +335,6 @@ def _slips(latitude: float, longitude: float) -> Iterator[tuple[tuple[float, flo
 
 
 def _minutes(degrees: float) -> float:
-    """Degrees as DDMM.mmm, which is also the number that was read as that and gave the degrees."""
+    """Convert degrees to DDMM.mmm; undoes the same conversion if it was forgotten."""
     part, whole = math.modf(abs(degrees))
     return math.copysign(100.0 * whole + 60.0 * part, degrees)

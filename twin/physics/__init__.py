@@ -1,4 +1,4 @@
-"""Physics: scenarios flown in MuJoCo, one or many."""
+"""Physics: scenarios flown in MuJoCo or the batched Fossen engine, one or many at once."""
 
 from typing import TYPE_CHECKING
 

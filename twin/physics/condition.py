@@ -1,10 +1,10 @@
-"""Condition: the vehicle as it is at each time of a run, in a compiled model, and its battery.
+"""Condition: the vehicle at each time of a run, written into a compiled model; electric signals.
 
-A vehicle's numbers are a table over time, which faults make. An engine flies each row from its time
-on: MuJoCo's model is given other numbers, a lane other rows of its block. The start of a run is
-written into MuJoCo's model and data here too.
+Faults turn a vehicle's parameters into a table over time, whose rows are conditions. An engine
+applies each row from its time on: to the numbers of MuJoCo's model, or to the rows of a block.
+The functions that write the start of a run into MuJoCo's model and data are here too.
 
-Electric signals: what the counter of charge, voltmeter and vacuum gauge of a vehicle read.
+Electric signals are the readings of a vehicle's charge counter, voltmeter and vacuum gauge.
 """
 
 from __future__ import annotations
@@ -42,39 +42,39 @@ if TYPE_CHECKING:
     from twin.water.density import DensityProfile
 
 BODY = ("vehicle", "volume", "zeros")
-"""Fields of a condition that say how the body flies"""
+"""Fields of a condition on which the body's motion depends."""
 INSTRUMENTS = ("iron", "depth_offset", "echoes_lost")
-"""Fields that say how guidance's instruments err"""
+"""Fields of a condition with the errors of the instruments that guidance reads."""
 REST_VOLTAGE, EMPTY_VOLTAGE = 15.0, 12.5
-"""[V] of a fresh and of an empty lithium pack, as gliders log it"""
+"""[V] Voltage of a fresh and of an empty lithium pack, from gliders' logs."""
 RESISTANCE = 0.35
-"""[ohm] of all packs together and their wires"""
+"""[ohm] Resistance of all packs and their wires together."""
 ENDURANCE_DAYS = 60.0
-"""[d] that the batteries last at the vehicle's own power; they are drawn about it"""
+"""[d] Time that the batteries last at the vehicle's mean power, before the sampled factor."""
 VOLTAGE_NOISE, CURRENT_NOISE = 0.02, 0.005
-"""[V], [A] of a sample"""
+"""[V], [A] Standard deviation of the noise of a sample."""
 HULL_AIR = 0.35
-"""Part of the hull that is air"""
+"""[1] Fraction of the hull's volume that is air."""
 VACUUM_NOISE = 40.0
-"""[Pa]"""
+"""[Pa] Standard deviation of the noise of the vacuum gauge."""
 AIR_LAG = 1800.0
-"""[s] in which the air takes the water's temperature"""
+"""[s] Time constant with which the air in the hull follows the water's temperature."""
 ZERO_C = 273.15
-"""[K]"""
+"""[K] Temperature of 0 degree Celsius."""
 SEA_LEVEL = 101_325.0
-"""[Pa]"""
+"""[Pa] Air pressure at sea level."""
 
 
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Move the velocities half a step back in time, where a time-centred run keeps them.
+    """Move the velocities back by half a step, to the time at which a time-centred run stores them.
 
-    Evaluates the forward dynamics once and then clears `userdata`: guidance and log begin again.
+    Evaluates the forward dynamics once, then clears `userdata`, so guidance and log begin again.
     """
     command = data.ctrl.copy()
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
-    # the battery is held by its screws: it moves with the hull
+    # the screws hold the battery, so it moves with the hull
     change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
     data.qvel[:6] -= 0.5 * change
     data.ctrl[:], data.userdata[:] = command, 0.0
@@ -84,7 +84,7 @@ def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def set_start(model: mujoco.MjModel, data: mujoco.MjData, start: Start, current: Array) -> None:
-    """Write a start into MuJoCo's data; `current` NED [m/s] is the water's velocity there."""
+    """Write a start into MuJoCo's data; `current` is the water's velocity there, NED [m/s]."""
     quaternion = euler_to_quaternion(start.roll, start.pitch, start.heading)
     velocity = quaternion_to_matrix(quaternion) @ np.array(start.v_rel) + current
     data.qpos[:3] = flip_vector([start.north, start.east, start.depth])
@@ -108,7 +108,7 @@ def apply_real_vehicle(
     """Put the ballasting and the encoders' zero errors of a vehicle into its model.
 
     Args:
-      density: of the water that it was weighed for. encoder_zeros: by part, in the parts' units.
+      density: of the water that the ballast is for. encoder_zeros: by part, in the parts' units.
     """
     head, rows = header(model), part_table(model)
     if ballast is not None:
@@ -124,20 +124,20 @@ def apply_real_vehicle(
 
 
 def differs(fault: Fault, sound: Condition, fields: Sequence[str]) -> bool:
-    """Whether a fault changes one of some fields of a sound vehicle's condition."""
+    """Tell whether a fault changes one of `fields` in the condition of a sound vehicle."""
     changed = fault.change(sound, fault.size)
     return any(getattr(changed, name) is not getattr(sound, name) for name in fields)
 
 
 def conditions_of(scenario: Scenario, duration: float) -> tuple[tuple[float, Condition], ...]:
-    """The vehicle of a scenario over its run: from when on [s] it is how; () without faults."""
+    """Conditions of a scenario's vehicle, each with its first time [s]; empty without faults."""
     if not scenario.faults:
         return ()
     return conditions(scenario.faults, healthy(scenario), duration)
 
 
 def healthy(scenario: Scenario) -> Condition:
-    """The vehicle of a scenario without its faults."""
+    """Condition of a scenario's vehicle without its faults."""
     vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
     volume = vehicle.neutral_volume
     if scenario.ballast is not None:
@@ -157,7 +157,7 @@ def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Cond
 
     Args:
       before: the vehicle that the model was compiled for.
-      zeros: its `qpos0` as it was compiled, shape (nq,).
+      zeros: `qpos0` of the model as compiled, shape (nq,).
     """
     vehicle, head = condition.vehicle, header(model)
     kept = {name: head[name].copy() for name in RUN_TABLES}
@@ -182,13 +182,13 @@ def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Cond
 
 
 def write_instruments(gains: Array, condition: Condition) -> None:
-    """Write the errors of the instruments that guidance reads among its gains, shape (GAINS,)."""
+    """Write the errors of guidance's instruments into its gains, shape (GAINS,)."""
     gains[IRON_SINE], gains[IRON_COSINE] = condition.iron
     gains[DEPTH_OFFSET], gains[ECHOES_LOST] = condition.depth_offset, condition.echoes_lost
 
 
 def _write_hull(model: mujoco.MjModel, vehicle: Vehicle) -> None:
-    """Mass, centre of gravity and inertia of the fixed block, of a model that is compiled."""
+    """Write mass, centre of gravity and inertia of the rigid hull into a compiled model."""
     hull = model.body("hull").id
     signs = np.outer(flip_vector(np.ones(3)), flip_vector(np.ones(3)))
     moments, axes = np.linalg.eigh(vehicle.static_inertia * signs)
@@ -203,13 +203,13 @@ def _write_hull(model: mujoco.MjModel, vehicle: Vehicle) -> None:
 def electric_signals(
     scenario: Scenario, flown: Trajectory, rng: np.random.Generator | None = None
 ) -> dict[str, Array]:
-    """Charge [A h], voltage [V], current [A], power of the pump [W] and vacuum [Pa], each (n,).
+    """Charge [A h], voltage [V], current [A], pump power [W] and vacuum [Pa] by signal name.
 
-    They have the names of signals.
+    Each has shape (n,).
 
     Args:
-      scenario: that was flown, with its faults.
-      rng: of the batteries and the noise; None: batteries as usual, no noise.
+      scenario: the flown scenario with its faults. flown: its trajectory.
+      rng: samples the batteries and the noise; None: mean batteries and no noise.
     """
     time = flown.time
     period = scenario.sample_period
@@ -246,11 +246,11 @@ def electric_signals(
     rest = REST_VOLTAGE + (EMPTY_VOLTAGE - REST_VOLTAGE) * np.minimum(spent, 1.0)
     voltage = rest - RESISTANCE / packs * current
     noise = np.zeros((3, len(time))) if rng is None else rng.standard_normal((3, len(time)))
-    # the air of the hull has the water's temperature, late
+    # the air of the hull follows the water's temperature with a lag
     warmth = flown.signals.get("true_temperature")
     air = np.full(len(time), ZERO_C + 10.0)
     if warmth is not None:
-        air = ZERO_C + _late(np.asarray(warmth, float), AIR_LAG / period)
+        air = ZERO_C + _lagged(np.asarray(warmth, float), AIR_LAG / period)
     room = HULL_AIR * scenario.vehicle.neutral_volume
     inside = (SEA_LEVEL - healthy(scenario).consumption.hull_vacuum) * (air / (ZERO_C + 10.0))
     inside = inside * room / (room - np.minimum(water, 0.9 * room))
@@ -263,8 +263,8 @@ def electric_signals(
     }
 
 
-def _late(values: Array, lag: float) -> Array:
-    """Values that follow with a lag of so many samples."""
+def _lagged(values: Array, lag: float) -> Array:
+    """Filter values with a first-order lag of `lag` samples."""
     from scipy.signal import lfilter
 
     share = 1.0 - math.exp(-1.0 / lag)

@@ -1,6 +1,6 @@
-"""Fleet: simulations that are stepped from outside, many in a batch of MuJoCo's or one by one.
+"""Fleet: simulations stepped from outside, many in one MuJoCo batch or one by one.
 
-Each has its own vehicle, water and plan. A stepped vehicle is flown by whoever commands it.
+Each simulation has its own vehicle, water and plan. A caller commands a stepped vehicle.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from twin.records.trajectory import Trajectory
 class Fleet:
     """Simulations side by side on MuJoCo's thread pool; bit-identical at any thread count.
 
-    `batch` is an ordinary `mujoco.batch.Batch`: bind fields, write `ctrl`, step. Its models carry
-    their own water, so it outlives the fleet. Step with `step` to keep the logs whole.
+    `batch` is an ordinary `mujoco.batch.Batch`: bind fields, write `ctrl`, step. Its models hold
+    their own water, so the batch outlives the fleet. Only `step` keeps the logs whole.
     """
 
     def __init__(self, scenarios: Sequence[Scenario], *, threads: int = 0):
-        """Make all ready to step; `threads` 0 takes every core.
+        """Make all simulations ready to step; `threads` 0 takes every core.
 
         Raises:
-          InputError: no scenario, vehicles of different kinds, or one that cannot be built.
+          InputError: no scenario, vehicles of different structure, or an impossible scenario.
         """
         if not scenarios:
             raise InputError("a fleet needs at least one scenario")
@@ -66,7 +66,7 @@ class Fleet:
         return max(s.steps for s in self.simulations)
 
     def step(self, steps: int = 1) -> None:
-        """Advance every simulation by `steps` physics steps; the logs stay whole."""
+        """Advance every simulation by `steps` physics steps and keep the logs whole."""
         at_most = min(s.steps_per_collection for s in self.simulations)
         userdata = self.batch.bind("userdata")
         while steps > 0:
@@ -77,12 +77,12 @@ class Fleet:
             steps -= count
 
     def trajectory(self, index: int) -> Trajectory:
-        """Samples of one simulation so far; raises SimulationUnstable with the partial ones."""
+        """Trajectory of one simulation so far; SimulationUnstable holds the partial one."""
         userdata = self.batch.bind("userdata")[index]
         return self.simulations[index].trajectory(index, userdata=userdata)
 
     def run(self) -> list[Trajectory | SimulationUnstable]:
-        """Step every simulation to the end of the longest and collect all."""
+        """Step every simulation to the end of the longest one; return all results."""
         with quiet_mujoco():
             self.step(self.steps)
         return [self._result(index) for index in range(len(self.simulations))]
@@ -95,7 +95,7 @@ class Fleet:
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:
-    """One batch steps models of one structure: the same parts, masses, water law and step."""
+    """Refuse models of unlike structure: parts, masses, law and hydrodynamics must agree."""
 
     def structure(scenario: Scenario) -> tuple[object, ...]:
         vehicle = scenario.vehicle
@@ -118,23 +118,23 @@ _OF_THE_WATER = frozenset(
     ("true_surge", "true_sway", "true_heave", "true_current_north", "true_current_east",
      "true_current_down", "true_net_mass", "true_density", "true_immersion")
 )  # fmt: skip
-"""Signals of a log row that only native code knows, when it writes a sample"""
+"""Signals of a log row that only native code knows, at the time of a sample."""
 
 
 class SteppedVehicle:
-    """One vehicle, which stands still until it is stepped.
+    """A vehicle that moves only when `step` is called.
 
-    Flown seconds are those of `twin.simulate` with the same commands, bit for bit.
+    Its motion equals that of `twin.simulate` with the same commands, bit for bit.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         """Put the vehicle at the start.
 
         Args:
-          scenario: without a mission, with a `duration`: the longest time that it can fly.
+          scenario: without a mission; its `duration` limits the flown time.
 
         Raises:
-          InputError: it has a mission, which would command the vehicle too.
+          InputError: the scenario has a mission or `navigate`, which would command the vehicle too.
         """
         if scenario.mission is not None or scenario.navigate is not None:
             raise InputError(
@@ -155,29 +155,28 @@ class SteppedVehicle:
 
     @property
     def timestep(self) -> float:
-        """[s] of the physics; every step is a multiple of it."""
+        """[s] Step of the physics; every control step is a multiple of it."""
         return float(self._simulation.model.opt.timestep)
 
     @property
     def time(self) -> float:
-        """[s] flown."""
+        """[s] Time flown so far."""
         return float(self._simulation.data.time)
 
     @property
     def ended(self) -> bool:
-        """True when the scenario's duration is over, or the state has left the finite numbers."""
+        """True when the scenario's duration is over or the state is no longer finite."""
         return self._done >= self._simulation.steps or self._simulation.failed
 
     def step(self, command: Command, seconds: float | None = None) -> Observation:
-        """Hold a command for some time; what is seen at the end of it.
+        """Hold a command for some time and return the observation at its end.
 
         Args:
-          command: positions by part; parts left out rest.
-          seconds: [s], rounded to steps of the physics, at least one; None: the vehicle's own
-            control period.
+          command: positions by part; parts that are left out go to rest.
+          seconds: [s], rounded to physics steps, at least one; None: the vehicle's control period.
 
         Raises:
-          InputError: an unknown part, a time that is not positive, or the duration is over.
+          InputError: an unknown part, a time that is not positive, or a duration that is over.
         """
         seconds = self.vehicle.control_period if seconds is None else seconds
         if not 0.0 < seconds < float("inf"):
@@ -206,13 +205,13 @@ class SteppedVehicle:
         pace: float = 0.0,
         every: float | None = None,
     ) -> None:
-        """Let a controller fly for some time.
+        """Let a controller command the vehicle for some time.
 
         Args:
-          controller: called before each step with what is seen.
+          controller: called with the observation before each step.
           seconds: [s] of the vehicle's time.
-          pace: seconds of the vehicle per second of the clock: 1 is real time, 0.5 half as fast; 0
-            is as fast as it goes.
+          pace: simulated seconds per second of wall time: 1 is real time, 0.5 half as fast; 0 runs
+            without waiting.
           every: [s] between two calls; None: the vehicle's control period.
         """
         begun, first = time.monotonic(), self.time
@@ -222,13 +221,13 @@ class SteppedVehicle:
             self.step(controller(self.seen()), every)
 
     def seen(self) -> Observation:
-        """Observation of a controller now."""
+        """Observation for a controller at this time."""
         simulation = self._simulation
         return observe(simulation.data, self.vehicle, simulation.tables.floor)
 
     def state(self) -> dict[str, float]:
-        """Position, velocity over ground, attitude, rates, specific force and the parts now, by the
-        names `true_north` ... of a store, in its units; forces are those of the last step."""
+        """Position, velocity over ground, attitude, rates, specific force and part positions now.
+        Names (`true_north` ...) and units are those of a store; the force is from the last step."""
         data = self._simulation.data
         row = np.zeros(1, self._simulation.rows.dtype)[0]
         for name, values in (("qpos", data.qpos), ("qvel", data.qvel)):
@@ -238,26 +237,25 @@ class SteppedVehicle:
         return {name: value for name, value in signals.items() if name not in _OF_THE_WATER}
 
     def failsafe(self) -> Command:
-        """Command of a vehicle that nobody commands: its parts rest, and those that can bring it
-        up do."""
+        """Failsafe command: parts rest, except those that can bring the vehicle up."""
         return Command(**{part.name: part.failsafe for part in self.vehicle.parts})
 
     def saved(self) -> tuple[Saved, int]:
-        """Where it is, to go on from there later by `restore`."""
+        """Save the state, from which `restore` continues."""
         return self._simulation.saved(), self._done
 
     def restore(self, saved: tuple[Saved, int]) -> None:
-        """Go on from what `saved` gave."""
+        """Continue from a state that `saved` returned."""
         self._simulation.restore(saved[0])
         self._done = saved[1]
 
     def reset(self) -> None:
-        """Back to the start, with an empty log."""
+        """Return to the start, with an empty log."""
         self._simulation.reset()
         self._change, self._done = np.zeros(6), 0
 
     def trajectory(self) -> Trajectory:
-        """Trajectory flown so far, as of `twin.simulate`.
+        """Trajectory flown so far, as from `twin.simulate`.
 
         Raises:
           SimulationUnstable: the run went unstable; `partial` holds the finite samples.

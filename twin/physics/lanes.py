@@ -1,7 +1,7 @@
-"""Lanes: scenarios flown by the Fossen model, many at once, with the log of the MuJoCo twin.
+"""Lanes: scenarios flown by the batched Fossen engine, with the same log as the MuJoCo twin.
 
-Scenarios whose vehicles have one structure, step and sample period share blocks; results do not
-depend on which, nor on the number of threads.
+A lane is one scenario's column in a block of numbers, flown at once. Scenarios with one structure,
+step and sample period share blocks; results depend on neither the block nor the number of threads.
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.density import density_at
 
 END_CHECK_PERIOD = 30.0
-"""[s] between looks whether a mission without a duration has been flown"""
+"""[s] Time between checks for the end of a mission that has no duration."""
 CHUNK = 64
-"""Samples of a block between two copies out of its log"""
+"""Samples of a block between two copies from its log."""
 INTEGRATOR = "adams-bashforth"
-"""Name of the lanes' integrator; see `twin.fossen.lanes`"""
+"""Name of the integrator of lanes; see `twin.fossen.lanes`."""
 LONGEST_STEP = 1.0
-"""[s]"""
+"""[s] Longest step that lanes accept."""
 
 
 class Aground(FloorError):
-    """A vehicle came to the sea floor at `time_s`, which lanes do not feel."""
+    """A vehicle reached the sea floor at `time_s`; lanes have no contact forces."""
 
     def __init__(self, mission: int | None, time_s: float):
         super().__init__(
@@ -63,15 +63,15 @@ class Aground(FloorError):
 
 
 LaneResult = Trajectory | SimulationUnstable | Aground
-"""Result of one lane"""
+"""Result of one lane."""
 
 
 class Lane:
     """One scenario, ready to fly in a block.
 
     Raises:
-      InputError, VehicleError, MissionError, CurrentError, FloorError: it cannot be flown in lanes;
-        the message says what is in the way.
+      InputError, VehicleError, MissionError, CurrentError, FloorError: the scenario cannot fly in
+        lanes; the message says why.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Lane:
         until_flown: bool = False,
         follow: FollowedPositions | None = None,
     ):
-        """`plans` as of `tables_of`, the others as of `fly_in_lanes`."""
+        """Prepare the lane; `plans` as in `tables_of`, the other options as in `fly_in_lanes`."""
         self.scenario = scenario
         self.open_ended = until_flown or scenario.open_ended
         self.followed = np.zeros(0) if follow is None else follow.table()
@@ -106,36 +106,36 @@ class Lane:
             raise InputError(f"timestep {step:g} s is outside 0 to {LONGEST_STEP:g} s")
         self.per_sample = steps_per_sample(scenario.sample_period, step)
         self.samples = math.floor(self.duration / scenario.sample_period + 1e-9) + 1
-        self.joints = _driving(vehicle.xml)
+        self.joints = _parts_of_joints(vehicle.xml)
         self.row = b.log_row(7 + len(self.joints), 6 + len(self.joints), len(vehicle.parts))
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """Properties that scenarios of one block share."""
+        """Properties that all scenarios of a block share."""
         return self.structure, self.timestep, self.per_sample, self.joints
 
     def changes(self) -> list[tuple[int, Condition]]:
-        """The vehicle over the run: from which step on it is how."""
+        """Conditions of the vehicle over the run, each with the step from which it holds."""
         return [(round(time / self.timestep), condition) for time, condition in self.conditions]
 
     def become(self, rows: Array, gains: Array, condition: Condition) -> None:
-        """Write a condition of the vehicle into its numbers in a block and guidance's gains.
+        """Write a condition into the vehicle's numbers in a block and into guidance's gains.
 
         Args:
-          rows: of its lane, shape (structure.size,).
+          rows: column of this lane in the block, shape (structure.size,).
         """
         structure, numbers = structure_of(
             condition.vehicle, neutral_volume=condition.volume, zeros=condition.zeros
         )
-        assert structure == self.structure  # a fault changes numbers, not what there is
+        assert structure == self.structure  # a fault changes numbers, never the structure
         rows[structure.numbers_at :] = numbers
-        for name, values in _response(condition.vehicle).items():
+        for name, values in _response_rows(condition.vehicle).items():
             at = PARTS_AT + PART.index(name) * structure.parts
             rows[at : at + structure.parts] = values
         write_instruments(gains, condition)
 
     def column(self) -> Array:
-        """Its numbers in a block, see `column`."""
+        """Column of this lane in a block, see the function `column`."""
         start, warmth = self.scenario.begin, self.tables.temperature
         return column(self.structure, self.numbers, self.vehicle, start, warmth)
 
@@ -143,11 +143,11 @@ class Lane:
 def column(
     structure: Structure, numbers: Array, vehicle: Vehicle, start: Start, temperature: Array
 ) -> Array:
-    """A vehicle at its start, as the numbers of one lane, shape (structure.size,).
+    """Column of a block for a vehicle at its start, shape (structure.size,).
 
     Args:
-      numbers: of the vehicle, see `structure_of`.
-      temperature: of the water, a compiled profile, or empty.
+      numbers: parameters of the vehicle, see `structure_of`.
+      temperature: compiled profile of the water's temperature, or empty.
     """
     found, parts = np.zeros(structure.size), structure.parts
     found[structure.numbers_at :] = numbers
@@ -161,15 +161,15 @@ def column(
     found[AT["alive"]] = 1.0
     low, high = vehicle.actuator_min, vehicle.actuator_max
     begin = np.clip(start.positions(vehicle.part_names, vehicle.rest), low, high)
-    rows: dict[str, Any] = {"now": begin, "command": begin, **_response(vehicle)}
+    rows: dict[str, Any] = {"now": begin, "command": begin, **_response_rows(vehicle)}
     for name, values in rows.items():
         at = PARTS_AT + PART.index(name) * parts
         found[at : at + parts] = values
     return found
 
 
-def _response(vehicle: Vehicle) -> dict[str, Any]:
-    """Rows of a block that say how its parts follow their commands."""
+def _response_rows(vehicle: Vehicle) -> dict[str, Any]:
+    """Rows of a block with the limits and lags by which parts follow commands."""
     return {
         "low": vehicle.actuator_min,
         "high": vehicle.actuator_max,
@@ -180,7 +180,7 @@ def _response(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _check(scenario: Scenario, vehicle: Vehicle) -> None:
-    """Refuse what lanes cannot do, by its name."""
+    """Refuse options that lanes do not have, by name."""
     for name, there in (
         ("navigate", scenario.navigate is not None),
         ("integrator", scenario.integrator is not None),
@@ -195,7 +195,7 @@ def _check(scenario: Scenario, vehicle: Vehicle) -> None:
 
 
 def refuse_obstacles(vehicle: Vehicle) -> None:
-    """Raises InputError where a vehicle's world has something to hit."""
+    """Raise InputError if a vehicle's world has obstacles."""
     found = obstacle_names(vehicle.xml)
     if found:
         names = ", ".join(name or "a geom without a name" for name in found)
@@ -206,8 +206,8 @@ def refuse_obstacles(vehicle: Vehicle) -> None:
 
 
 @functools.lru_cache(maxsize=64)
-def _driving(xml: str) -> tuple[int, ...]:
-    """Part that drives each joint of the file, in the order of MuJoCo's positions."""
+def _parts_of_joints(xml: str) -> tuple[int, ...]:
+    """Index of the part that drives each joint, in the order of MuJoCo's positions."""
     root = ElementTree.fromstring(xml)
     actuators = enumerate(root.findall("actuator/*"))
     by_joint = {actuator.get("joint"): index for index, actuator in actuators}
@@ -216,7 +216,7 @@ def _driving(xml: str) -> tuple[int, ...]:
 
 
 class LaneBlock:
-    """Up to as many lanes as the widest block has, of one key."""
+    """Block of lanes of one key, at most as many as the widest block holds."""
 
     def __init__(self, lanes: Sequence[Lane]):
         first = lanes[0]
@@ -226,7 +226,7 @@ class LaneBlock:
         self.b = empty_block(structure.size * self.width)
         self.rate = structure.rate(self.width)
         rows = self.b.reshape(-1, self.width)
-        # what fills a block up stands still beside the others
+        # copies of the last lane fill the block up and stand still
         filled = [lanes[min(k, len(lanes) - 1)] for k in range(self.width)]
         rows[:, : len(lanes)] = np.array([lane.column() for lane in lanes]).T
         rows[:, len(lanes) :] = rows[:, len(lanes) - 1 : len(lanes)]
@@ -236,7 +236,7 @@ class LaneBlock:
         self._tables(filled, begin)
 
     def _tables(self, filled: Sequence[Lane], begin: Array) -> None:
-        """Tables that guidance and water read, of every lane."""
+        """Tables of every lane that guidance and the water read."""
         count = len(filled)
         plans = [lane.tables.plan for lane in filled]
         self.plan_rows = np.array([len(plan) for plan in plans])
@@ -265,9 +265,9 @@ class LaneBlock:
         self.water.append(joined([lane.followed for lane in filled]))
 
     def fly(self, lean: bool = False) -> list[tuple[NDArray[Any], Any]]:
-        """Fly to the end; rows of the log and the last record of `block.STATE` of each lane.
+        """Fly to the end; return each lane's log rows and its last record of `block.STATE`.
 
-        `lean`: rows have the fields `LEAN` alone.
+        With `lean` the rows have only the fields `LEAN`.
         """
         first = self.lanes[0]
         joints = np.array(first.joints, dtype=np.int64)
@@ -276,10 +276,10 @@ class LaneBlock:
         names = list(LEAN if lean else first.row.names)
         kept = np.dtype([(name, first.row[name]) for name in names])
         fields = [first.row.fields[name][:2] for name in names]  # type: ignore[index]
-        # rows are copied as plain numbers: field by field it takes an eighth of the flight
+        # rows are copied as plain numbers: copying field by field takes an eighth of the flight
         words = np.concatenate([np.arange(at // 8, (at + of.itemsize) // 8) for of, at in fields])
         take: Any = words if lean else slice(None)
-        # only rows that were flown are given back
+        # only flown rows are returned
         found = [np.empty((lane.samples, len(words))) for lane in self.lanes]
         size = min(CHUNK, max(lane.samples for lane in self.lanes))
         log = np.zeros((self.width, size, first.row.itemsize // 8))
@@ -318,7 +318,7 @@ class LaneBlock:
         return [(rows[: taken[k]].view(kept)[:, 0], ours[k]) for k, rows in enumerate(found)]
 
     def _become(self, k: int, condition: Condition) -> None:
-        """Let a lane's vehicle be how it is from now on."""
+        """Give the vehicle of lane `k` a new condition from now on."""
         rows = self.b.reshape(-1, self.width)
         column = rows[:, k].copy()
         self.lanes[k].become(column, self.gains[k], condition)
@@ -326,7 +326,7 @@ class LaneBlock:
 
 
 def joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
-    """Tables behind each other, and where each begins and the last one ends."""
+    """Concatenate tables; also return where each begins and the last one ends."""
     places = np.concatenate([[0], np.cumsum([table.size for table in tables])]).astype(np.int64)
     return np.concatenate([*tables, np.zeros(0)]), places
 
@@ -340,20 +340,20 @@ def fly_in_lanes(
     until_flown: bool = False,
     follow: Sequence[FollowedPositions] = (),
 ) -> list[Trajectory | SimulationUnstable]:
-    """Fly scenarios by the Fossen model in lanes; `threads` 0 takes every core.
+    """Fly scenarios in lanes of the batched Fossen engine; `threads` 0 takes every core.
 
-    Each element is the trajectory, or the `SimulationUnstable` that ended it; a `StepTooLong`
-    before it began.
+    Each element is a trajectory, or the `SimulationUnstable` that ended the run; a `StepTooLong`
+    if the run could not begin.
 
     Args:
-      numbers: by which errors name each scenario, None: by none; its place by default.
+      numbers: index of each scenario in errors, None: no index; by default its place in the list.
       lean: trajectories hold few signals, see `true_signals.from_log`.
-      until_flown: a run ends when its mission is flown, though it has a duration.
-      follow: of each scenario a part that follows positions and not its guidance; none by default.
+      until_flown: end a run when its mission is flown, even if it has a duration.
+      follow: for each scenario a part that follows positions instead of guidance; by default none.
 
     Raises:
-      InputError and others as of `Lane`: a scenario cannot be flown so.
-      Aground: a vehicle came to the sea floor, which lanes do not feel.
+      InputError and others as for `Lane`: a scenario cannot fly in lanes.
+      Aground: a vehicle reached the sea floor; lanes have no contact forces.
     """
     plans: Plans = {}
     lanes: list[Lane] = []
@@ -370,7 +370,7 @@ def fly_in_lanes(
     blocks = _blocks(lanes, count)
 
     def fly(members: list[int]) -> None:
-        for index, found in _flown(lanes, members, named, lean=lean):
+        for index, found in _lane_results(lanes, members, named, lean=lean):
             if isinstance(found, Aground):
                 raise found
             results[places[index]] = found
@@ -385,16 +385,16 @@ def fly_in_lanes(
 
 
 def flown_abreast(lanes: Sequence[Lane]) -> Iterator[tuple[int, LaneResult]]:
-    """Fly lanes on this thread; the index of each with what came of it, made when it is asked for.
+    """Fly lanes on this thread; yield the index and the result of each.
 
-    So the logs of a block are in memory at once, and their trajectories are not.
+    A trajectory is made when it is asked for, so only the logs of a block are in memory at once.
     """
     for members in _blocks(lanes, 1):
-        yield from _flown(lanes, members, range(len(lanes)))
+        yield from _lane_results(lanes, members, range(len(lanes)))
 
 
 def _blocks(lanes: Sequence[Lane], threads: int) -> list[list[int]]:
-    """Which of the lanes fly in one block."""
+    """Indices of the lanes of each block."""
     groups: dict[tuple[Any, ...], list[int]] = {}
     for index, lane in enumerate(lanes):
         groups.setdefault(lane.key, []).append(index)
@@ -407,24 +407,24 @@ def _blocks(lanes: Sequence[Lane], threads: int) -> list[list[int]]:
 
 
 def _sizes(count: int, threads: int) -> list[int]:
-    """Sizes of the blocks of so many lanes: wide ones while they keep every thread busy."""
+    """Sizes of the blocks of `count` lanes: wide blocks as long as every thread gets work."""
     wide = count // (LANES[-1] * threads) * threads
     narrow = -(-(count - wide * LANES[-1]) // LANES[0])
     return [LANES[-1]] * wide + [LANES[0]] * narrow
 
 
-def _flown(
+def _lane_results(
     lanes: Sequence[Lane],
     members: Sequence[int],
     numbers: Sequence[int | None],
     *,
     lean: bool = False,
 ) -> Iterator[tuple[int, LaneResult]]:
-    """Results of the lanes of one block; errors name each by its number."""
+    """Yield the result of each lane of one block; errors give its number."""
     block = LaneBlock([lanes[index] for index in members])
     logs = block.fly(lean)[::-1]
     for k, index in enumerate(members):
-        rows, ours = logs.pop()  # a log is let go of once it is told
+        rows, ours = logs.pop()  # frees each log once it is read
         lane, touched = lanes[index], float(block.counts[k, ln.FLOOR_TIME])
         found: LaneResult
         if math.isnan(touched):

@@ -1,11 +1,11 @@
-"""Model block: what a compiled model carries of its vehicle and its water, and where it is.
+"""Model block: the parameters of vehicle and water that a compiled model carries.
 
-The block lies in the model's own custom numbers, so that it is copied, pickled and freed with it.
+The block lies in the model's own custom numbers, so it is copied, pickled and freed with the model.
 
-Tables: the numbers of a scenario that native code reads. They travel inside the model, so their
+Tables are the numbers of a scenario that native code reads. They are part of the model, so their
 sizes must be known when it is compiled; a fleet gives all its models the size of the largest.
 
-Integration: the integrators, steps and sample periods that a run can have.
+`check_integration` refuses unsuitable integrators, steps and sample periods.
 """
 
 from __future__ import annotations
@@ -28,55 +28,54 @@ if TYPE_CHECKING:
 
 _NONE = np.zeros(0)
 RUN_TABLES = ("plan", "current", "density", "temperature", "floor")
-"""Tables of a run, in the block's order."""
+"""Names of the tables of a run, in the block's order."""
 FLOOR_BODY = "glider_twin_floor"
-"""Mocap body with the plane that stands for the sea floor under the vehicle"""
+"""Mocap body with the plane that represents the sea floor under the vehicle."""
 
 
 class Tables(NamedTuple):
-    """The tables of one run; empty ones are not there."""
+    """Tables of one run; an absent table is empty."""
 
     plan: Array = np.zeros((0, 0))
-    """mission table or schedule, shape (rows, columns)"""
+    """Mission table or schedule, shape (rows, columns)."""
     control: float = b.CONTROL_NONE
-    """what the plan is: one of the block's CONTROL_*"""
+    """Kind of the plan: one of the block's CONTROL_*."""
     gains: Array | None = None
-    """of a mission, shape (GAINS,)"""
+    """Gains of a mission, shape (GAINS,)."""
     current: Array = _NONE
-    """compiled current, see `Current.compile`"""
+    """Compiled current, see `Current.compile`."""
     density: Array = _NONE
-    """compiled profile, see `DensityProfile.compile`"""
+    """Compiled density profile, see `DensityProfile.compile`."""
     temperature: Array = _NONE
-    """likewise, of hulls that expand; see `DensityProfile.compile_temperature`"""
+    """Compiled temperature for a hull that expands; see `DensityProfile.compile_temperature`."""
     floor: Array = _NONE
-    """compiled sea floor, see `Floor.compile`"""
+    """Compiled sea floor, see `Floor.compile`."""
 
     @property
     def words(self) -> int:
-        """Numbers of all tables."""
+        """Count of the numbers in all tables."""
         return sum(int(getattr(self, name).size) for name in RUN_TABLES)
 
 
 Plans = dict[tuple[int, int, Any], tuple[Array, Array]]
-"""Compiled plans and gains by mission and believed vehicle (their `id`) and by place"""
+"""Compiled plans and gains, by `id` of mission, `id` of believed vehicle, and place."""
 
 
 def tables_of(scenario: Scenario, duration: float, plans: Plans | None = None) -> Tables:
-    """The tables of a scenario that flies for `duration` [s]; reads gridded
-    currents and bathymetry.
+    """Compile the tables of a scenario that flies for `duration` [s].
 
     Args:
-      plans: of other scenarios that are still there; what they share is compiled once.
+      plans: of other scenarios, which still exist; a shared plan is compiled once.
 
     Raises:
-      MissionError, CurrentError, FloorError: the plan, the current or the sea floor does not do.
+      MissionError, CurrentError, FloorError: the plan, the current or the sea floor is unsuitable.
     """
     from twin.mission import Mission
     from twin.mission.controller import Schedule
 
     found: dict[str, Any] = {}
     if scenario.navigate is not None:
-        pass  # its guidance sees what Python knows on board
+        pass  # guidance runs in Python
     elif isinstance(scenario.mission, Mission):
         plans = {} if plans is None else plans
         believed = scenario.believed_vehicle
@@ -100,10 +99,10 @@ def tables_of(scenario: Scenario, duration: float, plans: Plans | None = None) -
 
 
 def floor_table(scenario: Scenario, duration: float) -> Array:
-    """The scenario's sea floor, empty without one.
+    """Table of the scenario's sea floor; empty without a sea floor.
 
     Raises:
-      FloorError: it cannot be read, or the mission does not begin above it.
+      FloorError: the floor is unreadable, or the mission starts on land, too deep or too shallow.
     """
     if scenario.floor is None:
         return _NONE
@@ -135,7 +134,7 @@ def floor_table(scenario: Scenario, duration: float) -> Array:
 
 
 def header(model: mujoco.MjModel) -> Any:
-    """The live header of a compiled model's block, a record of `block.HEADER`.
+    """Header of a compiled model's block, live, a record of `block.HEADER`.
 
     Raises:
       VehicleError: the model carries no block of this program.
@@ -153,35 +152,35 @@ def header(model: mujoco.MjModel) -> Any:
 
 
 def state(data: mujoco.MjData) -> Any:
-    """The live state that native code keeps in a simulation, a record of `block.STATE`."""
+    """State that native code keeps in a simulation, live, a record of `block.STATE`."""
     return data.userdata[: b.STATE_WORDS].view(b.STATE)[0]
 
 
 def _body(model: mujoco.MjModel) -> np.ndarray:
-    """The block in front of its header, shape (words - HEADER_WORDS,)."""
+    """Numbers of the block in front of its header, shape (words - HEADER_WORDS,)."""
     words = int(header(model)["words"])
     return model.numeric_data[-words : len(model.numeric_data) - b.HEADER_WORDS]
 
 
 def table(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """One of the block's tables, live: "parts", "law_values" or one of RUN_TABLES."""
+    """One table of the block, live: "parts", "law_values" or one of RUN_TABLES."""
     place = header(model)[name]
     start = int(place["start"])
     return _body(model)[start : start + int(place["size"])]
 
 
 def part_table(model: mujoco.MjModel) -> np.ndarray:
-    """The parts as native code sees them, live, of dtype `block.PART`, shape (parts,)."""
+    """Rows of the parts for native code, live, of dtype `block.PART`, shape (parts,)."""
     return table(model, "parts").view(b.PART)
 
 
 def part_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the parts, in their order."""
+    """Names of the parts, in their order in the model."""
     return tuple(model.actuator(index).name for index in range(model.nu))
 
 
 def joint_places(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    """(index of the part, place in qpos) of every part that drives a joint."""
+    """(index of the part, index in qpos) of every part that drives a joint."""
     found = []
     for index in range(model.nu):
         if model.actuator_trntype[index] == mujoco.mjtTrn.mjTRN_JOINT:
@@ -199,7 +198,7 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
     floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, FLOOR_BODY)
 
     def acts(part: Part) -> bool:
-        """Whether a part does more than displace volume at the CB."""
+        """Tell whether a part does more than displace volume at the CB."""
         heavy = part.native_mass is not None or part.native_wrench is not None
         return heavy or (part.native_volume is not None and any(part.position))
 
@@ -244,12 +243,12 @@ def fill_block(model: mujoco.MjModel, vehicle: Vehicle, words: int, *, ring: int
 
 
 def has_contacts(model: mujoco.MjModel) -> bool:
-    """Whether a compiled model has anything that could touch."""
+    """Tell whether contacts are on in a compiled model."""
     return not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
 
 
 def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:
-    """The parts as numbers, shape (parts * PART_WORDS,)."""
+    """Rows of the parts as numbers, shape (parts * PART_WORDS,)."""
     rows = np.zeros(len(vehicle.parts), b.PART)
     for index, (row, part) in enumerate(zip(rows, vehicle.parts, strict=True)):
         kind, values = type(part), part.values()
@@ -273,16 +272,16 @@ def _part_rows(vehicle: Vehicle, model: mujoco.MjModel) -> np.ndarray:
 
 
 def room(model: mujoco.MjModel) -> int:
-    """Numbers that the tables of a run may have together in this model."""
+    """Count of numbers that the tables of a run may have together in this model."""
     return len(_body(model)) - int(header(model)["plan"]["start"])
 
 
 def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
-    """Put the tables of a run into the model, in place of those that it carried.
+    """Write the tables of a run into the model in place of its present ones.
 
     Raises:
-      InputError: they are larger than the model's room; compile it with a larger `reserve`.
-      FloorError: a sea floor for a model that was compiled without one.
+      InputError: the tables exceed the model's room; compile it with a larger `reserve`.
+      FloorError: a sea floor is given for a model that was compiled without one.
     """
     if tables.floor.size and header(model)["floor_body"] < 0.0:
         raise FloorError(
@@ -298,7 +297,7 @@ def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
     used = int(head["plan"]["start"])
     for name in RUN_TABLES:
         values = getattr(tables, name).ravel()
-        head[name]["size"] = 0  # first: no table may be seen half written
+        head[name]["size"] = 0  # before the values: nobody reads half a table
         head[name]["start"] = used
         body[used : used + values.size] = values
         head[name]["size"] = values.size
@@ -312,9 +311,9 @@ def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
 
 
 def _step_lag(lag: float, model: mujoco.MjModel) -> float:
-    """The lag [s] with which one explicit step follows the exponential exactly.
+    """Lag [s] with which one explicit step follows the exponential response exactly.
 
-    MuJoCo advances activations by act + dt * rate, except under RK4, which needs the true lag.
+    MuJoCo advances activations by act + dt * rate, except under RK4, which needs the given lag.
     """
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         return lag
@@ -323,19 +322,19 @@ def _step_lag(lag: float, model: mujoco.MjModel) -> float:
 
 
 def label(vehicle: Vehicle) -> str:
-    """Name and file of a vehicle, as errors have them."""
+    """Name and file of a vehicle, for error messages."""
     return f"vehicle {vehicle.name!r} ({vehicle.path})"
 
 
 MOST_SAMPLES = 4_000_000
-"""Samples of one run: about 1.3 GB of log, 23 days at 2 Hz"""
+"""Largest number of samples of one run: about 1.3 GB of log, 23 days at 2 Hz."""
 IMPLICIT_STEP = 0.02
-"""[s] longest step at which implicit and implicitfast carry the stiff servos"""
+"""[s] Longest step for the integrators implicit and implicitfast, because of the stiff servos."""
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
 
 
 def steps_per_sample(period: float, step: float) -> int:
-    """Physics steps [s] between samples; raises InputError when they are not a whole number."""
+    """Number of physics steps between samples; raises InputError if it is not whole."""
     steps = period / step
     if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
         nearest = max(1, round(steps)) * step
@@ -347,15 +346,15 @@ def steps_per_sample(period: float, step: float) -> int:
 
 
 def check_integration(model: mujoco.MjModel, period: float, samples: int, duration: float) -> None:
-    """Refuse what cannot be flown: unsuitable integrators, uneven samples, too much memory.
+    """Refuse unsuitable integrators, steps that miss samples, and runs beyond memory.
 
     Args:
       model: with the integrator and the step of the run.
       period: [s] between samples.
-      samples: of the whole run of `duration` [s].
+      samples: number of samples of the whole run of `duration` [s].
 
     Raises:
-      InputError: what is in the way, and what to take instead.
+      InputError: the run is impossible; the message says why and offers an alternative.
     """
     step, integrator = model.opt.timestep, model.opt.integrator
     if integrator in _EXPLICIT:

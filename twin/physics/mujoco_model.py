@@ -1,8 +1,8 @@
-"""MuJoCo model: a vehicle made into the MuJoCo model that the native water acts on.
+"""MuJoCo model: a vehicle compiled into the MuJoCo model that native code adds the water to.
 
-Geoms that can collide (`contype` or `conaffinity` not 0) of the vehicle file stay in every run:
-those of static bodies are obstacles, those of the vehicle its shape. A vehicle without such a geom
-collides as a capsule of its hull's length and diameter. Where nothing can be hit, contacts are
+Geoms of the vehicle file that can collide (`contype` or `conaffinity` not 0) stay in every run:
+those of static bodies are obstacles, those of the vehicle are its shape. A vehicle without such a
+geom collides as a capsule of its hull's length and diameter. Without anything to hit, contacts are
 switched off and cost nothing.
 """
 
@@ -36,38 +36,38 @@ from twin.vehicle.parts import BatteryHinge
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 COEFFICIENTS = "coefficients"
-"""Hydrodynamics by the vehicle file's own law; else the name of a hull law."""
+"""Value of `hydrodynamics` for the law of the vehicle file; other values are names of hull laws."""
 INTEGRATORS = {
     name: getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")
     for name in ("euler", "rk4", "implicit", "implicitfast", "discrete")
 }
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
-"""[s]"""
+"""[s] Limits of the physics step."""
 ELLIPSOID_TIMESTEP = 0.02
-"""[s] quadratic rotary drag of the ellipsoid law is stiff at inflections: 0.1 s diverges there"""
+"""[s] Longest default step of the ellipsoid law; its stiff rotary drag diverges at 0.1 s."""
 HULL_SHAPE = "glider_twin_hull_shape"
 ALL_BITS = 2**31 - 1
-"""contype and conaffinity that meet every geom that can collide at all"""
+"""Masks contype and conaffinity that match every geom that can collide at all."""
 BEFORE_FIRST_STEP = -1e5
-"""[m] height of the plane until native code lays it"""
+"""[m] Height of the floor's plane until native code first places it."""
 HIDDEN_GROUP = 5
 GIVES_WAY = 0.2
-"""[s] time constant of the contact with the sea floor, whatever the step: that which the shipped
-step of 0.1 s allows, as of a bed of mud; ours"""
+"""[s] Time constant of contact with the sea floor at every step: the least that the shipped step of
+0.1 s allows, like a bed of mud; our choice."""
 _OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
 
 def hydrodynamics_names() -> tuple[str, ...]:
-    """Values of `hydrodynamics`: the file's own law by "coefficients", or another by name."""
+    """Values of `hydrodynamics`: "coefficients" for the file's own law, or a hull law's name."""
     return (COEFFICIENTS, *LAWS)
 
 
 def with_hydrodynamics(vehicle: Vehicle, hydrodynamics: str) -> Vehicle:
-    """The vehicle with the hull law of that name.
+    """Vehicle with the hull law of that name.
 
     Raises:
-      InputError: there is no such law. VehicleError: the file lacks what it needs.
+      InputError: no law has that name. VehicleError: the file lacks parameters of that law.
     """
     if hydrodynamics == COEFFICIENTS:
         return vehicle
@@ -92,22 +92,22 @@ def compile_model(
     """Compile a vehicle with the parameter block appended, and install the native callbacks.
 
     Args:
-      vehicle: a `Vehicle` (its fields win over its XML text) or what `load_vehicle` takes.
+      vehicle: a `Vehicle` (its fields override its XML text) or an argument of `load_vehicle`.
       hydrodynamics: "coefficients" (the file's own law) or the name of a hull law, such as
         "ellipsoid" (MuJoCo's, from the geometry alone).
-      timestep: [s], None for the file's.
-      integrator: one of INTEGRATORS, None for the file's.
-      lean: leave out what only eyes and sensors need; the dynamics are the same.
-      tables: mission, current and density that it is to carry.
-      reserve: numbers that it must have room for in its tables, at least.
-      log: give its `userdata` room for the log of a `Simulation`.
-      centred: water at the time-centred velocity; RK4 evaluates between steps and is so by itself.
-      stiff: how stiff it is at its fastest, which says whether a centred step solves for the
-        rotary damping; None: as on the ways of the mission in `tables`, else on the usual way.
+      timestep: [s], None: the file's.
+      integrator: one of INTEGRATORS, None: the file's.
+      lean: leave out what only pictures and sensors need; the dynamics are the same.
+      tables: mission, current, density and floor for the model to carry.
+      reserve: least count of numbers that the model's tables must have room for.
+      log: give `userdata` room for the log of a `Simulation`.
+      centred: hydrodynamics at the time-centred velocity; RK4 has that without the option.
+      stiff: stiffness at the largest speed, which decides whether a centred step solves for rotary
+        damping; None: that of the fastest leg in `tables`, else of the usual glide.
 
     Raises:
-      VehicleError: the file does not compile, its inertia cannot be solved for, it has another
-        joint or actuator structure, or it has obstacles and switches contacts off.
+      VehicleError: the file does not compile, its inertia is impossible, its joints or actuators
+        have another structure, or it has obstacles and switches contacts off.
       InputError: unknown hydrodynamics or integrator, impossible timestep.
     """
     if isinstance(vehicle, str):
@@ -124,7 +124,7 @@ def compile_model(
     _write_parts(spec, vehicle)
     prepare_contacts(spec, vehicle, floor=tables.floor.size > 0)
     if lean:
-        _strip(spec)
+        _delete_unused(spec)
     if timestep is None and isinstance(vehicle.law, Ellipsoids):
         timestep = min(spec.option.timestep, ELLIPSOID_TIMESTEP)
     if timestep is not None:
@@ -167,14 +167,14 @@ def compile_model(
 
 
 def refit(model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, other: Vehicle) -> None:
-    """Make a model of `vehicle` that of an `other` one of its build, without compiling.
+    """Rewrite the model of `vehicle` for an `other` vehicle of the same build, without compiling.
 
-    They may differ in the hull's law, added mass, volume and compressibility, in the place of the
-    fixed block's centre of gravity, and in the fields of their parts but for travels and places.
-    The tables of a run are taken out, and `data` of the model are overwritten.
+    They may differ in hull law, added mass, volume, compressibility, the centre of gravity of the
+    fixed mass, and the parts' parameters except travel and place. The tables of a run are
+    removed, and `data` is overwritten.
 
     Raises:
-      VehicleError: they differ in something else.
+      VehicleError: the vehicles differ in something else.
     """
     for what, differs in {
         "XML text": vehicle.xml != other.xml,
@@ -199,7 +199,7 @@ def refit(model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, other: V
 
 
 def _write_inertia(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
-    """Make the spec's bodies those of `vehicle`, which may differ from its XML text."""
+    """Write the masses of `vehicle`, which may differ from its XML text, into the spec's bodies."""
     signs = np.outer(flip_vector(np.ones(3)), flip_vector(np.ones(3)))
     blocks = [("hull", vehicle.static_mass, flip_vector(vehicle.static_cg), vehicle.static_inertia)]
     for mass in vehicle.masses:
@@ -210,7 +210,7 @@ def _write_inertia(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
         i = inertia * signs
         body.mass, body.ipos = kilograms, cg
         body.iquat = [1, 0, 0, 0]
-        # the file may have said it the other way, and both at once are refused
+        # the file may give either form of the inertia, and MuJoCo refuses both at once
         body.inertia, body.fullinertia = np.zeros(3), np.full(6, np.nan)
         if np.count_nonzero(i - np.diag(np.diag(i))):
             body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
@@ -221,12 +221,12 @@ def _write_inertia(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
 
 
 def _write_parts(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
-    """Make the spec's travels and places those of `vehicle`."""
+    """Write the travels and places of the parts of `vehicle` into the spec."""
     for part in vehicle.parts:
         actuator = spec.actuator(part.name)
         actuator.actrange = actuator.ctrlrange = [part.low, part.high]
         if isinstance(part, BatteryHinge):
-            # at the neutral position its mass hangs as the file draws it
+            # at the neutral position the mass hangs as drawn in the file
             spec.joint(actuator.target).ref = part.neutral
         if part.joint is None:
             spec.site(actuator.target).pos = flip_vector(np.array(part.position))
@@ -234,8 +234,8 @@ def _write_parts(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
         spec.site(name).pos = flip_vector(place)
 
 
-def _strip(spec: mujoco.MjSpec) -> None:
-    """Delete sensors, cameras, lights and geoms that neither collide nor feel the water."""
+def _delete_unused(spec: mujoco.MjSpec) -> None:
+    """Delete sensors, cameras, lights, and geoms without collision or fluid forces."""
     for sensor in list(spec.sensors):
         spec.delete(sensor)
     for item in [*spec.cameras, *spec.lights]:
@@ -250,23 +250,23 @@ def _strip(spec: mujoco.MjSpec) -> None:
 
 
 def may_collide(geom: mujoco.MjsGeom) -> bool:
-    """Whether a geom's masks let it collide with anything."""
+    """Tell whether a geom's masks let it collide with anything."""
     return bool(geom.contype or geom.conaffinity)
 
 
 @functools.lru_cache(maxsize=64)
 def obstacle_names(xml: str) -> tuple[str, ...]:
-    """Names of what stands in the water of a vehicle file, empty ones too."""
+    """Names of the obstacles in a vehicle file; empty where a geom has no name."""
     spec = mujoco.MjSpec.from_string(xml)
     return tuple(g.name for g in spec.geoms if may_collide(g) and _is_static(g.parent))
 
 
 def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> None:
-    """Switch contacts on where something can be hit, else off, and give what is missing.
+    """Switch contacts on if anything can be hit, else off; add the missing geoms.
 
     Args:
-      spec: of the vehicle, changed in place.
-      floor: whether the run has a sea floor; its plane is added.
+      spec: spec of the vehicle, changed in place.
+      floor: the run has a sea floor; its plane is added.
 
     Raises:
       VehicleError: the file has obstacles and switches contacts off.
@@ -291,7 +291,7 @@ def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> N
     spec.option.disableflags &= ~_OFF
     shape = [geom for geom in colliding if geom not in obstacles]
     if switched_off:
-        for geom in shape:  # the file's parts pass through each other
+        for geom in shape:  # the vehicle's own geoms still pass through each other
             geom.contype, geom.conaffinity = 1, 0
     if not shape:
         radius = vehicle.hull_diameter / 2
@@ -317,13 +317,13 @@ def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> N
 
 
 def _constrained(joint: mujoco.MjsJoint) -> bool:
-    """Whether a joint has limits or dry friction, which are constraints too."""
+    """Tell whether a joint has limits or dry friction, which MuJoCo treats as constraints."""
     limited = joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE or any(joint.range)
     return bool(limited or joint.frictionloss)
 
 
 def _is_static(body: mujoco.MjsBody) -> bool:
-    """Whether a body stands still in the world: neither it nor one that carries it has a joint."""
+    """Tell whether neither a body nor any body that carries it has a joint."""
     while body.parent is not None and body.name != "world":
         if body.joints:
             return False
@@ -332,7 +332,7 @@ def _is_static(body: mujoco.MjsBody) -> bool:
 
 
 def _check_free_joint(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
-    """Before compiling, which would blame a keyframe for the missing joint."""
+    """Require the free joint before compiling, where MuJoCo would blame a keyframe instead."""
     joints = spec.body("hull").joints
     if not joints or joints[0].type != mujoco.mjtJoint.mjJNT_FREE:
         raise VehicleError(
@@ -342,7 +342,7 @@ def _check_free_joint(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
 
 
 def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:
-    """The native code relies on the hull coming first and on one activation for each part."""
+    """Require the structure native code relies on: hull first, one activation for each part."""
 
     def require(kept: object, rule: str) -> None:
         if not kept:
@@ -386,14 +386,14 @@ def _first_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-_SAY_NOTHING = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
+_IGNORE_WARNING = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
 
 
 @contextlib.contextmanager
 def quiet_mujoco() -> Iterator[None]:
-    """Keep MuJoCo from printing and logging warnings: an unstable run is reported as an error."""
+    """Silence MuJoCo's own warnings: an unstable run raises an error instead."""
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_SAY_NOTHING)
+    mujoco.set_mju_user_warning(_IGNORE_WARNING)
     try:
         yield
     finally:

@@ -1,9 +1,9 @@
-"""Navigated: a simulation whose guidance sees what is known on board, and nothing of the truth.
+"""Navigated runs: guidance sees measurements and the navigator's estimate, never the truth.
 
-Every sample is measured by the vehicle's sensors, the navigator makes position, velocity and
-current of it, and guidance (the compiled one, from Python) reads the result: measured depth,
-attitude, rates, positions of the parts and height above the sea floor, estimated position and
-current. A command therefore acts a physics step after its sample was taken.
+The vehicle's sensors measure every sample; the navigator estimates position, velocity and current.
+The compiled guidance, called from Python, reads measured depth, attitude, rates, part positions and
+altitude, with the estimated position and current. A command therefore acts one physics step
+after its sample was taken.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ ALTITUDE = "measured_altitude"
 
 
 class OnBoard:
-    """Sensors, navigator and track of one vehicle under way."""
+    """Sensors, navigator and estimated track of one vehicle during a run."""
 
     def __init__(
         self,
@@ -54,16 +54,16 @@ class OnBoard:
         floor: Array,
         current: Array,
     ):
-        """Begin before the first sample.
+        """Prepare for the first sample.
 
         Args:
-          scenario: with `navigate`.
-          names: of the true and commanded signals, `LiveTruth.names`.
-          samples: of the run at most.
-          floor, current: compiled tables, empty without.
+          scenario: a scenario with `navigate`.
+          names: names of the true and commanded signals, `LiveTruth.names`.
+          samples: largest number of samples of the run.
+          floor, current: compiled tables; empty if absent.
 
         Raises:
-          InputError: the sensors do not measure what estimator or guidance need.
+          InputError: no sensor measures a channel of the estimator, or two sea floors are given.
         """
         settings = scenario.navigate
         assert isinstance(settings, Navigation)
@@ -132,12 +132,12 @@ class OnBoard:
         self.belief: NavigationState | None = None
 
     def _missing(self, names: tuple[str, ...]) -> list[str]:
-        """Channels of the estimator that the sensors do not measure of these signals."""
+        """Channels of the estimator that the sensors cannot measure from these signals."""
         known = {*(entry.name for entry in self._suite.writes(names)), *names}
         return [n for n in self.navigator.channels if n not in known or n.startswith("true_")]
 
     def take(self, truth: dict[str, float]) -> NavigationState:
-        """Measure one sample of the truth and navigate by it."""
+        """Measure one sample of the true signals and update the navigator with it."""
         if self._water is not None:
             water = self._water.temperature_salinity(np.array([truth["true_depth"]]))
             assert water is not None
@@ -158,11 +158,11 @@ class OnBoard:
         return self.belief
 
     def seen(self, name: str) -> float:
-        """The last reading of a channel, in the schema's unit."""
+        """Last reading of a channel, in the schema's unit."""
         return self._sample[name]
 
     def observe(self, time: float) -> Observation:
-        """Observation of guidance at `time` [s], from the last sample."""
+        """Make guidance's observation at `time` [s] from the last sample."""
         assert self.belief is not None
         seen, belief = self._sample, self.belief
         roll, pitch, heading = (math.radians(seen[name]) for name in ATTITUDE)
@@ -178,8 +178,7 @@ class OnBoard:
         )  # fmt: skip
 
     def signals(self) -> dict[str, Array]:
-        """Measured signals and state estimate so far, each (samples,); the on-board track is the
-        navigator's."""
+        """Measured signals and estimated on-board track so far, each (samples,)."""
         count = self.sensors.count
         north, east = self._track[:, :count].copy()
         return {
@@ -194,10 +193,10 @@ class OnBoard:
 
 
 def guidance_of(scenario: Scenario) -> MissionController | None:
-    """The mission of a scenario as a controller in Python; None where it has none.
+    """Controller in Python for a scenario's mission; None without a mission.
 
     Raises:
-      InputError: a schedule, which sees nothing, or a compass offset beside a compass.
+      InputError: the mission is a schedule, or a compass offset is set next to a compass.
     """
     if scenario.compass_offset:
         raise InputError(

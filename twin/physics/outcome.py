@@ -1,4 +1,4 @@
-"""Outcome: why a simulation ended, its log as a trajectory, and what a pilot must know of it."""
+"""Outcome: how a simulation ended, its log as a trajectory, and remarks for the pilot."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from twin.water.current.grid import beyond_grid
 from twin.water.floor.lookup import beyond_floor
 
 HYDROGRAPHY = ("true_temperature", "true_salinity")
-"""Signals of missions in water whose temperature and salinity are known"""
+"""Signals of missions in water of known temperature and salinity."""
 MAY_BE_NAN = ("pitch_setpoint", "heading_setpoint", "segment")
-"""Fields of a log row that are NaN in a sound run, where a segment has no setpoint."""
+"""Fields of a log row that are NaN in a sound run while a segment has no setpoint."""
 Beyond = Callable[[Array, Array, Array], NDArray[np.bool_]]
 SMALLER = 5
-"""Times shorter is the step that an unstable run is advised to try"""
+"""[1] Factor by which an error message shortens the step of an unstable run."""
 
 
 def trajectory(
@@ -47,14 +47,14 @@ def trajectory(
     contacts: bool,
     lean: bool = False,
 ) -> Trajectory:
-    """The log of a run as a trajectory.
+    """Turn the log of a run into a trajectory.
 
     Args:
-      scenario: what was flown.
+      scenario: the flown scenario.
       rows: records of `block.log_row`.
-      ours: a record of `block.STATE`: whether and when it failed, and guidance's memory.
+      ours: a record of `block.STATE` with guidance's memory; tells whether and when the run failed.
       timestep: [s]. half_step, floor, contacts, lean: see `true_signals.from_log`.
-      mission: index that an error names beside the mission's name.
+      mission: index that errors give next to the mission's name.
 
     Raises:
       SimulationUnstable: the run went unstable; `partial` holds the finite samples.
@@ -78,7 +78,7 @@ def trajectory(
     if failed:
         time = float(ours["fail_time"])
         raise SimulationUnstable(
-            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_speed(found)} "
+            f"{_label(scenario, mission)} went unstable at {time:.1f} s{_last_speed(found)} "
             f"(vehicle {scenario.vehicle.name!r}, hydrodynamics {scenario.hydrodynamics}, timestep "
             f"{timestep:g} s); try a smaller timestep, such as {timestep / SMALLER:g}, or check "
             "the parameters",
@@ -89,8 +89,8 @@ def trajectory(
     return found
 
 
-def _speed(trajectory: Trajectory) -> str:
-    """Speed at its last sound sample, in words; empty without one."""
+def _last_speed(trajectory: Trajectory) -> str:
+    """Speed through the water at the last finite sample, as words; empty without a sample."""
     if not len(trajectory.time):
         return ""
     parts = [trajectory[f"true_{name}"][-1] for name in ("surge", "sway", "heave")]
@@ -98,9 +98,9 @@ def _speed(trajectory: Trajectory) -> str:
 
 
 def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArray[Any]]:
-    """Temperature [degree_Celsius] and salinity [1] at the vehicle, where something knows them.
+    """Temperature [degree_Celsius] and salinity [1] at the vehicle; empty where unknown.
 
-    Those of the density profile, in which the vehicle flies, or else of the current's file.
+    Source is the density profile, else the file of the current.
     """
     depth = trajectory["true_depth"]
     water = None if scenario.density is None else scenario.density.temperature_salinity(depth)
@@ -114,9 +114,9 @@ def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArra
 
 
 def _place(scenario: Scenario, duration: float) -> dict[str, float | str]:
-    """Where and when the run began, and which of the two are defaults.
+    """Place and time at which the run began, with a note of those that are defaults.
 
-    A gridded current that says where its file is read says it for the run too.
+    A gridded current that knows the place and time of its file sets them for the run.
     """
     place = usual = scenario.place
     if scenario.current is not None:
@@ -132,7 +132,7 @@ def _place(scenario: Scenario, duration: float) -> dict[str, float | str]:
 
 
 def _ending(scenario: Scenario, ours: Any, failed: bool) -> str:
-    """End of a run in a word: unstable, aborted, flown, duration or time limit."""
+    """Ending of a run in a word: unstable, aborted, flown, duration or time limit."""
     if failed:
         return "unstable"
     if not isinstance(scenario.mission, Mission):
@@ -154,27 +154,27 @@ def _label(scenario: Scenario, mission: int | None) -> str:
 
 
 def remarks(scenario: Scenario, run: Trajectory) -> list[str]:
-    """One sentence for each thing that went otherwise than the mission wanted.
+    """Remarks, one sentence for each departure of the run from the mission.
 
     Args:
-      scenario: that was flown.
-      run: what came of it.
+      scenario: the flown scenario.
+      run: its trajectory.
     """
-    stronger, tables = _stronger_current(scenario, run), tables_of(scenario, scenario.run_time())
+    stronger, tables = _current_remark(scenario, run), tables_of(scenario, scenario.run_time())
     found = [
-        _unfinished(run, stronger),
+        _ending_remark(run, stronger),
         stronger if run.provenance.get("ended") != "time limit" else "",
-        _short_of_target(scenario, run),
-        _touched(run),
-        _step_too_long(scenario, run),
-        _left_file(run, tables.floor, beyond_floor, "bathymetry", "depth"),
-        _left_file(run, tables.current, beyond_grid, "current file", "velocity"),
+        _target_remark(scenario, run),
+        _contact_remark(run),
+        _step_remark(scenario, run),
+        _area_remark(run, tables.floor, beyond_floor, "bathymetry", "depth"),
+        _area_remark(run, tables.current, beyond_grid, "current file", "velocity"),
     ]
     return [text for text in found if text]
 
 
-def _unfinished(run: Trajectory, stronger: str) -> str:
-    """Why a mission was not flown to its end; empty where it was."""
+def _ending_remark(run: Trajectory, stronger: str) -> str:
+    """Remark why a mission was not flown to its end; empty if it was."""
     ended = run.provenance.get("ended")
     if ended == "aborted":
         depth = run["true_depth"]
@@ -193,8 +193,8 @@ def _unfinished(run: Trajectory, stronger: str) -> str:
     return f"the mission was not flown to its end: {reason}"
 
 
-def _stronger_current(scenario: Scenario, run: Trajectory) -> str:
-    """Remark that a current exceeded the speed of a vehicle that goes to places; else empty."""
+def _current_remark(scenario: Scenario, run: Trajectory) -> str:
+    """Remark that the current exceeded the speed of a vehicle with waypoints; else empty."""
     plan = scenario.mission
     if not any(isinstance(one, Waypoint) for one in getattr(plan, "segments", ())):
         return ""
@@ -209,8 +209,8 @@ def _stronger_current(scenario: Scenario, run: Trajectory) -> str:
     )
 
 
-def _short_of_target(scenario: Scenario, run: Trajectory) -> str:
-    """Remark that a run ended on the way to a place, and how far from it; else empty."""
+def _target_remark(scenario: Scenario, run: Trajectory) -> str:
+    """Remark that a run ended short of a waypoint, with the distance left; else empty."""
     if not isinstance(scenario.mission, Mission):
         return ""
     flown = [one for part in scenario.mission_in_metres().segments for one in part.flown_as()]
@@ -227,8 +227,8 @@ def _short_of_target(scenario: Scenario, run: Trajectory) -> str:
     )
 
 
-def _touched(run: Trajectory) -> str:
-    """When the vehicle first touched something; empty where it did not."""
+def _contact_remark(run: Trajectory) -> str:
+    """Remark when the vehicle first touched floor or obstacle; empty if never."""
     figures = summarise(run)
     if not figures.get("grounded"):
         return ""
@@ -238,8 +238,8 @@ def _touched(run: Trajectory) -> str:
     )
 
 
-def _step_too_long(scenario: Scenario, run: Trajectory) -> str:
-    """When it first went so fast that its step was too long; empty where it did not."""
+def _step_remark(scenario: Scenario, run: Trajectory) -> str:
+    """Remark when the speed first made the time step too long; empty if never."""
     if not scenario.centred:
         return ""
     vehicle = with_hydrodynamics(scenario.vehicle, scenario.hydrodynamics)
@@ -248,17 +248,17 @@ def _step_too_long(scenario: Scenario, run: Trajectory) -> str:
     fastest = stiffness(vehicle, float(speed.max()))
     if not fastest.too_long(step):
         return ""
-    slower = speed.max() * fastest.longest / step  # what is extrapolated grows with the speed
+    slower = speed.max() * fastest.longest / step  # the extrapolated terms grow with speed
     return f"from {run.time[np.argmax(speed > slower)]:.0f} s on the {fastest.too_long(step)}"
 
 
-def _left_file(run: Trajectory, table: Array, beyond: Beyond, file: str, held: str) -> str:
-    """When the vehicle left the area of a file of the water; empty where it did not.
+def _area_remark(run: Trajectory, table: Array, beyond: Beyond, file: str, held: str) -> str:
+    """Remark when the vehicle left the area of a water file; empty if never.
 
     Args:
-      table: compiled from the file, empty without one.
-      beyond: which samples of a track are outside of it.
-      held: what the water keeps of the file's edge there.
+      table: compiled from the file; empty without a file.
+      beyond: tells the samples of a track outside the table.
+      held: name of the quantity that keeps its value at the edge.
     """
     if not table.size:
         return ""

@@ -27,10 +27,10 @@ from twin.water.density import DensityProfile
 from twin.water.floor import Floor, floor_from_dict
 
 SHORTEST, LONGEST = 1e-4, 1e10
-"""[s] of a run and between its samples: the shortest step and 300 years, so that every count of
-steps and samples is a whole number."""
+"""[s] Limits of a run's duration and sample period: the shortest step and 300 years. Within them
+every count of steps and samples is a whole number."""
 AS_THEY_ARE = ("hydrodynamics", "timestep", "integrator", "centred", "sample_period")
-"""Fields that a description has as they are"""
+"""Fields that a description stores unchanged."""
 MAKERS = {
     "mission": "load_mission",
     "believed": "load_vehicle",
@@ -38,7 +38,7 @@ MAKERS = {
     "density": "parse_density",
     "floor": "parse_floor",
 }
-"""The public function that makes a field's value of a text"""
+"""Public function that makes a field's value from a text."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -46,52 +46,52 @@ class Scenario:
     """Everything that one simulated mission depends on."""
 
     vehicle: Vehicle = dataclasses.field(default_factory=load_vehicle)
-    """The vehicle that is really out there."""
+    """Vehicle that is simulated."""
     believed: Vehicle | None = None
-    """The vehicle that guidance is trimmed for; None: the real one."""
+    """Vehicle that guidance is trimmed for; None: the simulated one."""
     ballast: Ballast | None = None
-    """Its ballasting; None: neutral in water of the reference density."""
+    """Ballasting of the vehicle; None: neutral in water of the reference density."""
     encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """Position of a part when its encoder says 0, by name and in the part's unit; 0 if left out."""
+    """Position of each part, by name and in its unit, when its encoder reads 0; left out: 0."""
     compass_offset: float = 0.0
-    """Error of the compass of guidance: its reading less the true heading [rad]."""
+    """[rad] Error of guidance's compass: reading minus true heading."""
     mission: Mission | Schedule | None = None
-    """Closed-loop mission, open-loop schedule, or None (commands come from a controller)."""
+    """Closed-loop mission, open-loop schedule, or None: a controller commands the vehicle."""
     faults: Sequence[Fault] = ()
-    """Faults of the vehicle, each from a time on; see `twin.faults`"""
+    """Faults of the vehicle, each with the time from which it acts; see `twin.faults`."""
     navigate: Navigation | VelocityEstimator | str | None = None
-    """Position that guidance sees: the truth (None or "truth"), or an on-board one: "estimate", the
-    name of a velocity estimator such as "network:runs/mine", an estimator, or a Navigation,
-    which has the sensors and their seed too."""
+    """Position that guidance uses. None or "truth": the true one. "estimate", a velocity estimator
+    or its name, such as "network:runs/mine": an estimate on board. A Navigation also sets the
+    sensors and their seed."""
     duration: float | None = None
-    """[s]; None takes the mission's own."""
+    """[s] Duration of the run; None: the mission's own."""
     start: Start | Mapping[str, Any] | None = None
-    """Where and when it begins: a `Start`, or a mapping of some of its fields, such as
-    {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01T00:00"}; what a mapping leaves out
-    is the mission's. None takes the mission's start depth and heading, at rest in the water."""
+    """Start of the run: a `Start`, or a mapping of some of its fields, such as
+    {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01T00:00"}; the mission sets the other
+    fields. None: the mission's start depth and heading, at rest in the water."""
     current: Current | None = None
     density: DensityProfile | None = None
-    """None: the vehicle's reference density, compressed as sea water is where its hull is."""
+    """Density profile; None: the reference density, compressed with depth if the hull is."""
     floor: Floor | None = None
-    """Sea floor that the hull collides with; None: the water has no bottom."""
+    """Sea floor that the hull collides with; None: bottomless water."""
     origin: Origin | None = None
-    """Geographic position and time of the frame's origin; None: the start's. See `place`."""
+    """Geographic position and time of the frame's origin; None: those of the start. See `place`."""
     engine: str = "mujoco"
-    """Engine: "mujoco", or "lanes", the Fossen model for many vehicles side by side."""
+    """Engine: "mujoco", or "lanes", the Fossen model for many vehicles in a batch."""
     hydrodynamics: str = "coefficients"
     timestep: float | None = None
-    """[s]; None takes the vehicle file's"""
+    """[s] Step of the physics; None: the vehicle file's."""
     integrator: str | None = None
     centred: bool = True
-    """Water at the time-centred velocity: second order in the step (docs/physics/equations.md)."""
+    """Hydrodynamics at the time-centred velocity, second order (docs/physics/equations.md)."""
     sample_period: float = SAMPLE_PERIOD
-    """[s], a whole number of physics steps"""
+    """[s] Time between samples, a whole number of physics steps."""
 
     def __post_init__(self) -> None:
         if isinstance(self.vehicle, str):
             object.__setattr__(self, "vehicle", load_vehicle(self.vehicle))
         if self.origin == Origin():
-            object.__setattr__(self, "origin", None)  # it says what nothing says
+            object.__setattr__(self, "origin", None)  # the default origin means no origin
         object.__setattr__(self, "navigate", Navigation.of(self.navigate))
         if isinstance(self.start, Mapping):
             object.__setattr__(self, "start", Start.of(self.start, self.usual_start()))
@@ -110,7 +110,7 @@ class Scenario:
             if not isinstance(value, kinds):
                 way = f"twin.{MAKERS[name]}({value!r})" if name in MAKERS else ""
                 made = f", as twin.{MAKERS[name]} makes" if way else ""
-                wanted = way if isinstance(value, str) and way else f"{_called(kinds)}{made}"
+                wanted = way if isinstance(value, str) and way else f"{_class_names(kinds)}{made}"
                 raise InputError(f"scenario: {name} is {value!r}; give {wanted}")
         if not isinstance(self.encoder_zeros, Mapping):
             raise InputError(
@@ -151,7 +151,7 @@ class Scenario:
             if self.current is not None and self.begin.time is not None:
                 self.current.check_time(str(self.begin.time))
         if self.density is None and self.vehicle.hull_compressibility > 0.0:
-            # a hull that shrinks in water that does not would sink for good
+            # a compressible hull in incompressible water would sink without end
             water = DensityProfile.compressed(self.vehicle.reference_density)
             object.__setattr__(self, "density", water)
         self._check_floor()
@@ -160,7 +160,7 @@ class Scenario:
             if name == "duration" and value is None:
                 continue
             figure = number(value, f"scenario: {name}")
-            if not isinstance(value, int | float):  # a number of numpy's, say
+            if not isinstance(value, int | float):  # numpy's, for example
                 object.__setattr__(self, name, figure)
             value = figure
             if not SHORTEST <= value <= LONGEST:
@@ -175,7 +175,7 @@ class Scenario:
                 raise InputError(f"scenario: {name} is {value!r}: give its name as a text")
 
     def _check_floor(self) -> None:
-        """A sea floor on the Earth needs a place, dives that turn above one need a floor."""
+        """Raise if a bathymetry has no place, or a mission that needs a sea floor has none."""
         flown = self.mission
         if self.floor is None:
             if isinstance(flown, Mission) and flown.needs_floor:
@@ -192,23 +192,23 @@ class Scenario:
 
     @property
     def open_ended(self) -> bool:
-        """True when the run ends as soon as its mission is flown."""
+        """True when the run ends as soon as its mission has been flown."""
         plan = self.mission
         return self.duration is None and isinstance(plan, Mission) and plan.duration_s is None
 
     @property
     def begin(self) -> Start:
-        """The start that is flown: the given one, or the usual one of the mission."""
+        """Start of the run: the given one, or else `usual_start`."""
         if self.start is None:
             return self.usual_start()
-        assert isinstance(self.start, Start)  # __post_init__ made one of a mapping
+        assert isinstance(self.start, Start)  # __post_init__ has converted a mapping
         return self.start
 
     def usual_start(self) -> Start:
-        """The mission's start: at rest in the water at its depth and heading.
+        """Start without `start`: at rest in the water at the mission's depth and heading.
 
-        What starts at the surface floats just immersed, as a neutral glider does: with
-        its CB at depth 0 half of the hull would stand out of the water and drop.
+        A vehicle that starts at the surface floats just immersed, as a neutral glider does. With
+        the CB at depth 0, half of the hull would stand out of the water and drop.
         """
         plan, awash = self.mission, self.vehicle.hull_diameter / 2
         if isinstance(plan, Mission):
@@ -218,17 +218,17 @@ class Scenario:
 
     @property
     def place(self) -> Origin:
-        """Geographic position and time of the origin: of the start, of `origin`, or the default.
+        """Geographic position and time of the origin: from the start, `origin`, or the default.
 
         Currents, density by name, pressure, stores and exports use it.
         """
         return self.begin.origin(self.origin)
 
     def mission_in_metres(self) -> Mission:
-        """The mission that is flown, its targets in metres from `place`.
+        """Mission with its targets in metres from `place`.
 
         Raises:
-          InputError: a schedule or a controller gives the commands.
+          InputError: a schedule or a controller commands the vehicle.
         """
         if not isinstance(self.mission, Mission):
             raise InputError("the scenario has no mission: a schedule or a controller flies it")
@@ -236,12 +236,12 @@ class Scenario:
 
     @property
     def has_place(self) -> bool:
-        """True when the scenario says where on Earth it is flown; else `place` is the default."""
+        """True when the scenario gives its place on Earth; otherwise `place` is the default."""
         return self.origin is not None or self.begin.latitude is not None
 
     @property
     def believed_vehicle(self) -> Vehicle:
-        """The vehicle that guidance is trimmed for."""
+        """Vehicle that guidance is trimmed for."""
         return self.vehicle if self.believed is None else self.believed
 
     def run_time(self) -> float:
@@ -259,17 +259,17 @@ class Scenario:
         return float(duration)
 
     def describe(self) -> dict[str, Any]:
-        """A JSON-able dict from which `scenario_from_dict` rebuilds an equal scenario.
+        """Describe the scenario as a dict for JSON, which `scenario_from_dict` turns back.
 
-        The vehicle is its MJCF text plus the fields that differ from it; gridded currents are
-        pinned to the content of their file.
+        The vehicle is stored as its MJCF text and the fields that differ from it. Gridded currents
+        are stored with a hash of their file.
         """
         duration = self.run_time()
 
         def pinned(water: Current | Floor | None) -> Any:
             return None if water is None else water.pinned(duration, self.place).describe()
 
-        # a start with a time and no place leaves the origin unsaid
+        # a start with a time but no place does not set the origin's place
         origin = self.place if self.begin.latitude is not None else self.origin or Origin()
         plan: dict[str, Any] | None = None
         if self.mission is not None:
@@ -287,7 +287,7 @@ class Scenario:
             "encoder_zeros": dict(self.encoder_zeros),
             "compass_offset": self.compass_offset,
             **({"faults": [fault.describe() for fault in self.faults]} if self.faults else {}),
-            "plan": plan,  # the name that stores have for the mission
+            "plan": plan,  # stores call the mission a plan
             "navigate": self.navigate.describe() if isinstance(self.navigate, Navigation) else None,
             "duration": self.duration,
             "start": None if self.start is None else dataclasses.asdict(self.begin),
@@ -300,15 +300,15 @@ class Scenario:
         }
 
 
-def _called(kinds: type | tuple[type, ...]) -> str:
-    """Classes as a message names them."""
+def _class_names(kinds: type | tuple[type, ...]) -> str:
+    """Names of classes as an error message lists them."""
     known = kinds if isinstance(kinds, tuple) else (kinds,)
     names = [kind.__name__ for kind in known if kind is not NoneType]
     return " or ".join(f"{'an' if name[0] in 'AEIOU' else 'a'} {name}" for name in names)
 
 
 def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
-    """Rebuild what `Scenario.describe` wrote; raises InputError kinds when something changed."""
+    """Rebuild a scenario from `Scenario.describe`; raises InputError if a file has changed."""
     entry = data["vehicle"]
     vehicle = parse_vehicle(entry["mjcf"], Path(f"{entry['name']}.xml"))
     plan: Mission | Schedule | None = None
@@ -325,7 +325,7 @@ def scenario_from_dict(data: Mapping[str, Any]) -> Scenario:
     # where the start has a place, the description's origin repeats it
     origin = None if start is not None and start.latitude is not None else data["origin"]
     if origin is not None and Origin(**origin) == FORMER_DEFAULT:
-        origin = None  # nobody had said it
+        origin = None  # the default of older versions, not a user's choice
     return Scenario(
         vehicle=vehicle.with_changes(entry["changes"]),
         believed=made("believed", vehicle.with_changes),

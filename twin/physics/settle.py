@@ -1,7 +1,7 @@
-"""Steady states of the MuJoCo twin: fly until the motion settles, then polish the root.
+"""Settle: steady states of the MuJoCo twin, found by flying until the motion settles.
 
-A trim found this way is one that the vehicle reaches by itself, hence stable; the root finder
-only removes what is left of the transient. The Fossen model finds its own independently.
+A trim found in this way is stable, because the vehicle reaches it by itself. A root
+finder then removes the rest of the transient. The Fossen model finds its trims independently.
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ from twin.vehicle.steady_motion import (
 from twin.vehicle.vehicle import Vehicle
 
 DEPTH = 1e4
-"""[m] far from the surface; the water has the reference density at every depth here"""
+"""[m] Depth of the run, far from the surface; the water has the reference density everywhere."""
 SETTLED = 1e-4
-"""Largest change of speed [m/s], rates [rad/s] and attitude [rad] over WINDOW once settled"""
+"""Largest change of speed [m/s], rates [rad/s] and attitude [rad] over WINDOW once settled."""
 WINDOW = 60.0
-"""[s]"""
+"""[s] Time between two comparisons of the motion."""
 PATIENCE = 3600.0
-"""[s] a glider that still has not settled after an hour has no usable steady state"""
+"""[s] Time limit: a glider that is still unsteady after an hour has no usable steady state."""
 START_SPEED, START_PITCH = 0.3, 0.5
-"""[m/s], [rad]: released gliding in the direction that its buoyancy drives"""
+"""[m/s], [rad] Speed and pitch at release; the glider points the way its buoyancy moves it."""
 SAME_MOTION = 0.02
-"""Largest distance [m/s, rad, rad/s] between the flown motion and the polished root"""
+"""[m/s, rad, rad/s] Largest difference between the flown motion and the root of the equations."""
 
 
 class LockedGlider:
-    """Accelerations of the twin with the battery locked, straight from MuJoCo."""
+    """Accelerations from MuJoCo of the vehicle with every part locked in its position."""
 
     def __init__(self, vehicle: Vehicle, hydrodynamics: str, positions: Array):
         self.model = compile_model(
             vehicle.replace(hull_compressibility=0.0), hydrodynamics=hydrodynamics, lean=True
         )
-        # a steady glide is one in open water, whatever obstacles the file has
+        # the glide is in open water: obstacles of the vehicle file are ignored
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         self.data = mujoco.MjData(self.model)
         self.data.act[:] = self.data.ctrl[:] = positions
@@ -90,12 +90,12 @@ class LockedGlider:
         return np.concatenate([linear, flip_vector(acceleration[3:])])
 
     def net_mass(self) -> float:
-        """[kg] at reference density, positive heavy: that of the parts where they are held."""
+        """Net mass [kg] at reference density, positive heavy, with its parts as held."""
         mujoco.mj_forward(self.model, self.data)
         return float(state(self.data)["net_mass"])
 
     def motion(self) -> Array:
-        """(u, v, w, roll, pitch, turn rate) of the current data."""
+        """Motion (u, v, w, roll, pitch, turn rate) of the current data."""
         quaternion = flip_quaternion(self.data.qpos[3:7])
         to_ned = quaternion_to_matrix(quaternion)
         roll, pitch, _ = quaternion_to_euler(quaternion)
@@ -113,14 +113,14 @@ def trim(
     positions: Mapping[str, float] | None = None,
     hydrodynamics: str = "coefficients",
 ) -> Trim:
-    """The steady motion that the twin settles into at fixed positions of its parts.
+    """Steady motion that the vehicle reaches by itself at fixed positions of its parts.
 
     Args:
-      shift: [m]. rotation: [rad]. net_mass: [kg], positive = heavy.
+      shift: of the battery [m]. rotation: of the battery [rad]. net_mass: [kg], positive = heavy.
       positions: of parts by name, in their units; see `steady_motion.trim_positions`.
 
     Raises:
-      InputError: outside the parts' travel. NoSteadyState: it does not settle, and how.
+      InputError: positions outside the parts' travel. NoSteadyState: the motion does not settle.
     """
     wanted = trim_positions(vehicle, shift, rotation, net_mass, positions)
     glider = LockedGlider(vehicle, hydrodynamics, wanted)
@@ -163,7 +163,7 @@ def trim(
 
 
 def _fly_until_settled(glider: LockedGlider, sinking: float) -> Array | None:
-    """Release the glider and step it; the settled motion, or None after PATIENCE."""
+    """Release the glider and step it; return the settled motion, or None after PATIENCE."""
     model, data = glider.model, glider.data
     pitch = -sinking * START_PITCH
     velocity = euler_to_matrix(0.0, pitch, 0.0) @ np.array([START_SPEED, 0.0, 0.0])

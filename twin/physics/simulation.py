@@ -1,4 +1,4 @@
-"""Simulation: one mission or many flown natively, and their trajectories."""
+"""Simulation: one mission or many flown in native code, and their trajectories."""
 
 from __future__ import annotations
 
@@ -49,32 +49,32 @@ if TYPE_CHECKING:
 
 
 STEPS_PER_CALL = 20_000
-"""Steps between looks at a run from Python: long enough to cost nothing, short enough to stop."""
+"""Steps between returns to Python: enough to cost nothing, few enough to interrupt a run."""
 END_CHECK_PERIOD = 30.0
-"""[s] between looks whether a mission without a duration has been flown"""
+"""[s] Time between checks for the end of a mission that has no duration."""
 _WHOLE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""Signature of all that MuJoCo's next step depends on, our words in userdata too"""
+"""Signature of all that MuJoCo's next step depends on, including our words in userdata."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Saved:
-    """A simulation at one time."""
+    """State and log of a simulation at one time."""
 
     state: Array
-    """By MuJoCo, of the signature mjSTATE_INTEGRATION; the first number is the time [s]."""
+    """MuJoCo's state of the signature mjSTATE_INTEGRATION; the first number is the time [s]."""
     rows: NDArray[Any]
-    """Samples so far."""
+    """Samples up to this time."""
     became: int
-    """Conditions that the vehicle has taken on."""
+    """Number of conditions that the vehicle has taken on."""
 
 
 class Simulation:
     """One scenario in MuJoCo: its model and its data.
 
-    `model` and `data` are ordinary MuJoCo objects that own everything they need: they outlive the
-    Simulation, can be copied, pickled and stepped by `mujoco.mj_step(model, data)`, which runs
-    the water, the guidance and the log natively. The log keeps the last `block.RING` samples in
-    `data.userdata`; `step` collects them in time, and so does `rows` after steps of one's own.
+    `model` and `data` are ordinary MuJoCo objects that own everything they need. They outlive the
+    Simulation and can be copied and pickled; `mujoco.mj_step(model, data)` runs water, guidance and
+    log natively. `data.userdata` holds the last `block.RING` samples of the log. `step` collects
+    them in time; a caller that steps MuJoCo itself reads `rows` in time.
     """
 
     def __init__(
@@ -88,10 +88,10 @@ class Simulation:
         """Compile the scenario.
 
         Args:
-          scenario: what is flown.
-          lean: leave out what only eyes and sensors need; the dynamics are the same.
-          tables: of this scenario, if they have been made already.
-          reserve: numbers that the model's tables must have room for, at least.
+          scenario: the scenario to fly.
+          lean: leave out what only pictures and sensors need; the dynamics are the same.
+          tables: of this scenario, if compiled already.
+          reserve: least count of numbers that the model's tables must have room for.
         """
         if scenario.engine != "mujoco":
             raise InputError(
@@ -130,43 +130,43 @@ class Simulation:
         self._conditions = conditions_of(scenario, self.duration)
         self._became = 0
         self.on_board: OnBoard | None = None
-        """Knowledge on board, of a navigated run."""
+        """Sensors and navigator of a navigated run; None otherwise."""
         self.reset()
 
     @property
     def steps(self) -> int:
-        """Steps of the whole run: the last sample is logged by the one before last, and the last
-        one fills in its acceleration."""
+        """Steps of the whole run: the last but one logs the last sample, and the last one fills in
+        that sample's acceleration."""
         return math.ceil(self.duration / self.model.opt.timestep - 1e-9) + 2
 
     # --- the log ------------------------------------------------------------------------------
 
     @property
     def rows(self) -> NDArray[Any]:
-        """The samples so far, records of `block.log_row`; the last one may still be open."""
+        """Samples so far, records of `block.log_row`; the last one may lack its acceleration."""
         self.collect(self.data.userdata)
         return self.collected
 
     @property
     def collected(self) -> NDArray[Any]:
-        """The samples that `collect` has taken out of the ring."""
+        """Samples that `collect` has copied from the ring."""
         return self._collected[: self._count]
 
     @property
     def steps_per_collection(self) -> int:
-        """Steps after which the ring of samples must have been collected."""
+        """Largest number of steps between two collections at which the ring loses no sample."""
         per_sample = max(1, round(self.scenario.sample_period / self.model.opt.timestep))
         return (b.RING - 1) * per_sample
 
     def collect(self, userdata: Array) -> None:
-        """Take the samples that came since the last call out of the ring.
+        """Copy the samples since the last call from the ring of `userdata`.
 
         Args:
           userdata: of the simulation that was stepped, shape (model.nuserdata,).
 
         Raises:
-          TwinError: it was stepped too far without a collection, so that samples are lost, or
-            what native code keeps in `userdata` was overwritten.
+          TwinError: samples are lost because too many steps passed without a collection, or the
+            state of native code in `userdata` was overwritten.
         """
         ours = userdata[: b.STATE_WORDS].view(b.STATE)[0]
         if not 0.0 <= ours["logged"] <= len(self._collected):
@@ -176,9 +176,9 @@ class Simulation:
             )
         logged = int(ours["logged"])
         ring = userdata[b.STATE_WORDS :].view(self._row)
-        if logged < self._count:  # it was reset
+        if logged < self._count:  # the run was reset
             self._count = 0
-        # the last one collected may have been open then
+        # the last collected sample may have lacked its acceleration then
         first = max(self._count - 1, 0)
         if logged - first > len(ring):
             raise TwinError(
@@ -191,7 +191,7 @@ class Simulation:
         self._count = logged
 
     def step(self, steps: int = 1) -> None:
-        """Advance by `steps` physics steps; the log stays whole however many they are."""
+        """Advance by any number of physics steps and keep the log whole."""
         while steps > 0:
             count = min(steps, self.steps_per_collection, self._change())
             mujoco.mj_step(self.model, self.data, nstep=count)
@@ -199,7 +199,7 @@ class Simulation:
             steps -= count
 
     def _change(self) -> int:
-        """Let the vehicle become what it is by now; the steps until the next change."""
+        """Apply the conditions that are due; return the steps until the vehicle's next change."""
         period = self.model.opt.timestep
         while self._became < len(self._conditions):
             time, condition = self._conditions[self._became]
@@ -211,16 +211,16 @@ class Simulation:
         return STEPS_PER_CALL
 
     def saved(self) -> Saved:
-        """Everything that later steps depend on, and the log so far."""
+        """Save everything that later steps depend on, and the log so far."""
         state = np.empty(mujoco.mj_stateSize(self.model, _WHOLE))
         mujoco.mj_getState(self.model, self.data, state, _WHOLE)
         return Saved(state, self.collected.copy(), self._became)
 
     def restore(self, saved: Saved) -> None:
-        """Go on from what `saved` gave, of this simulation or of another one of its scenario.
+        """Continue from a state that `saved` returned, of this or an equal Simulation.
 
         Raises:
-          InputError: it is of a simulation with another vehicle.
+          InputError: the state is of a simulation with another vehicle.
         """
         if len(saved.state) != mujoco.mj_stateSize(self.model, _WHOLE):
             raise InputError(
@@ -239,11 +239,11 @@ class Simulation:
     # --- the run ------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Back to the start, with an empty log."""
-        if self._became:  # the model is that of a later time
+        """Return to the start, with an empty log."""
+        if self._became:  # the model has a later condition
             become(self.model, self.scenario.vehicle, self._nominal[0], healthy(self.scenario))
             self._became = 0
-        # the start is the nominal vehicle's; its errors act from there on
+        # the start is that of the nominal vehicle; its errors act from there on
         self.model.qpos0[:], header(self.model)["neutral_volume"] = self._nominal
         mujoco.mj_resetData(self.model, self.data)
         start, flow = self.scenario.begin, np.zeros(3)
@@ -270,10 +270,10 @@ class Simulation:
 
         Args:
           controller: Python code that gives the commands each control period instead of a plan.
-          mission: index that an error names beside the mission's name; None for a single run.
+          mission: index that errors give next to the mission's name; None for a single run.
 
         Raises:
-          SimulationUnstable: with the trajectory up to that time as `partial`.
+          SimulationUnstable: the run went unstable; `partial` holds its finite samples.
         """
         if self.scenario.navigate is not None:
             self._run_navigated(controller)
@@ -301,7 +301,7 @@ class Simulation:
         per_tick = max(1, round(vehicle.control_period / timestep))
         done, memory = 0, new_state()
         while done < self.steps and not self.failed:
-            self._change()  # a fault that is due now is in what the controller sees
+            self._change()  # the controller sees a fault that is due now
             seen = observe(self.data, vehicle, self.tables.floor)
             if self._conditions:
                 seen = misread(seen, header(self.model)["gains"], memory, surfaced_depth(vehicle))
@@ -314,7 +314,7 @@ class Simulation:
             done += count
 
     def _run_navigated(self, controller: Controller | None) -> None:
-        """Guidance, or a controller, by what is known on board; see `twin.physics.navigated`."""
+        """Run guidance or a controller on navigated positions; see `twin.physics.navigated`."""
         from twin.physics.navigated import OnBoard, guidance_of
         from twin.physics.true_signals import LiveTruth
 
@@ -338,7 +338,7 @@ class Simulation:
         per_tick = max(1, round(scenario.vehicle.control_period / timestep))
         done = 0
         while done < self.steps and not self.failed and not self.flown:
-            # a sample is complete, and a command is due, a step after its time
+            # a sample is complete one step after its time, and a command is due then
             due = min(-(-done // n) * n + 1 for n in (per_sample, per_tick))
             count = min(max(due - done, 1), self.steps - done)
             self.step(count)
@@ -356,7 +356,7 @@ class Simulation:
 
     @property
     def half_step(self) -> float:
-        """[s] by which the stored velocities are older than their samples."""
+        """[s] Time by which the stored velocities are older than their samples."""
         return 0.5 * float(header(self.model)["centred"]) * float(self.model.opt.timestep)
 
     @property
@@ -367,17 +367,17 @@ class Simulation:
 
     @property
     def failed(self) -> bool:
-        """True once the state has left the finite numbers."""
+        """True once the state is no longer finite."""
         return bool(state(self.data)["failed"])
 
     def trajectory(
         self, mission: int | None = None, *, userdata: Array | None = None
     ) -> Trajectory:
-        """The samples so far.
+        """Trajectory of the samples so far.
 
         Args:
-          mission: index that an error names. userdata: of the simulation that was stepped, None:
-            its own.
+          mission: index that errors give. userdata: of the simulation that was stepped; None: that
+            of `data`.
 
         Raises:
           SimulationUnstable: the run went unstable; `partial` holds the finite samples.
@@ -396,9 +396,9 @@ class Simulation:
 
 
 def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
-    """Observation of a Python controller now: pose, rates and positions of the parts, NED and FRD.
+    """Make the observation of a Python controller at this time, in NED and FRD.
 
-    `floor` is the table of the sea floor, empty without one.
+    `floor` is the table of the sea floor, empty without a sea floor.
     """
     from twin.water.floor.lookup import floor_depth
 
@@ -425,7 +425,7 @@ def observe(data: mujoco.MjData, vehicle: Vehicle, floor: Array) -> Observation:
 
 
 def simulate(scenario: Scenario, controller: Controller | None = None) -> Trajectory:
-    """Fly one scenario by its engine; see `Simulation.run`."""
+    """Fly one scenario with its engine; see `Simulation.run`."""
     if scenario.engine == "lanes":
         from twin.physics.lanes import fly_in_lanes
 
@@ -445,15 +445,15 @@ def simulate(scenario: Scenario, controller: Controller | None = None) -> Trajec
 def simulate_many(
     scenarios: Sequence[Scenario], *, threads: int = 1
 ) -> list[Trajectory | SimulationUnstable]:
-    """Fly scenarios side by side on `threads` threads; results do not depend on their number.
+    """Fly scenarios side by side on `threads` threads; results do not depend on that number.
 
-    Those with engine "lanes" fly together in blocks, the others in a simulation each.
+    Scenarios with engine "lanes" fly together in blocks, the others in a simulation each.
 
-    Each element is the trajectory, or the `SimulationUnstable` that ended it; a `StepTooLong`
-    before it began.
+    Each element is a trajectory, or the `SimulationUnstable` that ended the run; a `StepTooLong`
+    if the run could not begin.
 
     Raises:
-      InputError: no list of scenarios, or fewer threads than one.
+      InputError: the scenarios are no list of scenarios, or `threads` is below 1.
     """
     if isinstance(scenarios, Scenario):
         raise InputError("simulate_many takes a list of scenarios; fly a single one with simulate")

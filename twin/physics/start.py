@@ -1,4 +1,4 @@
-"""Start: where, when and how a simulation begins, and with what ballast."""
+"""Start: position, time, attitude and motion at which a simulation begins, and the ballast."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ if TYPE_CHECKING:
     from twin.water.density import DensityProfile
 
 DEEPEST_SEA = 11_000.0
-"""[m]"""
+"""[m] Depth of the Challenger Deep, rounded up; a ballasting depth below it is refused."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Start:
-    """Where, when and how a simulation begins.
+    """Position, time, attitude and motion at which a simulation begins.
 
     Raises:
       InputError: a place or a time that cannot be used.
     """
 
     north: float = 0.0
-    """[m]"""
+    """[m] North of the frame's origin."""
     east: float = 0.0
-    """[m]"""
+    """[m] East of the frame's origin."""
     depth: float = 0.0
-    """[m], of the CB"""
+    """[m] Depth of the centre of buoyancy."""
     roll: float = 0.0
-    """[rad]"""
+    """[rad] Roll, positive to starboard."""
     pitch: float = 0.0
-    """[rad]"""
+    """[rad] Pitch, positive nose up."""
     heading: float = 0.0
-    """[rad]"""
+    """[rad] Heading, clockwise from north."""
     v_rel: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Surge, sway, heave through the water [m/s]; zero drifts with the water."""
+    """[m/s] Surge, sway and heave through the water; at zero the vehicle drifts with the water."""
     rates: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw rate [rad/s], body FRD"""
+    """[rad/s] Roll, pitch and yaw rate, body FRD."""
     actuators: tuple[float, ...] | Mapping[str, float] = ()
-    """positions of the parts, all in their order or some by name, in their units; empty: at rest"""
+    """Positions of the parts in their units: all in order, or some by name; empty: all at rest."""
     latitude: float | None = None
-    """[degree] north positive, WGS84; with `longitude`, or not at all"""
+    """[degree] Latitude, north positive, WGS84; given with `longitude` or not at all."""
     longitude: float | None = None
-    """[degree] east positive, any turn (-180..180 or 0..360)"""
+    """[degree] Longitude, east positive, as -180..180 or 0..360."""
     time: str | datetime.date | None = None
-    """UTC, ISO 8601 text, a date or a datetime (naive ones are UTC); kept as text"""
+    """UTC time: ISO 8601 text, a date or a datetime (naive: UTC); stored as text."""
 
     def __post_init__(self) -> None:
         for name in ("north", "east", "depth", "roll", "pitch", "heading"):
@@ -86,7 +86,7 @@ class Start:
 
     @classmethod
     def of(cls, given: Mapping[str, Any], rest: Start) -> Start:
-        """A start from some of its fields by name; those that are left out are as in `rest`.
+        """Make a start from some fields by name; the other fields are taken from `rest`.
 
         Raises:
           InputError: a name that is no field (the nearest is offered), or an impossible value.
@@ -98,7 +98,7 @@ class Start:
         return dataclasses.replace(rest, **given)
 
     def origin(self, given: Origin | None = None) -> Origin:
-        """Origin of the north-east-down frame: this start's place and time, else what is `given`.
+        """Origin of the north-east-down frame: place and time of this start, else those of `given`.
 
         Raises:
           InputError: the start and `given` contradict each other.
@@ -129,10 +129,10 @@ class Start:
         """Position of each part, shape (parts,).
 
         Args:
-          names: of the vehicle's parts. rest: their positions where nothing is said, (parts,).
+          names: of the vehicle's parts. rest: positions of parts without a given one, (parts,).
 
         Raises:
-          InputError: `actuators` has another width, or names a part that is not there.
+          InputError: `actuators` has a wrong number of values, or an unknown part.
         """
         positions = np.array(rest, dtype=np.float64)
         if isinstance(self.actuators, Mapping):
@@ -151,13 +151,13 @@ class Start:
 
 
 def utc_text(time: str | datetime.date) -> str:
-    """A moment as ISO 8601 text in UTC, such as 2003-08-01T00:00:00.
+    """Write a moment as ISO 8601 text in UTC, such as 2003-08-01T00:00:00.
 
     Args:
-      time: text, a date or a datetime; one without an offset is UTC already.
+      time: text, a date or a datetime; without an offset it is taken as UTC.
 
     Raises:
-      InputError: it is none of these.
+      InputError: the text is not ISO 8601.
     """
     moment: object = time
     if isinstance(time, str):
@@ -177,10 +177,10 @@ def utc_text(time: str | datetime.date) -> str:
 
 
 def parse_place(text: str) -> dict[str, Any]:
-    """The start of a text "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME", as a mapping.
+    """Parse "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME" into fields of a `Start`.
 
     Raises:
-      InputError: another number of values, or one that is not a number.
+      InputError: there are not two or three values, or a coordinate is not a number.
     """
     words = [word.strip() for word in text.split(",")]
     try:
@@ -196,7 +196,7 @@ def parse_place(text: str) -> dict[str, Any]:
 
 
 def _check_degrees(name: str, value: object, largest: float) -> None:
-    """Refuse what is not a number of degrees within +-largest."""
+    """Raise InputError unless a value is a number of degrees within +-largest."""
     number = isinstance(value, float | int | np.number) and not isinstance(value, bool)
     if not (number and abs(value) <= largest):  # type: ignore[arg-type]
         why = " (nearer to a pole a north-east frame has no meaning)" if largest < 90.0 else ""
@@ -208,15 +208,14 @@ def _check_degrees(name: str, value: object, largest: float) -> None:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ballast:
-    """Ballasting of a vehicle: neutral, but for an error, at a depth; or with a known volume."""
+    """Ballasting of a vehicle: neutral at a depth but for an excess mass, or a known volume."""
 
     depth: float | None = None
-    """[m] of the mission's own water, where it is neutral"""
+    """[m] Depth in the mission's own water at which the vehicle is neutral."""
     heavy: float = 0.0
-    """[kg] that it is too heavy there"""
+    """[kg] Excess of the vehicle's mass over neutral at `depth`."""
     volume: float | None = None
-    """[m3] that the hull displaces at zero pressure and its reference temperature, in place of
-    `depth`"""
+    """[m3] Volume of the hull at zero pressure and its reference temperature; replaces `depth`."""
 
     def __post_init__(self) -> None:
         if (self.depth is None) == (self.volume is None):
@@ -225,9 +224,9 @@ class Ballast:
             raise InputError("ballast: a volume [m3] is positive and needs no `heavy`")
 
     def neutral_volume(self, vehicle: Vehicle, density: DensityProfile | None) -> float:
-        """Volume [m3] at zero pressure that makes `vehicle` so, its pumps at neutral.
+        """Hull volume [m3] at zero pressure that gives `vehicle` this ballasting, pumps at neutral.
 
-        At its depth the hull has the temperature of the water.
+        The hull at `depth` has the temperature of the water there.
         """
         if self.volume is not None:
             return self.volume
@@ -253,10 +252,10 @@ def weighed(
     mass: float | None = None,
     compressibility: float | None = None,
 ) -> tuple[Vehicle, Ballast | None]:
-    """A vehicle as it was prepared for its mission, and its ballast where that says more.
+    """Vehicle with the given mass and compressibility, and its ballast; None: the file's ballast.
 
     Args:
-      ballast_at: [m] where it is neutral in the mission's water.
+      ballast_at: [m] depth at which the vehicle is neutral in the mission's water.
       mass: [kg] of the whole vehicle; the volume of its hull stays, unless `ballast_at` sets it.
       compressibility: [1/Pa] of its hull.
 
@@ -281,7 +280,7 @@ def weighed(
 
 
 def out_of_trim(vehicle: Vehicle, ballast: Ballast | None, density: DensityProfile | None) -> str:
-    """Warning that a vehicle at the surface is beyond what its pump can carry; else empty."""
+    """Warning that the pump cannot balance the vehicle at the surface; empty if it can."""
     part = vehicle.steered("buoyancy")
     if ballast is None or part is None:
         return ""

@@ -1,9 +1,9 @@
-"""Stiffness: how fast a vehicle's velocities settle at a speed, and which steps that allows.
+"""Stiffness: rates at which a vehicle's velocities settle at a speed, and the steps they allow.
 
-The velocities of a straight way, linearised: their 6 x 6 block has one eigenvalue for each way in
-which a small motion dies out. What is fastest is the rotary damping of the hull's law, which grows
-with the speed; a step that is long beside it is solved for it (docs/physics/equations.md, time
-step). What remains is extrapolated, and bounds the step.
+The 6 x 6 velocity block, linearised about straight motion, has one eigenvalue for each mode in
+which a small motion dies out. The fastest mode is the rotary damping of the hull's law, which grows
+with the speed. If the step is long for that damping, it is solved for implicitly (see "time step"
+in docs/physics/equations.md). The other terms are extrapolated and bound the step.
 """
 
 from __future__ import annotations
@@ -30,42 +30,42 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 SMALL = 1e-5
-"""[m/s] of the differences by a velocity"""
+"""[m/s] Step of the finite differences by a velocity."""
 TURNING = 0.2
-"""[rad/s] of those by a rate: where damping grows with the rate, a quick manoeuvre's counts"""
+"""[rad/s] Step of the differences by a rate, as in quick manoeuvres, where damping is large."""
 EXTRAPOLATED = 1.0
-"""Step times fastest rate from which rotary damping is solved for: nothing of it could still be
-extrapolated"""
+"""[1] Product of step and fastest rate above which rotary damping is solved for implicitly; below,
+it can still be extrapolated."""
 ACCURATE, STABLE = 0.5, 1.0
-"""Step times fastest rate of what is extrapolated: the formula of Adams and Bashforth of second
-order is stable up to 1 (Hairer, Norsett and Wanner 1993, III.1), and at half of it a glider's
-manoeuvres are off by about 1 mm/s (tests/twin/physics/test_convergence.py)"""
+"""[1] Limits of the product of step and fastest extrapolated rate. The second-order formula of
+Adams and Bashforth is stable up to 1 (Hairer, Norsett and Wanner 1993, III.1). At half of it, a
+glider's manoeuvres are off by about 1 mm/s (tests/twin/physics/test_convergence.py)."""
 MUJOCO_STEP = 0.002
-"""[s] of a file that says none"""
+"""[s] Step of a vehicle file that gives none: MuJoCo's default."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Stiffness:
-    """Fastest rates [1/s] at which small motions about a straight way die out or swing."""
+    """Fastest rates [1/s] at which small motions about straight motion die out or oscillate."""
 
     speed: float
-    """[m/s] through the water"""
+    """[m/s] Speed through the water."""
     whole: float
-    """of the whole velocity block"""
+    """[1/s] Fastest rate of the whole velocity block."""
     rest: float
-    """of the block without the rotary damping of the hull's law"""
+    """[1/s] Fastest rate of the block without the rotary damping of the hull's law."""
 
     def solved(self, timestep: float) -> bool:
-        """Whether a step [s] is so long that rotary damping is solved for, not extrapolated."""
+        """Tell whether a step [s] is so long that rotary damping must be solved for implicitly."""
         return timestep * self.whole > EXTRAPOLATED
 
     @property
     def longest(self) -> float:
-        """[s] step that is accurate."""
+        """[s] Longest step that is accurate."""
         return ACCURATE / self.rest if self.rest > 0.0 else math.inf
 
     def too_long(self, timestep: float) -> str:
-        """Warning of a step [s] beyond the longest; empty for one within it."""
+        """Warning that a step [s] exceeds the longest accurate one; empty if it does not."""
         if timestep <= self.longest:
             return ""
         unstable = timestep * self.rest > STABLE
@@ -77,10 +77,10 @@ class Stiffness:
         )
 
     def check(self, timestep: float) -> None:
-        """Warn, InaccurateStep, of a step [s] that is not accurate.
+        """Warn with InaccurateStep of a step [s] that is not accurate.
 
         Raises:
-          StepTooLong: it would be unstable.
+          StepTooLong: the step is unstable.
         """
         said = self.too_long(timestep)
         if said and timestep * self.rest > STABLE:
@@ -90,7 +90,7 @@ class Stiffness:
 
 
 def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> Stiffness:
-    """Stiffness of a straight leg at a speed [m/s] and an angle of attack [rad], parts at rest."""
+    """Stiffness of straight motion at a speed [m/s] and angle of attack [rad], parts at rest."""
     from twin.mission.glide_balance import left_over, mass_matrix
 
     position = vehicle.rest
@@ -115,7 +115,7 @@ def stiffness(vehicle: Vehicle, speed: float, angle_of_attack: float = 0.0) -> S
 
 
 def usual_way(vehicle: Vehicle) -> tuple[float, float]:
-    """Speed [m/s] and angle of attack [rad] of the usual glide, or of the cruise of a propeller."""
+    """Speed [m/s] and angle of attack [rad] of the usual glide, or of the propelled cruise."""
     from twin.mission.way import level_way, way
 
     label = f"vehicle {vehicle.name!r}"
@@ -130,7 +130,7 @@ def usual_way(vehicle: Vehicle) -> tuple[float, float]:
 
 
 def planned_way(plan: Array) -> tuple[float, float] | None:
-    """Speed [m/s] and angle of attack [rad] of the fastest way of a mission's table; None: no way.
+    """Speed [m/s] and angle of attack [rad] of the fastest leg of a mission's table; None: no leg.
 
     plan: shape (rows, SEGMENT_COLUMNS + 3 parts), see `Mission.compile`.
     """
@@ -150,11 +150,11 @@ def planned_way(plan: Array) -> tuple[float, float] | None:
 def stiffness_of(
     vehicle: Vehicle, plan: Array | None = None, *, start: float = 0.0
 ) -> Stiffness | None:
-    """Stiffness at the largest known speed of a vehicle; None where nothing says how it flies.
+    """Stiffness at the largest known speed of a vehicle; None if no speed is known.
 
     Args:
-      plan: table of its mission, see `Mission.compile`; without ways in one the usual way counts.
-      start: [m/s] through the water that it begins with.
+      plan: table of its mission, see `Mission.compile`; without legs there, the usual glide counts.
+      start: [m/s] initial speed through the water.
     """
     try:
         found = None if plan is None or not plan.size else planned_way(plan)
@@ -167,7 +167,7 @@ def stiffness_of(
 
 
 def stiffness_in(scenario: Scenario, vehicle: Vehicle, tables: Tables) -> Stiffness | None:
-    """Stiffness of a scenario's vehicle at its largest known speed there."""
+    """Stiffness of a scenario's vehicle at its largest known speed in that scenario."""
     from twin.mission import Mission
 
     plan = tables.plan if tables.control == b.CONTROL_MISSION else None
@@ -177,7 +177,7 @@ def stiffness_in(scenario: Scenario, vehicle: Vehicle, tables: Tables) -> Stiffn
 
 
 def file_timestep(vehicle: Vehicle) -> float:
-    """Physics step [s] that a vehicle's file asks for."""
+    """Physics step [s] that a vehicle's file gives."""
     return _file_timestep(vehicle.xml, vehicle.path)
 
 
@@ -187,6 +187,6 @@ def _file_timestep(xml: str, path: Path) -> float:
 
 
 def rounded(step: float) -> float:
-    """The nearest step [s] below that is 1, 2 or 5 times a power of ten."""
+    """Largest step [s] that is not above `step` and is 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(step))
     return max(k * power for k in (1.0, 2.0, 5.0) if k * power <= step * (1.0 + 1e-9))

@@ -1,7 +1,7 @@
-"""Log signals: the rows that native code logs, as the named signals of a trajectory.
+"""True signals: the named signals of a trajectory, made from log rows of native code.
 
-Part signals: what stores call the positions and commands of a vehicle's parts.
-Live truth: one log row as the true and commanded signals of a sample, while a run goes on.
+Part variables are the entries of stores for the positions and commands of a vehicle's parts.
+`LiveTruth` turns one log row into true and commanded signals while a run goes on.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.floor.lookup import floor_depth, floor_depths
 
 SAMPLE_PERIOD = 0.5
-"""[s], the paper's 2 Hz"""
+"""[s] Time between samples: 2 Hz, as in the paper."""
 ENGINES = ("mujoco", "lanes")
-"""What can fly a scenario; see `twin.physics.lanes`"""
+"""Engines that can fly a scenario; see `twin.physics.lanes` for the second."""
 UNITS = frozenset(row.units for row in TABLE)
-"""Units whose values have limits"""
+"""Units whose quantities have limits in the schema."""
 ENERGIES = (0.0, 1e10)
-"""[J] nothing to the battery of a small submarine"""
+"""[J] Limits of an energy; 1e10 exceeds the battery of a small submarine."""
 LEAN = ("time", "qpos", "qvel", "act", "current")
-"""Fields of a log row that say where a vehicle is, how it stands and moves, and what it takes"""
+"""Fields of a log row that a lean trajectory reads: pose, velocities, parts and current."""
 _OWN = frozenset((*SIMULATED, *WITH_FLOOR))
-"""The schema's own signals, whose names parts must leave alone; but for the positions of parts."""
+"""Signals of the schema itself; parts must not take their names, except those of actuators."""
 
 
 def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
-    """The variables of a vehicle's parts by name: truth, command and reading of each.
+    """Variables of a vehicle's parts by name: true position, command and encoder reading of each.
 
     Raises:
-      VehicleError: a part has the name of another signal, such as `pitch`.
+      VehicleError: a part has the name of another signal, such as `pitch`, or an unlike unit.
     """
     found: dict[str, Variable] = {}
     shared = actuator_names(SIMULATED)
@@ -79,7 +79,7 @@ def part_variables(vehicle: Vehicle) -> dict[str, Variable]:
 
 
 def energy_variables(vehicle: Vehicle) -> tuple[Variable, ...]:
-    """The variables of the energy that a vehicle's electronics and parts take."""
+    """Variables of the energy that a vehicle's electronics and parts consume."""
     of = {HOTEL: "electronics and sensors"}
     of |= {name: name.replace("_", " ") for name in vehicle.part_names}
     return tuple(
@@ -91,13 +91,13 @@ def energy_variables(vehicle: Vehicle) -> tuple[Variable, ...]:
 
 
 def declare_parts(vehicle: Vehicle) -> None:
-    """Add the variables of a vehicle's parts and of its energy; raises as `part_variables`."""
+    """Add the variables of a vehicle's parts and of its energy; raises like `part_variables`."""
     for entry in (*part_variables(vehicle).values(), *energy_variables(vehicle)):
         declare(entry)
 
 
 def simulated_signals(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the truth and commands of every simulated mission of a vehicle, in storage order."""
+    """Names of the true and commanded signals of every simulated mission, in storage order."""
     parts = part_variables(vehicle)
     none = {f"{kind}_{name}" for kind in _KINDS for name in actuator_names(SIMULATED)}
     names = [name for name in SIMULATED if name not in none or name in parts]
@@ -142,12 +142,12 @@ def from_log(
 ) -> Trajectory:
     """Turn native log rows, records of `block.log_row`, into a `Trajectory`.
 
-    `half_step` [s] is how long before its sample a stored velocity holds: half a step in
-    time-centred runs, where velocities live between positions. With a `sample_period` [s] the
-    rows are a run from its start, and times are its multiples: MuJoCo's clock adds up steps and
-    drifts by nanoseconds. `floor` is the table of the sea floor, above which the altitude is;
-    `contacts` says whether there is anything to touch, so that contact is a signal. `lean` reads
-    the fields `LEAN` alone and gives position, attitude, velocities, parts and energy.
+    `half_step` [s] is the time by which a stored velocity is older than its sample: half a step in
+    time-centred runs, otherwise 0. With a `sample_period` [s] the rows start a run and times are
+    its multiples, because MuJoCo's clock adds up steps and drifts by nanoseconds. `floor` is the
+    table of the sea floor, from which the altitude is found. `contacts` adds the signal of contact,
+    for a model that can touch something. `lean` reads the fields `LEAN` alone and gives position,
+    attitude, velocities, parts and energy.
     """
     declare_parts(vehicle)
     qpos, qvel, act = (rows[name] for name in ("qpos", "qvel", "act"))
@@ -226,18 +226,18 @@ def specific_force(
 
 
 class LiveTruth:
-    """The samples of a run of one vehicle."""
+    """True and commanded signals of one vehicle, one log row at a time."""
 
     def __init__(self, vehicle: Vehicle, row: np.dtype[Any], *, half_step: float, floor: Array):
-        """`row` is the type of a log row, the others are as of `from_log`; `floor` is empty without
-        a sea floor."""
+        """Take `row`, the dtype of a log row; `half_step` [s] and `floor` are as in `from_log`, but
+        `floor` is empty without a sea floor."""
         self._half, self._floor = half_step, floor
         self._scales = [(p.name, p.quantity.scale, k) for k, p in enumerate(vehicle.parts)]
         self._gravity, self._arm = vehicle.gravity, [float(x) for x in vehicle.imu_position]
         still = np.zeros(1, row)[0]
         still["qpos"][3] = 1.0
         self.names = tuple(self.sample(still, np.zeros(6)))
-        """Names of the signals."""
+        """Names of the signals that `sample` returns."""
 
     def sample(self, row: Any, acceleration: Array) -> dict[str, float]:
         """Signals by schema name, angles in degrees.

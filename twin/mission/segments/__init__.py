@@ -1,4 +1,4 @@
-"""Segments: the pieces of a mission."""
+"""Segments: parts of a mission, such as a saw-tooth, a transect or a stay at the surface."""
 
 from typing import TYPE_CHECKING
 

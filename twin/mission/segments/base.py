@@ -1,4 +1,4 @@
-"""Segments of a mission: their base class, their registry, and the row of a table that all share.
+"""Base of segments: their class, their registry, and helpers that make a row of the table.
 
 Depths are m, positive down; pitch is a magnitude in deg (nose down in a dive, nose up in a
 climb); headings are deg true; net mass is a magnitude in kg (heavy in a dive, light in a climb). A
@@ -25,61 +25,59 @@ if TYPE_CHECKING:
 
 
 SURFACED_MARGIN_M = 0.5
-"""[m] added to half the hull's length: a vehicle that hangs at the surface by one end counts as
-surfaced at any pitch, and waves or a pressure offset of this size do not hide it."""
+"""[m] Margin added to half the hull's length: a vehicle that hangs at the surface by one end counts
+as surfaced at any pitch, in spite of waves or a pressure offset of this size."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """What all segments share. A kind of your own gives `kind`, `row` and `expected`."""
+    """Base of all segments. A new kind defines `kind`, `row` and `expected`."""
 
     kind: ClassVar[str] = ""
-    """Name in mission files."""
+    """Name of the kind in mission files."""
     limits: ClassVar[tuple[str, ...]] = ()
-    """Fields of which it needs one to end by itself; a kind without any always ends."""
+    """Fields that can end the segment, at least one of which it needs; none: it ends by itself."""
 
     @property
     def limited(self) -> bool:
-        """Whether the segment ends by itself."""
+        """True if the segment ends by itself."""
         return not self.limits or any(getattr(self, name) is not None for name in self.limits)
 
     def flown_as(self) -> tuple[Segment, ...]:
-        """The segments that guidance flies for it, a row each; itself unless a kind is made of
-        others."""
+        """Segments that guidance flies instead, a row each; by default the segment itself."""
         return (self,)
 
     def placed(self, latitude: float, longitude: float) -> Segment:
-        """The segment with every target in metres from an origin [degree]."""
+        """Copy of the segment with every target in metres from an origin [degree]."""
         return self
 
     def begun_at(self, place: tuple[float, float]) -> Segment:
-        """The segment as `expected` counts its time when it begins at a place, north and east
-        [m]."""
+        """Copy of the segment that starts at a position, north and east [m], for `expected`."""
         return self
 
     def ends_at(self, place: tuple[float, float]) -> tuple[float, float]:
-        """Where it ends, north and east [m], if it goes to a place; else `place`."""
+        """Position north and east [m] at which the segment ends: its target, or else `place`."""
         return place
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """What guidance flies: one row for `vehicle`, from `blank_row` on.
+        """Row of guidance's table for `vehicle`, made from `blank_row`.
 
         Raises:
-          MissionError: a value beyond the vehicle; `label` names the segment.
+          MissionError: a value exceeds the vehicle's abilities; `label` names the segment.
         """
         raise NotImplementedError
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Upper estimate of its time [s] from `depth` [m], and the depth [m] it may end at.
+        """Upper estimate of the time [s] from `depth` [m], and the depth [m] where it may end.
 
         Raises:
-          MissionError: as `row`, or the time cannot be known.
+          MissionError: as for `row`; or the time is unknown.
         """
         raise NotImplementedError
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What a kind lacks."""
+        """Name what is missing in a kind; empty if it is complete."""
         if not dataclasses.is_dataclass(cls):
             return "it lacks `@dataclass(frozen=True, kw_only=True)`: fields are keys of files"
         if cls.row is Segment.row and cls.flown_as is Segment.flown_as:
@@ -93,7 +91,7 @@ def surfaced_depth(vehicle: Vehicle) -> float:
 
 
 def blank_row(vehicle: Vehicle) -> Array:
-    """A row without limits, shape (SEGMENT_COLUMNS + 3 parts,), whose three commands rest."""
+    """Row without limits, shape (SEGMENT_COLUMNS + 3 parts,), whose three commands are at rest."""
     row = np.full(g.SEGMENT_COLUMNS, np.nan)
     row[g.ABORT_DEPTH] = np.inf
     row[g.SURFACE_DEPTH] = surfaced_depth(vehicle)
@@ -107,7 +105,7 @@ def blank_row(vehicle: Vehicle) -> Array:
 
 
 def write_way(row: Array, which: int, way: Way, vehicle: Vehicle) -> None:
-    """Write how fast a steady way goes ahead, for dead reckoning.
+    """Write the horizontal speed of a steady motion into a row, for dead reckoning.
 
     `which`: DIVE_COMMAND, CLIMB_COMMAND or LEVEL_COMMAND.
     """
@@ -119,18 +117,18 @@ def write_way(row: Array, which: int, way: Way, vehicle: Vehicle) -> None:
 
 
 def command_of(vehicle: Vehicle, row: Array, which: int) -> Array:
-    """One of the row's three commands, shape (parts,), to be written in place."""
+    """One of the row's three commands, shape (parts,), a view to write into."""
     first = g.SEGMENT_COLUMNS + which * len(vehicle.parts)
     return row[first : first + len(vehicle.parts)]
 
 
 def limit(value: float | None) -> float:
-    """A limit as rows have it: NaN for none."""
+    """Convert a limit to its number in a row: NaN for None."""
     return np.nan if value is None else float(value)
 
 
 SEGMENTS: Registry[type[Segment]] = seams.SEGMENTS
-"""Every kind of segment, by name."""
+"""Registry of all kinds of segments, by name."""
 
 register = SEGMENTS.add
-"""Add a kind of one's own; usable as a decorator."""
+"""Register a kind of your own; usable as a decorator."""

@@ -1,4 +1,4 @@
-"""Level segments at a depth or above the sea floor: transect, circle and lawn-mower."""
+"""Level legs at a depth or above the sea floor: transect, circle and lawn-mower."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
 
 MAX_PITCH_DEG = 20.0
-"""Usual limit of the pitch on the way to a depth, as the LRAUV's yo-yos have it."""
+"""[degree] Default limit of pitch while the depth loop changes depth, as in the LRAUV's yo-yos."""
 SHALLOWEST_M = 2.0
-"""Usual least depth of a way that follows the sea floor: the propeller stays under water."""
+"""[m] Default least depth of a leg at an altitude, so that the propeller stays under water."""
 MOST_TRIES = 300
-"""Wider circles that are tried, each 2 % wider, to say which one is possible"""
+"""Number of circles, each 2 % wider, among which the error finds the smallest possible one."""
 MOST_LEGS = 10_000
-"""Legs of a survey: each is a row of the table that guidance flies."""
+"""Largest number of legs in a survey; each leg is a row of guidance's table."""
 
 
 def check_place(kind: str, depth_m: float | None, altitude_m: float | None) -> None:
-    """Raise MissionError unless exactly one of depth and altitude is given, and possible."""
+    """Raise MissionError unless exactly one of depth and altitude is given, and above zero."""
     if (depth_m is None) == (altitude_m is None):
         raise MissionError(
             f"{kind}: give either depth_m or altitude_m (above the sea floor), "
@@ -38,23 +38,23 @@ def check_place(kind: str, depth_m: float | None, altitude_m: float | None) -> N
 
 @dataclass(frozen=True, kw_only=True)
 class Level(Segment):
-    """A way at a depth or altitude under a propeller; the base of `Transect` and `Circle`."""
+    """Level leg at a depth or altitude under a propeller; base of `Transect` and `Circle`."""
 
     depth_m: float | None = None
-    """Depth to keep [m]; this or `altitude_m`."""
+    """Depth to keep [m]; give this or `altitude_m`."""
     altitude_m: float | None = None
-    """Height above the sea floor to keep [m]; of runs with a sea floor."""
+    """Height above the sea floor to keep [m]; needs a sea floor."""
     min_altitude_m: float | None = None
-    """The vehicle rises above its depth where the sea floor comes nearer than this [m]; None: it
-    does not look."""
+    """The vehicle rises above its depth if the sea floor comes nearer than this [m]; None: it never
+    does."""
     min_depth_m: float = SHALLOWEST_M
-    """A way at an altitude comes no shallower than this [m]."""
+    """Least depth [m] of a leg at an altitude."""
     speed_m_s: float | None = None
     """Speed through the water [m/s]; None: the vehicle's cruising speed."""
     max_pitch_deg: float = MAX_PITCH_DEG
-    """Largest pitch, up or down, that the depth loop may ask for [deg]."""
+    """Largest pitch, up or down, that the depth loop commands [deg]."""
     max_rotation_deg: float = 45.0
-    """Limit of the heading loop [deg] within the rudder's own."""
+    """Limit of the rudder in the heading loop [deg], within the rudder's travel."""
 
     def __post_init__(self) -> None:
         check_place(self.kind, self.depth_m, self.altitude_m)
@@ -62,7 +62,7 @@ class Level(Segment):
         check.fields(self, self.kind)
 
     def way(self, vehicle: Vehicle, label: str) -> Way:
-        """The steady level way; raises MissionError when the vehicle cannot fly it."""
+        """Steady level motion on this leg; raises MissionError if the vehicle cannot fly it."""
         reject_missing(vehicle, label, self)
         steady = level_way(vehicle, label, self.speed_m_s)
         if vehicle.steered("pitch") is None or vehicle.depth_pid is None:
@@ -75,7 +75,7 @@ class Level(Segment):
         return steady
 
     def level_row(self, vehicle: Vehicle, label: str) -> tuple[Array, Way]:
-        """A row that keeps the depth until its limit, still without heading; and its steady way."""
+        """Row that keeps the depth until its limit, without heading; and the steady motion."""
         steady = self.way(vehicle, label)
         row = blank_row(vehicle)
         row[g.KIND] = g.LEVEL
@@ -93,11 +93,11 @@ class Level(Segment):
         return row, steady
 
     def way_length(self) -> float | None:
-        """Distance through the water [m] at which it ends; None: it has no such limit."""
+        """Distance through the water [m] at which the leg ends; None: no such limit."""
         return None
 
     def time(self, steady: Way) -> float | None:
-        """[s] until its limit on a steady way; None: it has none."""
+        """Time [s] until the leg's limit in steady motion; None: no limit."""
         duration, metres = getattr(self, "duration_s", None), self.way_length()
         times = [] if duration is None else [float(duration)]
         if metres is not None:
@@ -105,7 +105,7 @@ class Level(Segment):
         return min(times, default=None)
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Its own clock."""
+        """Time [s] until its own limit, and the depth [m] that it keeps."""
         duration = self.time(self.way(vehicle, label))
         assert duration is not None
         return duration, depth if self.depth_m is None else self.depth_m
@@ -113,7 +113,7 @@ class Level(Segment):
 
 @dataclass(frozen=True, kw_only=True)
 class Transect(Level):
-    """A level way straight ahead on a heading, under a propeller."""
+    """Straight level leg on a heading, under a propeller."""
 
     kind = "transect"
     limits = ("length_m", "duration_s")
@@ -121,16 +121,16 @@ class Transect(Level):
     heading_deg: float | None = None
     """Heading to hold [deg true]; None: the heading at the segment's start."""
     length_m: float | None = None
-    """Limit: distance through the water [m], as time at the segment's speed."""
+    """Limit: distance through the water [m], counted as time at the segment's speed."""
     duration_s: float | None = None
     """Limit: time [s]."""
 
     def way_length(self) -> float | None:
-        """`length_m`."""
+        """Distance `length_m` [m]; None: no such limit."""
         return self.length_m
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """A level row with the heading loop."""
+        """Level row with the heading loop."""
         row, _ = self.level_row(vehicle, label)
         row[g.HEADING] = heading(self.heading_deg)
         return row
@@ -138,13 +138,13 @@ class Transect(Level):
 
 @dataclass(frozen=True, kw_only=True)
 class Circle(Level):
-    """A level circle through the water: the wanted heading turns at speed over radius."""
+    """Level circle through the water: the heading setpoint turns at speed over radius."""
 
     kind = "circle"
     limits = ("turns", "duration_s")
 
     radius_m: float
-    """[m] through the water, positive to starboard."""
+    """Radius through the water [m], positive to starboard."""
     turns: float | None = None
     """Limit: number of full circles."""
     duration_s: float | None = None
@@ -156,15 +156,15 @@ class Circle(Level):
             check.fail(self.kind, "radius_m", self.radius_m, "a radius, positive to starboard")
 
     def way_length(self) -> float | None:
-        """Round and round."""
+        """Circumference times `turns` [m]; None: no such limit."""
         return None if self.turns is None else 2.0 * math.pi * abs(self.radius_m) * self.turns
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """A level row whose wanted heading turns.
+        """Level row with a turning heading setpoint.
 
         Raises:
-          MissionError: as every level way, or its rudder cannot turn it so tightly (the smallest
-            radius is named).
+          MissionError: as for every level leg; or the rudder cannot turn it so tightly (the message
+            gives the smallest radius).
         """
         row, steady = self.level_row(vehicle, label)
         turning = vehicle.steered_index("heading")
@@ -175,7 +175,7 @@ class Circle(Level):
         most = float(row[g.TURN_LIMIT])
 
         def command_on(radius: float) -> Array | None:
-            """Commands on a circle [m] within the limit of the rudder; None: there are none."""
+            """Commands on a circle of a radius [m], within the rudder's limit; else None."""
             try:
                 command = circling(vehicle, steady, steady.speed / radius)
             except MissionError:
@@ -197,15 +197,15 @@ class Circle(Level):
 
 @dataclass(frozen=True, kw_only=True)
 class LawnMower(Level):
-    """Parallel legs there and back with short ways across, at a depth or above the sea floor.
+    """Parallel legs back and forth with short crossings, at a depth or above the sea floor.
 
-    Guidance counts every leg and every way across as a segment of its own.
+    Guidance counts every leg and every crossing as a segment of its own.
     """
 
     kind = "lawn-mower"
 
     heading_deg: float
-    """Heading of the first leg [deg true]; the second comes back."""
+    """Heading of the first leg [deg true]; the second leg comes back."""
     leg_length_m: float
     """Length of a leg through the water [m]."""
     spacing_m: float
@@ -222,7 +222,7 @@ class LawnMower(Level):
             check.fail(self.kind, "legs", self.legs, "a whole number")
 
     def flown_as(self) -> tuple[Transect, ...]:
-        """Its legs and the ways across, in order."""
+        """Legs and crossings as transects, in order."""
         level = {f.name: getattr(self, f.name) for f in dataclasses.fields(Level)}
         across = self.heading_deg + (90.0 if self.spacing_m > 0.0 else -90.0)
         ways: list[tuple[float, float]] = []
@@ -236,6 +236,6 @@ class LawnMower(Level):
         )
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """All its ways."""
+        """Sum of the times [s] of all transects, and the depth [m] of the last."""
         each = [part.expected(vehicle, depth, label) for part in self.flown_as()]
         return sum(time for time, _ in each), each[-1][1]

@@ -1,4 +1,4 @@
-"""Dives and climbs between two depths: what all share, saw-teeth on a heading, and spirals."""
+"""Profiles: dives and climbs between two depths, as saw-teeth on a heading or as spirals."""
 
 from __future__ import annotations
 
@@ -24,45 +24,45 @@ from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
 
 DEFAULT_MIN_DEPTH_M = 5.0
-"""Deep enough that the overshoot of an inflection (2 m for the Sea-Wing) stays submerged."""
+"""[m] Default upper turning depth, so that inflections (2 m for the Sea-Wing) stay submerged."""
 SHALLOWEST_M = 1.0
-"""A climb to less than this would end afloat: the hull breaks the surface before its CB arrives."""
+"""[m] Least upper turning depth: above it, the hull would surface before its CB arrives."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Profile(Segment):
-    """Dives and climbs between two depths; the base of `SawTooth` and `Spiral`."""
+    """Dives and climbs between two depths; base of `SawTooth` and `Spiral`."""
 
     limits: ClassVar[tuple[str, ...]] = ("yos", "duration_s", "until_depth_m")
 
     max_depth_m: float
-    """A dive turns into a climb here [m]."""
+    """Depth at which a dive turns into a climb [m]."""
     min_depth_m: float = DEFAULT_MIN_DEPTH_M
-    """A climb turns into a dive here [m]."""
+    """Depth at which a climb turns into a dive [m]."""
     min_altitude_m: float | None = None
-    """A dive turns into a climb this far above the sea floor [m], too; None: at `max_depth_m`
-    only. Of runs with a sea floor."""
+    """Height above the sea floor at which a dive turns, too [m]; needs a sea floor. None: dives
+    turn at `max_depth_m` only."""
     pitch_deg: float = 35.0
-    """Pitch magnitude [deg], above 0 and below 60."""
+    """Magnitude of pitch in the dive [deg], above 0 and below 60."""
     climb_pitch_deg: float | None = None
-    """Pitch magnitude of the climb [deg]; None: that of the dive."""
+    """Magnitude of pitch in the climb [deg]; None: that of the dive."""
     net_mass_kg: float | None = None
-    """Net buoyancy mass of the dive [kg], positive; the climb is this much light. Of vehicles
-    with a pump; None: the `usual_glide` of the vehicle file, 0.3 where it does not say; neutral
-    under a propeller."""
+    """Net mass in the dive [kg], positive; the climb is lighter than neutral by the same mass. Only
+    for vehicles with a pump. None: the `usual_glide` of the vehicle file, or 0.3 without it; 0 for
+    propelled vehicles."""
     climb_net_mass_kg: float | None = None
-    """Magnitude for the climb [kg]; None: that of the dive."""
+    """Magnitude of net mass in the climb [kg]; None: that of the dive."""
     speed_m_s: float | None = None
-    """Speed through the water [m/s] of a vehicle with a propeller; None: its cruising speed."""
+    """Speed of a propelled vehicle through the water [m/s]; None: its cruising speed."""
     trim_share: float | None = None
-    """Part of the pitch that the battery holds, 0 to 1; the elevator holds the rest. Of vehicles
-    with a battery beside an elevator; it is slow, and on short legs it comes late. None: 0."""
+    """Fraction of the pitch that the battery holds, 0 to 1; the elevator holds the rest. Only for
+    vehicles with both. The battery is slow and lags on short legs. None: 0."""
     yos: float | None = None
-    """Limit: number of dives with their climbs, in halves (0.5 is one dive)."""
+    """Limit: number of yos, each a dive and a climb, in halves (0.5 is one dive)."""
     duration_s: float | None = None
     """Limit: time [s]."""
     until_depth_m: float | None = None
-    """Limit: the segment ends when the glider passes this depth [m]."""
+    """Limit: the segment ends when the vehicle passes this depth [m]."""
 
     def __post_init__(self) -> None:
         kind = self.kind
@@ -78,7 +78,7 @@ class Profile(Segment):
             check.within(kind, "until_depth_m", self.until_depth_m, "m", low, high)
 
     def _ways(self, vehicle: Vehicle, label: str) -> tuple[Way, Way]:
-        """How the vehicle dives and climbs; raises MissionError when it cannot."""
+        """Steady dive and climb; raises MissionError if the vehicle cannot fly them."""
         reject_missing(vehicle, label, self)
         climb_pitch = "pitch_deg" if self.climb_pitch_deg is None else "climb_pitch_deg"
         climb_mass = "net_mass_kg" if self.climb_net_mass_kg is None else "climb_net_mass_kg"
@@ -96,7 +96,7 @@ class Profile(Segment):
         )
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """Turning depths, pitches and the steady commands of both ways."""
+        """Row with turning depths, pitches, and the steady commands of dive and climb."""
         row = blank_row(vehicle)
         dive, climb = self._ways(vehicle, label)
         row[g.MIN_DEPTH], row[g.MAX_DEPTH] = self.min_depth_m, self.max_depth_m
@@ -112,7 +112,7 @@ class Profile(Segment):
         return row
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Its limit in time, or its depth ranges at the steady vertical speeds with a margin."""
+        """Time [s] by its limits, at steady vertical speeds with a margin; and `max_depth_m`."""
         dive, climb = self._ways(vehicle, label)
         yo = (self.max_depth_m - self.min_depth_m) * (
             1.0 / dive.vertical_speed - 1.0 / climb.vertical_speed
@@ -136,11 +136,11 @@ class SawTooth(Profile):
     heading_deg: float | None = None
     """Heading to hold [deg true]; None: the heading at the segment's start."""
     max_rotation_deg: float = 45.0
-    """Limit of the heading loop [deg]: of a battery's rotation or a rudder's deflection; a glider
-    rolls less than it turns its battery."""
+    """Limit of the turning part in the heading loop [deg]: of a battery's rotation or a rudder's
+    deflection. A glider rolls less than its battery rotates."""
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """A profile with the heading loop."""
+        """Row of a profile with the heading loop."""
         row = super().row(vehicle, label)
         row[g.KIND] = g.SAW_TOOTH
         row[g.HEADING] = heading(self.heading_deg)
@@ -150,18 +150,18 @@ class SawTooth(Profile):
 
 @dataclass(frozen=True, kw_only=True)
 class Spiral(Profile):
-    """Dives and climbs at a fixed battery rotation or rudder; the heading loop rests."""
+    """Dives and climbs at a fixed battery rotation or rudder, without the heading loop."""
 
     kind = "spiral"
 
     rotation_deg: float
-    """Position of the turning part [deg], a battery's rotation or a rudder's deflection; a
-    battery's positive one turns to starboard, in a dive and in a climb."""
+    """Position of the turning part in the dive [deg]: a battery's rotation, mass to port positive,
+    or a rudder's deflection. A battery turns a vehicle to the side that its lift decides."""
     climb_rotation_deg: float | None = None
-    """The same in the climb [deg]; None: that of the dive."""
+    """Position of the turning part in the climb [deg]; None: that of the dive."""
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """A profile with a fixed position of what turns the vehicle."""
+        """Row of a profile with a fixed position of the turning part."""
         row = super().row(vehicle, label)
         row[g.KIND] = g.SPIRAL
         turning = vehicle.steered_index("heading")

@@ -1,4 +1,4 @@
-"""Segments that go nowhere: hold the parts, hover at a depth, stay at the surface for a fix."""
+"""Stations: segments without a leg: hold the parts, hover at a depth, stay at the surface."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from twin.vehicle.vehicle import Vehicle
 
 @dataclass(frozen=True, kw_only=True)
 class Hold(Segment):
-    """Fixed actuator positions, no loop closed: an open-loop manoeuvre."""
+    """Open-loop manoeuvre: fixed positions of the parts, without any loop."""
 
     kind = "hold"
     limits = ("duration_s", "until_depth_m")
@@ -40,16 +40,16 @@ class Hold(Segment):
     shift_m: float = 0.0
     """Battery displacement from neutral [m], positive forward (nose down)."""
     rotation_deg: float = 0.0
-    """Battery rotation [deg], positive turns to starboard."""
+    """Rotation of the battery [deg], mass to port positive; or deflection of the rudder."""
     net_mass_kg: float = 0.0
-    """Net buoyancy mass [kg], with its sign: positive is heavy."""
+    """Net mass [kg], signed: positive is heavy."""
     parts: Mapping[str, float] = field(default_factory=dict)
-    """Positions by part, in the parts' units (rad, m, cm3, rad/s), for vehicles with others than
-    these three: `parts = { propeller = 30.0, rudder = 0.1 }`."""
+    """Positions by part, in the parts' units (rad, m, cm3, rad/s), for vehicles with other parts:
+    `parts = { propeller = 30.0, rudder = 0.1 }`."""
     duration_s: float | None = None
     """Limit: time [s]."""
     until_depth_m: float | None = None
-    """Limit: the segment ends when the glider passes this depth [m]."""
+    """Limit: the segment ends when the vehicle passes this depth [m]."""
 
     def __post_init__(self) -> None:
         check.fields(self, self.kind, "net_mass_kg")
@@ -60,7 +60,7 @@ class Hold(Segment):
             check.number(self.kind, f"parts.{name}", value)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """One command."""
+        """Row with one command for all parts."""
         reject_missing(vehicle, label, self)
         row = blank_row(vehicle)
         row[g.KIND] = g.HOLD
@@ -81,7 +81,7 @@ class Hold(Segment):
         return row
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Its own clock: an open loop to a depth has no speed known beforehand."""
+        """Time `duration_s` [s] and the same depth [m]; the motion of an open loop is unknown."""
         if self.duration_s is None:
             raise MissionError(
                 f"{label}: a hold until a depth takes an unknown time: give it a duration_s as "
@@ -92,17 +92,17 @@ class Hold(Segment):
 
 @dataclass(frozen=True, kw_only=True)
 class Hover(Segment):
-    """Drift with the water at a depth, or at a height above the sea floor: the pump holds it."""
+    """Drift with the water at a depth or at a height above the sea floor, held by the pump."""
 
     kind = "hover"
     limits = ("duration_s",)
 
     depth_m: float | None = None
-    """Depth to keep [m]; this or `altitude_m`."""
+    """Depth to keep [m]; give this or `altitude_m`."""
     altitude_m: float | None = None
-    """Height above the sea floor to keep [m]; of runs with a sea floor."""
+    """Height above the sea floor to keep [m]; needs a sea floor."""
     pitch_deg: float = 0.0
-    """Pitch to hold [deg], positive nose up; of vehicles that a battery pitches."""
+    """Pitch to hold [deg], positive nose up; for vehicles with a battery slide."""
     duration_s: float | None = None
     """Limit: time [s]."""
 
@@ -113,11 +113,11 @@ class Hover(Segment):
         check.fields(self, self.kind, "pitch_deg")
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """A row with the pump's loop about neutral and the battery's about its standing shift.
+        """Row with the pump's loop about neutral and the battery's about its standing shift.
 
         Raises:
-          MissionError: the vehicle has no pump, its file no gains for it, or its battery cannot
-            hold the pitch.
+          MissionError: the vehicle has no pump, its file has no gains for the pump, or its battery
+            cannot hold the pitch.
         """
         reject_missing(vehicle, label, self)
         if vehicle.steered("buoyancy") is None or vehicle.buoyancy_pid is None:
@@ -153,38 +153,38 @@ class Hover(Segment):
         return row
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Its own clock."""
+        """Time `duration_s` [s] and the depth [m] that it keeps."""
         assert self.duration_s is not None
         return self.duration_s, depth if self.depth_m is None else self.depth_m
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surface(Segment):
-    """Climb to the surface and stay there for a time, tail up with the antenna out of the water."""
+    """Climb to the surface, then wait there tail up, with the antenna out of the water."""
 
     kind = "surface"
 
     duration_s: float = 300.0
-    """Time at the surface [s], counted from the arrival."""
+    """Time at the surface [s], counted from arrival."""
     pitch_deg: float = 35.0
-    """Pitch magnitude of the ascent [deg]."""
+    """Magnitude of pitch in the ascent [deg]."""
     net_mass_kg: float | None = None
-    """Magnitude of the lightness [kg]; None: all that the pump has."""
+    """Magnitude of net mass in the ascent, which is light [kg]; None: all that the pump can do."""
     speed_m_s: float | None = None
-    """Speed of the ascent [m/s] of a vehicle with a propeller; None: its cruising speed."""
+    """Speed of a propelled vehicle in the ascent [m/s]; None: its cruising speed."""
     heading_deg: float | None = None
     """Heading of the ascent [deg true]; None: the heading at the segment's start."""
     max_rotation_deg: float = 45.0
-    """Limit of the heading loop during the ascent [deg]."""
+    """Limit of the turning part in the heading loop during the ascent [deg]."""
     shift_m: float | None = None
-    """Battery position while at the surface [m]; None: all the way forward, tail up. Of vehicles
-    that a battery pitches."""
+    """Battery position while at the surface [m]; None: all the way forward, tail up. For vehicles
+    with a battery slide."""
 
     def __post_init__(self) -> None:
         check.fields(self, self.kind)
 
     def _ascent(self, vehicle: Vehicle, label: str) -> Way:
-        """The steady climb."""
+        """Steady climb to the surface."""
         reject_missing(vehicle, label, self)
         mass, pump = 0.0, vehicle.steered("buoyancy")
         if pump is not None:
@@ -192,13 +192,13 @@ class Surface(Segment):
             if self.net_mass_kg is not None:
                 mass = -self.net_mass_kg
                 check_net_mass(vehicle, label, "net_mass_kg", mass)
-        # what an elevator cannot hold is made up by the pump on the way up
+        # with an elevator, the pump helps the climb if the elevator cannot hold the pitch
         within = not isinstance(vehicle.steered("pitch"), BatterySlide)
         pitch, speed = self.pitch_deg, self.speed_m_s
         return way(vehicle, label, "pitch_deg", pitch, mass, speed, within_travel=within)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """A climb with the heading loop, then a rest with the tail up."""
+        """Row of a climb with the heading loop, then rest with the tail up."""
         row = blank_row(vehicle)
         climb = self._ascent(vehicle, label)
         row[g.KIND] = g.SURFACE
@@ -221,6 +221,6 @@ class Surface(Segment):
         return row
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """The climb with a margin, and the stay."""
+        """Time [s] of the climb with a margin and of the wait; depth 0."""
         climb = self._ascent(vehicle, label)
         return TIME_MARGIN * depth / -climb.vertical_speed + self.duration_s, 0.0

@@ -1,4 +1,4 @@
-"""Waypoint: dives and climbs toward places, as gliders fly them from fix to fix."""
+"""Waypoint: dives and climbs toward targets, as gliders fly them from fix to fix."""
 
 from __future__ import annotations
 
@@ -23,60 +23,60 @@ from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
 
 DEGREES, METRES = ("latitude", "longitude"), ("north_m", "east_m")
-"""Keys of a target: on the Earth, or from the origin of the mission's frame"""
+"""Keys of a target: geographic, or metres from the origin of the mission's frame."""
 RENEWALS = ("at-surfacing", "continuously")
 POSITIONS = ("dead-reckoned", "true")
 CURRENTS = ("estimated", "none")
 HIGHEST_LATITUDE = 88.0
-"""[degree] as of a start: nearer to a pole north and east lose their meaning"""
+"""[degree] Limit of latitude, as for a start; nearer to a pole, north and east have no meaning."""
 LEG_MARGIN = 2.0
-"""A way over ground may take this much longer than in still water: a current of half the speed"""
+"""[1] Factor on the time of a leg in still water: allows for a current of half the speed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Waypoint(Profile):
-    """Yos toward one target after the other; at the surface a fix renews position and course.
+    """Yos toward one target after another; at the surface a fix updates position and course.
 
     Guidance counts every target as a segment of its own; limits hold for each.
     """
 
     kind = "waypoint"
-    limits = ()  # it ends when it has arrived
+    limits = ()  # it ends on arrival
 
     targets: tuple[Mapping[str, float], ...]
-    """Places to go to, in order: `{ latitude = 49.1, longitude = -16.2 }` [degree], or
+    """Targets in order: `{ latitude = 49.1, longitude = -16.2 }` [degree], or
     `{ north_m = 2000, east_m = -500 }` from the start."""
     arrival_radius_m: float = 100.0
-    """The target is reached when the vehicle believes to be this near [m]."""
+    """Distance [m] from the target, in the estimated position, at which the target is reached."""
     surface_after_s: float | None = None
-    """It surfaces after this time under water [s], from wherever it is; None: never by time."""
+    """Time under water [s] after which the vehicle surfaces, wherever it is; None: no such time."""
     surface_after_yos: float | None = None
-    """It surfaces after so many yos; None: never by yos."""
+    """Number of yos after which the vehicle surfaces; None: no such number."""
     surface_at_target: bool = True
-    """It surfaces when it has reached a target."""
+    """True: the vehicle surfaces when it has reached a target."""
     stay_s: float = 300.0
-    """Time at the surface [s], for a fix."""
+    """Time at the surface [s] for a fix."""
     renewed: str = "at-surfacing"
-    """When the course to the target is renewed: "at-surfacing", or "continuously" under water."""
+    """Time at which the course is updated: "at-surfacing", or "continuously" under water."""
     position: str = "dead-reckoned"
-    """What it knows of its position under water: "dead-reckoned" from the last fix by depth rate,
-    pitch and compass; or the "true" one."""
+    """Position that guidance uses under water: "dead-reckoned" since the last fix from vertical
+    velocity, pitch and compass; or the "true" one."""
     current: str = "estimated"
-    """Whether dead reckoning and course allow for the current: "estimated", from the misclosure at
-    the last surfacing; or "none"."""
+    """Current that dead reckoning and course allow for: "estimated", from the misclosure at the
+    last surfacing; or "none"."""
     current_north_m_s: float | None = None
-    """Current northward [m/s] believed before the first estimate, with `current_east_m_s`."""
+    """Current northward [m/s] before the first estimate; give `current_east_m_s` as well."""
     current_east_m_s: float | None = None
-    """The same eastward [m/s]."""
+    """Current eastward [m/s] before the first estimate."""
     max_rotation_deg: float = 45.0
-    """Limit of the heading loop [deg], as of a saw-tooth."""
+    """Limit of the turning part in the heading loop [deg], as in a saw-tooth."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         kind = self.kind
         if not isinstance(self.targets, list | tuple) or not self.targets:
             check.fail(kind, "targets", self.targets, "a list of at least one target")
-        targets = tuple(_checked(f"{kind}: targets[{i}]", t) for i, t in enumerate(self.targets))
+        targets = tuple(_target(f"{kind}: targets[{i}]", t) for i, t in enumerate(self.targets))
         object.__setattr__(self, "targets", targets)
         if self.surface_after_yos is not None and self.surface_after_yos % 1:
             check.fail(kind, "surface_after_yos", self.surface_after_yos, "a whole number")
@@ -97,11 +97,11 @@ class Waypoint(Profile):
 
     @property
     def geographic(self) -> bool:
-        """Whether some target is a latitude and longitude."""
+        """True if some target is a latitude and longitude."""
         return any("latitude" in target for target in self.targets)
 
     def placed(self, latitude: float, longitude: float) -> Waypoint:
-        """The segment with all targets in metres from an origin [degree].
+        """Copy of the segment with all targets in metres from an origin [degree].
 
         Raises:
           MissionError: a target is more than 1000 km away.
@@ -115,24 +115,24 @@ class Waypoint(Profile):
         )
 
     def begun_at(self, place: tuple[float, float]) -> Waypoint:
-        """With the place where it begins, north and east [m], as a target before the first."""
+        """Copy of the segment with its start, north and east [m], as a target before the first."""
         first = dict(zip(METRES, place, strict=True))
         return dataclasses.replace(self, targets=(first, *self.targets))
 
     def ends_at(self, place: tuple[float, float]) -> tuple[float, float]:
-        """Its last target, north and east [m]."""
+        """Last target, north and east [m]."""
         last = self.targets[-1]
         return last["north_m"], last["east_m"]
 
     def flown_as(self) -> tuple[Waypoint, ...]:
-        """One for each target."""
+        """Segments with one target each."""
         return tuple(dataclasses.replace(self, targets=(target,)) for target in self.targets)
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
-        """A profile to the first target; without a place where that is still in degrees.
+        """Row of a profile to the first target; without a position while the target is in degrees.
 
         Raises:
-          MissionError: as every profile, or nothing turns the vehicle.
+          MissionError: as for every profile; or no part turns the vehicle.
         """
         if vehicle.steered("heading") is None:
             raise MissionError(
@@ -161,8 +161,8 @@ class Waypoint(Profile):
         return row
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Its way from target to target at the speed of its yos with a margin, with the stays; or
-        its own limits."""
+        """Time [s] from target to target at the yos' speed with a margin, plus surface intervals;
+        the segment's own limits shorten it. Also the largest depth [m]."""
         ways = self._ways(vehicle, label)
         legs = max(len(self.targets) - 1, 1)
         points = [(t["north_m"], t["east_m"]) for t in self.targets]
@@ -174,7 +174,7 @@ class Waypoint(Profile):
         under = [math.inf if self.surface_after_s is None else self.surface_after_s]
         if self.surface_after_yos is not None:
             under.append(self.surface_after_yos * down_and_up)
-        # at least one dive and one stay for every target, however near
+        # at least one dive and one surface interval for every target, however near
         stays = legs + math.ceil(time / min(under)) if math.isfinite(min(under)) else legs
         total = time + stays * (self.stay_s + down_and_up)
         if self.yos is not None or self.duration_s is not None or self.until_depth_m is not None:
@@ -184,7 +184,7 @@ class Waypoint(Profile):
 
 
 def _yo_speed(dive: Way, climb: Way) -> float:
-    """[m/s] Mean horizontal speed through the water of a dive and its climb."""
+    """Mean horizontal speed [m/s] through the water of a dive and its climb."""
     ahead, time = 0.0, 0.0
     for one in (dive, climb):
         share = 1.0 / abs(one.vertical_speed)
@@ -193,8 +193,8 @@ def _yo_speed(dive: Way, climb: Way) -> float:
     return ahead / time
 
 
-def _checked(label: str, target: object) -> dict[str, float]:
-    """A target as numbers; raises MissionError for anything else."""
+def _target(label: str, target: object) -> dict[str, float]:
+    """Convert a target to numbers; raises MissionError for anything else."""
     if not isinstance(target, Mapping):
         raise MissionError(
             f"{label} is {target!r}: give {{ latitude = DEGREES, longitude = DEGREES }} or "

@@ -1,1 +1,1 @@
-"""Compiled code that runs inside MuJoCo's step; see `twin.physics.native.plant`."""
+"""Native code: compiled functions inside MuJoCo's step; see `twin.physics.native.plant`."""

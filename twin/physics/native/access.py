@@ -1,11 +1,11 @@
-"""Access: MuJoCo's structs and our block, as native code sees them.
+"""Access: native reads and writes of MuJoCo's structs and of our parameter block.
 
-A model is ours when its numeric data end in a header of ours. Everything that native code then
-reads or writes through it is checked first: the sizes that the header was made for are the
-model's, every table lies inside the block. What does not fit is an error of MuJoCo's (a
-`FatalError`, in a batch a `SimulationError`), never a wild read or write.
+A model is ours when its numeric data end in our header. All sizes are checked before native code
+reads or writes through the header: they must be those of the model, and every table must lie inside
+the block. A mismatch is an error of MuJoCo's (`FatalError`, in a batch `SimulationError`), never a
+wild read or write.
 
-Raw memory access for native code: addresses are plain 64-bit integers.
+Addresses in native code are plain 64-bit integers.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from twin.physics.native import block as b
 from twin.physics.native import struct_offsets as at
 
 
-def _at(result: Any, element: ir.Type, load: bool) -> Any:
-    """An intrinsic of an address: what is there, or a pointer to it."""
+def _address_intrinsic(result: Any, element: ir.Type, load: bool) -> Any:
+    """Make an intrinsic that loads the value at an address, or turns the address into a pointer."""
 
     @intrinsic
     def found(typingctx, address):
@@ -37,20 +37,20 @@ def _at(result: Any, element: ir.Type, load: bool) -> Any:
     return found
 
 
-load_f8 = _at(types.float64, ir.DoubleType(), True)
-"""The float64 at an address."""
-load_i8 = _at(types.int64, ir.IntType(64), True)
-"""The int64 (or pointer) at an address."""
-load_i4 = _at(types.int32, ir.IntType(32), True)
-"""The int32 at an address."""
-as_f8_pointer = _at(types.CPointer(types.float64), ir.DoubleType(), False)
-"""An address as a pointer that `numba.carray` turns into an array."""
-as_void_pointer = _at(types.voidptr, ir.IntType(8), False)
-"""An address as a pointer that `numba.carray` turns into an array of a given type."""
+load_f8 = _address_intrinsic(types.float64, ir.DoubleType(), True)
+"""Load the float64 at an address."""
+load_i8 = _address_intrinsic(types.int64, ir.IntType(64), True)
+"""Load the int64 (or pointer) at an address."""
+load_i4 = _address_intrinsic(types.int32, ir.IntType(32), True)
+"""Load the int32 at an address."""
+as_f8_pointer = _address_intrinsic(types.CPointer(types.float64), ir.DoubleType(), False)
+"""Turn an address into a pointer from which `numba.carray` makes a float64 array."""
+as_void_pointer = _address_intrinsic(types.voidptr, ir.IntType(8), False)
+"""Turn an address into a pointer from which `numba.carray` makes an array of a given type."""
 layout_table = types.ExternalFunction("glider_twin_layout", types.int64())
-"""Address of the table of struct offsets that `struct_offsets.publish` made."""
+"""Address of the table of struct offsets from `struct_offsets.publish`."""
 mismatch_text = types.ExternalFunction("glider_twin_mismatch", types.int64())
-"""Address of MISMATCH."""
+"""Address of the text MISMATCH."""
 mju_error = types.ExternalFunction("mju_error", types.void(types.int64))
 MISMATCH = ctypes.create_string_buffer(
     b"glider-twin: this model was changed after it was compiled, so that its sizes or tables are "
@@ -65,31 +65,31 @@ MAGIC, VERSION = b.MAGIC, b.VERSION
 
 @inline
 def field(table, struct, slot):
-    """The pointer-sized word of `struct` at `slot` of the layout table."""
+    """Pointer-sized word of `struct` at `slot` of the layout table."""
     return load_i8(struct + load_i8(table + 8 * slot))
 
 
 @inline
 def array(address, size):
-    """The `size` float64 values at `address`, as an array without a copy."""
+    """Array of the `size` float64 values at `address`, without a copy."""
     return numba.carray(as_f8_pointer(address), size)
 
 
 @inline
 def header_at(address):
-    """The header at `address`."""
+    """Header of a block at `address`."""
     return numba.carray(as_void_pointer(address), 1, HEADER)[0]
 
 
 @inline
 def state_of(table, data):
-    """The STATE at the start of `mjData.userdata`."""
+    """STATE at the start of `mjData.userdata`."""
     return numba.carray(as_void_pointer(field(table, data, at.D_USERDATA)), 1, STATE)[0]
 
 
 @inline
 def _inside(part, words):
-    """Whether a table lies inside the block; false for numbers that cannot be sizes."""
+    """Tell whether a table lies inside the block; false for numbers that cannot be sizes."""
     return part["start"] >= 0.0 and part["size"] >= 0.0 and part["start"] + part["size"] <= words
 
 
@@ -97,7 +97,7 @@ def _inside(part, words):
 def header_address(table, model):
     """Address of the header of a model of ours; 0 for other models.
 
-    Raises MuJoCo's error when the block does not fit the model that carries it.
+    Raises MuJoCo's error if the block does not fit the model that carries it.
     """
     count = field(table, model, at.M_NUMERIC_COUNT)
     if count < HEADER_WORDS:
@@ -142,9 +142,9 @@ def header_address(table, model):
 
 @jit
 def part_address(table, model, index):
-    """Address of part `index`, for the callback that is called for each; 0 when there is none.
+    """Address of part `index`, for the callback that runs once for each part; 0 without a part.
 
-    Checks no more than what it needs: the whole block is checked by the other callbacks.
+    Checks only the header's table of parts; the other callbacks check the whole block.
     """
     count = field(table, model, at.M_NUMERIC_COUNT)
     if count < HEADER_WORDS:
@@ -170,14 +170,14 @@ def part_address(table, model, index):
 
 @inline
 def block_start(address, head):
-    """Address of the block's first number."""
+    """Address of the first number of the block."""
     return address + HEADER_BYTES - 8 * int(head.words)
 
 
 @inline
 def table_of(start, head, part):
-    """A table of the block as an array; never beyond the block, even while another thread changes
-    where the table is."""
+    """Array of a table of the block; it never exceeds the block, even while another thread moves
+    the table."""
     body = int(head.words) - HEADER_WORDS
     first = min(max(int(part["start"]), 0), body)
     return array(start + 8 * first, min(max(int(part["size"]), 0), body - first))
@@ -185,11 +185,11 @@ def table_of(start, head, part):
 
 @inline
 def part_at(start, head, index):
-    """The part with this index; the caller checks that there is one."""
+    """Part with this index; the caller checks that the index exists."""
     return part_here(start + 8 * (int(head.parts["start"]) + PART_WORDS * index))
 
 
 @inline
 def part_here(address):
-    """The part at `address`."""
+    """Part at `address`."""
     return numba.carray(as_void_pointer(address), 1, PART)[0]

@@ -1,10 +1,10 @@
-"""Effects: what hull laws and vehicle parts do, each by the kernel of its kind.
+"""Effects: kernels of hull laws and parts by kind, and the control and log of each step.
 
-The registries of laws and parts say which kernels there are. A kind that joins them later is
-compiled in when the callbacks are next installed.
+The registries of laws and parts name the kernels. A kind that is registered later is compiled in
+when the callbacks are next installed.
 
-Control: guidance or a schedule, once per control period, inside MuJoCo's step.
-Sample log: the samples of a run, written inside MuJoCo's step into the ring in `userdata`.
+`run_control` runs guidance or a schedule once per control period, inside MuJoCo's step.
+`run_log` writes the samples of a run into the ring in `userdata`, inside MuJoCo's step.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
 
 _UNKNOWN = (math.nan,) * 6
-"""Answer of a kind that this process does not know: the run fails, which zero would hide."""
+"""Result for a kind unknown to this process: NaN makes the run fail, and zero would not."""
 _MOTION = ("u", "v", "w", "p", "q", "r")
 
 
@@ -52,8 +52,8 @@ law_rate_damping = _dispatch(
 law_rotary_damping = _dispatch(
     "law_rotary_damping", ("values", "density", *_MOTION), LAWS, _UNKNOWN, forceinline=True
 )
-"""(code, values, density, u, v, w, p, q, r) -> pp, pq, qq, pr, qr, rr; NaN of a law that gives
-none."""
+"""(code, values, density, u, v, w, p, q, r) -> pp, pq, qq, pr, qr, rr; NaN for a law without this
+kernel."""
 part_wrench = _dispatch(
     "part_wrench", ("values", "place", "position", *_MOTION, "density", "depth"), PARTS, _UNKNOWN
 )
@@ -67,7 +67,7 @@ CONTROL_SCHEDULE = b.CONTROL_SCHEDULE
 
 @jit
 def run_control(head, start, table, data, time, state):
-    """Write `ctrl` when a control period has passed."""
+    """Write `ctrl` if a control period has passed."""
     period = head.control_period
     step_tolerance = 1e-6 * period
     if time < state.ticks * period - step_tolerance:
@@ -110,10 +110,10 @@ def run_control(head, start, table, data, time, state):
 
 @jit
 def run_log(head, table, model, data, time, state):
-    """Begin a log row when one is due; close the previous one with its acceleration.
+    """Start a log row when one is due; complete the previous row with its acceleration.
 
-    The row of sample k is row k modulo the ring: the last `log_ring` samples are there. The order
-    of the numbers is that of `block.log_row`.
+    Sample k goes to row k modulo the ring, so the ring holds the last `log_ring` samples. The
+    numbers are in the order of `block.log_row`.
     """
     nq, nv, nu, ring = int(head.nq), int(head.nv), int(head.nu), int(head.log_ring)
     if ring < 1 or not 0.0 <= state.logged <= head.log_samples:

@@ -1,10 +1,10 @@
-"""Water: forces that belong to no hull law and no part: added mass, buoyancy, immersion.
+"""Hydrodynamics: added mass, buoyancy and immersion, which belong to no hull law and no part.
 
-Axes are FRD about the centre of buoyancy. Sources of the added mass in a moving fluid: Kirchhoff's
-equations as in Fossen (2021), sections 8.1-8.3, and Thomasson and Woolsey (2013), Vehicle motion in
-currents, IEEE J. Oceanic Eng. 38, for a current with a gradient.
+Axes are FRD about the centre of buoyancy. Added mass in a moving fluid follows Kirchhoff's
+equations in Fossen (2021), sections 8.1-8.3; for a current with a gradient, Thomasson and Woolsey
+(2013), Vehicle motion in currents, IEEE J. Oceanic Eng. 38.
 
-Mass matrix: the added mass inside MuJoCo's own.
+The functions `add_...` add terms to MuJoCo's own mass matrix.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import math
 from twin.compiled import inline, jit
 
 STRIPS = 9
-"""Equal-volume strips along the hull that carry the buoyancy at the surface."""
+"""Number of strips of equal volume along the hull that carry the buoyancy at the surface."""
 
 
 @inline
 def added_momentum(m, u, v, w, p, q, r):
-    """M_A (v_rel, omega), six numbers; `m` is M_A."""
+    """Momentum M_A (v_rel, omega) of the added mass, six numbers; `m` is M_A."""
     return (
         m[0, 0] * u + m[0, 1] * v + m[0, 2] * w + m[0, 3] * p + m[0, 4] * q + m[0, 5] * r,
         m[1, 0] * u + m[1, 1] * v + m[1, 2] * w + m[1, 3] * p + m[1, 4] * q + m[1, 5] * r,
@@ -32,14 +32,14 @@ def added_momentum(m, u, v, w, p, q, r):
 
 @jit
 def added_mass_wrench(added_mass, coupling, motion, p, q, r, rate, gradient):
-    """Rest of the added-mass force once M_A d(twist)/dt is in the mass matrix.
+    """Remaining added-mass force, M_A d(twist)/dt being in the mass matrix already.
 
     With h = M_A (v_rel, omega_rel): the force is M_A (omega x v_rel + R^T dV_c/dt, 0) -
-    (omega x h_1 + G^T h_1, omega x h_2 + v_rel x h_1). `motion` is (v_rel, omega_rel), the motion
-    through the water that turns under the hull; (p, q, r) is omega; `rate` (3) is R^T dV_c/dt, the
-    rate of the current along the path [m/s2], and `gradient` (9) is G = R^T (grad V_c) R [1/s], row
-    by row, both in body axes. Without `coupling` the second bracket is left to the hull law, whose
-    coefficients hold it, but for G^T h_1, which is the current's.
+    (omega x h_1 + G^T h_1, omega x h_2 + v_rel x h_1). `motion` is (v_rel, omega_rel), relative to
+    water that turns with the gradient; (p, q, r) is omega. In body axes, `rate` (3) is R^T dV_c/dt,
+    the rate of the current along the path [m/s2], and `gradient` (9) is G = R^T (grad V_c) R [1/s],
+    row by row. Without `coupling` the coefficients of the hull law contain the second bracket, all
+    but G^T h_1, which belongs to the current.
     """
     u, v, w, pr, qr, rr = motion
     ax = q * w - r * v + rate[0]
@@ -68,8 +68,8 @@ def added_mass_wrench(added_mass, coupling, motion, p, q, r, rate, gradient):
 def point_mass_wrench(mass, place, p, q, r, rotation, gravity):
     """Weight and centrifugal force of a point mass [kg] carried at `place`, about the CB, FRD.
 
-    Its acceleration with the hull is in the mass matrix (`add_point_mass`). `rotation` is hull to
-    world, row major; NED down in body axes is (-R20, R21, R22).
+    The mass matrix contains the inertia (`add_point_mass`). `rotation` is hull to world, row
+    major; NED down in body axes is (-R20, R21, R22).
     """
     # omega x (omega x place)
     wx, wy, wz = (
@@ -89,14 +89,14 @@ def point_mass_wrench(mass, place, p, q, r, rotation, gravity):
 
 @inline
 def immersed_fraction(depth, diameter):
-    """Immersed part of the circular section of a strip whose axis is at `depth` [m]."""
+    """Immersed fraction of the circular section of a strip whose axis is at `depth` [m]."""
     x = min(max(2.0 * depth / diameter, -1.0), 1.0)
     return 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
 
 
 @jit
 def immersion(length, diameter, depth, sin_pitch):
-    """Mean immersed fraction, and sum of fraction * x / STRIPS [m] (arm of the buoyancy)."""
+    """Mean immersed fraction, and lever arm of the buoyancy [m]: sum of fraction * x / STRIPS."""
     if depth > 0.5 * (length * abs(sin_pitch) + diameter):
         return 1.0, 0.0
     mean, arm = 0.0, 0.0
@@ -110,9 +110,9 @@ def immersion(length, diameter, depth, sin_pitch):
 
 @inline
 def displaced_volume(head, pumped, depth, warming):
-    """Volume [m3] with `pumped` [cm3] at `depth` [m] of a hull `warming` [K] above its reference.
+    """Volume [m3] of a hull with `pumped` [cm3] at `depth` [m], `warming` [K] above reference.
 
-    It shrinks linearly with pressure and grows linearly with temperature.
+    The volume shrinks linearly with pressure and grows linearly with temperature.
     """
     pressure = head.reference_density * head.gravity * max(depth, 0.0)
     volume = head.neutral_volume + 1e-6 * pumped
@@ -121,10 +121,10 @@ def displaced_volume(head, pumped, depth, warming):
 
 @inline
 def hull_warming(head, state, time, water):
-    """Temperature [K] of the hull above its reference; it follows that of the `water` [degC].
+    """Temperature [K] of the hull above its reference; it follows the `water` [degC] with a lag.
 
-    Exact for a temperature of the water that is constant since the last call; a call at the same
-    time changes nothing, one at an earlier time begins again.
+    Exact if the water's temperature is constant since the last call. A repeated call at one time
+    changes nothing; a call for an earlier time starts again.
     """
     if state.hull_known == 0.0 or time < state.hull_time:
         state.hull_temperature, state.hull_known = water, 1.0
@@ -139,7 +139,7 @@ def hull_warming(head, state, time, water):
 
 @inline
 def part_rate(part, position, command):
-    """Rate of a part: first-order lag, rate limited, stopped at the ends."""
+    """Rate of a part: first-order lag, limited rate, travel ending at its stops."""
     target = min(max(command, part.low), part.high)
     if part.one_way != 0.0:
         target = min(target, position)
@@ -151,9 +151,9 @@ def part_rate(part, position, command):
 def add_added_mass(added_mass, scale, mass, rotation):
     """Add scale J^T M_A J to the free joint's block of the lower-triangular mass matrix.
 
-    The free joint's linear velocities are in the world frame, its angular ones in hull axes, so
-    J = diag(R^T, 1) with R hull to world. `rotation` is R, row major; M_A turns from FRD to
-    hull axes by the signs of its rows and columns.
+    Linear velocities of the free joint are in world axes and angular ones in hull axes, so
+    J = diag(R^T, 1) with R hull to world. `rotation` is R, row major. The signs of rows and
+    columns turn M_A from FRD to hull axes.
     """
     r00, r01, r02 = rotation[0], rotation[1], rotation[2]
     r10, r11, r12 = rotation[3], rotation[4], rotation[5]
@@ -191,8 +191,7 @@ def add_added_mass(added_mass, scale, mass, rotation):
 def add_point_mass(extra, place, mass, rotation):
     """Add a point mass [kg], fixed to the hull at `place` (FRD), to the free joint's block.
 
-    It moves with R place in the world, so its Jacobian is (1, -R S(place)): hull axes for the
-    rates.
+    Its velocity has the Jacobian (1, -R S(place)): linear in world axes, rates in hull axes.
     """
     x, y, z = place[0], -place[1], -place[2]
     mass[0] += extra
@@ -236,7 +235,7 @@ def add_rotary_damping(damping, period, mass):
 
 @inline
 def times(symmetric, vector):
-    """A symmetric matrix, ordered as pp, pq, qq, pr, qr, rr, times a vector of three."""
+    """Product of a symmetric matrix, ordered as pp, pq, qq, pr, qr, rr, and a vector of three."""
     pp, pq, qq, pr, qr, rr = symmetric
     p, q, r = vector
     return pp * p + pq * q + pr * r, pq * p + qq * q + qr * r, pr * p + qr * q + rr * r
@@ -244,7 +243,7 @@ def times(symmetric, vector):
 
 @inline
 def _times(a, b0, c, r00, r01, r02, r10, r11, r12, r20, r21, r22):
-    """The row (a, b0, c) times R^T."""
+    """Product of the row (a, b0, c) and R^T."""
     return (
         a * r00 + b0 * r01 + c * r02,
         a * r10 + b0 * r11 + c * r12,

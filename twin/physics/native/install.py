@@ -1,4 +1,4 @@
-"""Install: the compiled callbacks put into MuJoCo, and taken out again."""
+"""Install: the compiled callbacks, put into MuJoCo and taken out again."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _lock = threading.RLock()
 _installed: dict[str, Any] = {}
 _addresses: dict[str, int] = {}
 _stopped: list[int] = []
-"""The address of the clock that `stop_timers` took out"""
+"""Address of the clock that `stop_timers` has removed."""
 
 
 @functools.cache
 def _compile(_: int) -> dict[str, Any]:
-    """The three C functions of one `generation`; older ones stay, others may be running them."""
+    """Compile the C functions of one `generation`; older ones stay for threads that run them."""
     at.publish()
     at.publish_text("glider_twin_mismatch", MISMATCH)
     at.publish_text("glider_twin_late", late.TABLE)
     llvm.load_library_permanently(str(at.library_path()))
 
-    # compiled as callbacks at once: functions that they only called would be compiled twice
+    # compiled directly as callbacks: callbacks that only called these would be compiled twice
     water, control, actuate = (
         cast(Compiled, function).py_func for function in (plant.water, plant.control, plant.actuate)
     )
@@ -50,20 +50,20 @@ def _compile(_: int) -> dict[str, Any]:
 
 
 def install(*, current: bool = False, floor: bool = False) -> None:
-    """Install the callbacks in this process; calling it again changes nothing.
+    """Install the callbacks in this process; a repeated call changes nothing.
 
-    What a `current` or a `floor` needs is compiled now, else in the first step that meets one (see
-    `twin.physics.native.late`).
+    Code for a `current` or a `floor` is compiled now if requested, otherwise in the first step that
+    needs it (see `twin.physics.native.late`).
 
-    After a kind of current, part or hull law was registered they are compiled again with it.
+    After a new kind of current, part or hull law is registered, the callbacks are compiled again.
 
-    The clock of MuJoCo's own timers, `data.timer`, which Python's bindings put in, is taken out: it
-    is read some twenty times a step, a quarter of a glider's bare step. A clock that was given with
-    `mujoco.set_mjcb_time` stays, and the timers with it.
+    MuJoCo's timers (`data.timer`) read the clock of Python's bindings some twenty times a step,
+    which takes a quarter of a glider's bare step. That clock is removed. A clock given with
+    `mujoco.set_mjcb_time` stays, and so do the timers.
 
     Raises:
       LayoutError: MuJoCo's structs are not where the callbacks would look.
-      TwinError: another library's callback is in the way.
+      TwinError: another library's callback is already installed.
     """
     with _lock:
         compiled = _compile(generation())
@@ -88,8 +88,7 @@ def install(*, current: bool = False, floor: bool = False) -> None:
 
 
 def uninstall() -> None:
-    """Take the callbacks out again, and let timers run; vehicles in this process then move in
-    vacuum."""
+    """Remove the callbacks and restore the timers; vehicles in this process then move in vacuum."""
     with _lock:
         for name, ours in _installed.items():
             if getattr(mujoco, f"get_mjcb_{name}")() is ours:
@@ -98,14 +97,14 @@ def uninstall() -> None:
 
 
 def stop_timers() -> None:
-    """Take the clock out that Python's bindings gave MuJoCo's timers, and no other one."""
+    """Remove the clock of MuJoCo's timers if Python's bindings have set it."""
     clock = _clock()
     if clock.value is not None and mujoco.get_mjcb_time() is None:
         _stopped[:], clock.value = [clock.value], None
 
 
 def start_timers() -> None:
-    """Give it back."""
+    """Restore the clock that `stop_timers` has removed."""
     clock = _clock()
     if _stopped and clock.value is None:
         clock.value = _stopped.pop()
@@ -113,5 +112,5 @@ def start_timers() -> None:
 
 @functools.cache
 def _clock() -> ctypes.c_void_p:
-    """MuJoCo's pointer to the clock of its timers; no clock, no timers."""
+    """Pointer in MuJoCo to the clock of its timers; a null pointer stops them."""
     return ctypes.c_void_p.in_dll(ctypes.CDLL(str(at.library_path())), "mjcb_time")

@@ -1,18 +1,18 @@
-"""Late: C functions that the callbacks call by address, compiled when one is first needed.
+"""Late compilation: C functions that callbacks call by address, compiled at their first use.
 
-The address is 0 until then, and again after a kind was registered that the function may call.
+The address is 0 until then, and again after a kind is registered that the function may call.
 
-The code that needs one may be inside MuJoCo's step, where a Python exception has nowhere to go. If
-compiling fails there, the address stays no function's and the caller gets not-a-number:
+The code that needs such a function may run inside MuJoCo's step, where a Python exception cannot
+pass. If compiling fails there, no address is set and the caller gets not-a-number:
 
 - A thread that steps from Python gets MuJoCo's error, a `FatalError`; its next step tries again.
-- A thread of MuJoCo's own, which nothing may unwind, logs the error, and the run fails. The next
-  `install` has it tried again.
-- Ctrl-C waits until it is compiled, and comes when the step returns.
+- A thread of MuJoCo's own cannot be unwound: it logs the error, and the run fails. The next
+  `install` tries again.
+- Ctrl-C waits until the function is compiled, and acts when the step returns.
 
-Two are late, which most flights do not need: the sampler of currents, which holds the kernel of
-every kind of current, an eighth of what a first flight would compile; and the sea floor under the
-hull, for MuJoCo's contacts and the altitude.
+Two functions that most flights do not need are late. The sampler of currents holds the kernels of
+all kinds of current, an eighth of the code of a first flight. The other lays the sea floor's plane
+under the hull, for MuJoCo's contacts and the altitude.
 """
 
 from __future__ import annotations
@@ -47,41 +47,41 @@ from twin.water.current.sampler import sample_gradient
 from twin.water.floor.lookup import floor_depth
 
 CURRENT, FLOOR = range(2)
-"""Slots"""
+"""Slots of the two late functions in TABLE."""
 FLOW = 15
-"""Numbers of `sample_gradient`"""
+"""Count of the numbers that `sample_gradient` returns."""
 SLOTS = 2
 WORDS = 2
-"""Words of a slot in TABLE"""
+"""Words of each slot in TABLE."""
 REFUSED = 1
-"""In place of an address: it could not be compiled, and is not tried again before `renew`"""
+"""Value in place of an address: compiling failed and is not tried again before `renew`."""
 TABLE = (ctypes.c_int64 * (WORDS * SLOTS + 1))()
-"""Addresses, by slot, of the function and of what compiles it; then that of Python's Ctrl-C"""
+"""Addresses, by slot, of the function and of its compiler hook; last, that of Python's Ctrl-C."""
 TABLE[WORDS * SLOTS] = ctypes.cast(ctypes.pythonapi.PyErr_SetInterrupt, ctypes.c_void_p).value or 0
 INTERRUPTED = -1
-"""Instead of the address of an error's text"""
+"""Answer in place of an error text's address: Ctrl-C came during compilation."""
 late_table = types.ExternalFunction("glider_twin_late", types.int64())
-"""Address of TABLE"""
+"""Address of TABLE."""
 _log = logging.getLogger(__name__)
 
 
 class Late:
-    """One such function: its slot, numba's signature of it, and the Python of it."""
+    """A function that is compiled late: its slot, its numba signature and its Python code."""
 
     def __init__(self, slot: int, name: str, signature: Any, function: Callable[..., None]):
         self.slot, self.name = slot, name
         self._signature, self._function = signature, function
         self._made = -1
         self._kept: list[Any] = []
-        """Functions of every generation: other threads may be running an older one"""
+        """Functions of every generation, kept because other threads may be running an older one."""
         self._texts: list[Any] = []
-        """Texts of errors: MuJoCo reads one when Python has left it"""
-        self._hook = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_int64))(self._asked)
+        """Texts of errors, kept because MuJoCo reads them after Python code has returned."""
+        self._hook = ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_int64))(self._prepare_in_step)
         TABLE[WORDS * slot + 1] = ctypes.cast(self._hook, ctypes.c_void_p).value or 0
 
     @property
     def address(self) -> int:
-        """Address of the function, 0 before it is compiled; or REFUSED."""
+        """Address of the function; 0 before it is compiled; REFUSED after a failure."""
         return int(TABLE[WORDS * self.slot])
 
     @address.setter
@@ -89,8 +89,8 @@ class Late:
         TABLE[WORDS * self.slot] = value
 
     def prepare(self) -> None:
-        """Compile it, unless it is that of today's kinds."""
-        # numba's own lock: with a second one, two threads that compile may wait for each other
+        """Compile the function unless it is up to date with the registered kinds."""
+        # numba's own lock: with a second lock, two threads that compile could deadlock
         with global_compiler_lock:
             while self.address in (0, REFUSED) or self._made != generation():
                 now = generation()
@@ -98,7 +98,7 @@ class Late:
                 self.address, self._made = self._kept[-1].address, now
 
     def renew(self) -> None:
-        """Have it compiled again when it is needed, if a kind was registered since or it failed."""
+        """Mark the function for compilation at its next use, if it is outdated or had failed."""
         with global_compiler_lock:
             if self.address == REFUSED or self._made != generation():
                 self.address = 0
@@ -106,10 +106,10 @@ class Late:
     def _compile(self) -> Any:
         return cfunc(self._signature)(self._function)
 
-    def _asked(self, answer: Any) -> None:
-        """Prepare it inside MuJoCo's step, and answer with an error's text or INTERRUPTED.
+    def _prepare_in_step(self, answer: Any) -> None:
+        """Compile the function inside MuJoCo's step; answer is a text's address or INTERRUPTED.
 
-        What this raises nobody would see: the answer stays 0, and the caller gets no address.
+        Nobody could catch an exception here: the answer then stays 0, and no address is set.
         """
         interrupted = True
         while interrupted:
@@ -127,9 +127,9 @@ class Late:
             f"glider-twin: {self.name} could not be compiled inside the step: "
             f"{type(error).__name__}: {error}"
         )
-        # numba's errors are as long as pages; MuJoCo's end after a thousand characters
+        # numba's errors fill pages; MuJoCo truncates at a thousand characters
         text = text if len(text) < 900 else f"{text[:900]} ..."
-        if sys._getframe(1).f_back is not None:  # Python called the step and catches its errors
+        if sys._getframe(1).f_back is not None:  # Python called the step
             self._texts[:] = [*self._texts[-9:], ctypes.create_string_buffer(text.encode())]
             answer[0] = ctypes.addressof(self._texts[-1])
         else:
@@ -138,8 +138,8 @@ class Late:
 
 
 @intrinsic
-def _ask(typingctx, hook):
-    """Call the function at an address with a place for its answer, and give the answer."""
+def _call_hook(typingctx, hook):
+    """Call the hook at an address with a word for its answer; return the answer."""
 
     def codegen(context, builder, signature, args):
         word = ir.IntType(64)
@@ -154,8 +154,8 @@ def _ask(typingctx, hook):
 
 
 @intrinsic
-def _call(typingctx, address):
-    """Call the function without arguments at an address."""
+def _call_address(typingctx, address):
+    """Call the function at an address, which takes no arguments."""
 
     def codegen(context, builder, signature, args):
         kind = ir.FunctionType(ir.VoidType(), [])
@@ -167,16 +167,16 @@ def _call(typingctx, address):
 
 @jit
 def late_address(slot):
-    """Address of the function of a slot, which is compiled now if it is not yet; 0: it cannot be.
+    """Address of the function of a slot, compiled now if necessary; 0 if that fails.
 
-    Raises MuJoCo's error when it cannot and the caller's caller is Python.
+    Raises MuJoCo's error if that fails and Python called the step.
     """
     place = late_table() + 8 * WORDS * slot
     address = load_i8(place)
     if address == 0:
-        answer = _ask(load_i8(place + 8))
+        answer = _call_hook(load_i8(place + 8))
         if answer == INTERRUPTED:
-            _call(load_i8(late_table() + 8 * WORDS * SLOTS))
+            _call_address(load_i8(late_table() + 8 * WORDS * SLOTS))
         elif answer != 0:
             mju_error(answer)
         address = load_i8(place)
@@ -190,7 +190,7 @@ _POINTER = types.CPointer(types.float64)
 
 
 def sampled(program, size, time, north, east, down, out):
-    """`sample_gradient` as a C function."""
+    """Write `sample_gradient` of a program into `out`, as a C function."""
     found, flow = sample_gradient(carray(program, size), time, north, east, down), carray(out, FLOW)
     for i in range(FLOW):
         flow[i] = found[i]
@@ -199,12 +199,12 @@ def sampled(program, size, time, north, east, down, out):
 _SIGNATURE = types.void(_POINTER, types.int64, *(types.float64,) * 4, _POINTER)
 SAMPLER = Late(CURRENT, "the sampler of currents", _SIGNATURE, sampled)
 _UNKNOWN = (math.nan,) * FLOW
-"""Without a sampler: the run fails, which still water would hide"""
+"""Result without a sampler: NaN makes the run fail, and still water would not."""
 
 
 @intrinsic
-def _sampled_at(typingctx, address, program, size, t, north, east, down):
-    """Call the sampler at `address`: `sample_gradient` of the program at an address."""
+def _call_sampler(typingctx, address, program, size, t, north, east, down):
+    """Call the sampler at `address` with the program at another address; return its numbers."""
     result = types.UniTuple(types.float64, FLOW)
     point = (types.float64,) * 4
 
@@ -224,15 +224,15 @@ def _sampled_at(typingctx, address, program, size, t, north, east, down):
 
 @jit
 def flow_at(program, t, north, east, down):
-    """`sample_gradient` of a current's program in a model's block; NaN if it cannot be compiled."""
+    """Current and gradient from the program in a model's block; NaN if compiling fails."""
     address = late_address(CURRENT)
     if address == 0:
         return _UNKNOWN
-    return _sampled_at(address, program.ctypes.data, program.size, t, north, east, down)
+    return _call_sampler(address, program.ctypes.data, program.size, t, north, east, down)
 
 
 def laid(model, data):
-    """`lay_plane` as a C function, for a model of ours."""
+    """Call `lay_plane` for a model of ours, as a C function."""
     table = layout_table()
     address = header_address(table, model)
     head = header_at(address)
@@ -245,7 +245,7 @@ LAYER = Late(FLOOR, "the sea floor", types.void(types.int64, types.int64), laid)
 
 
 @intrinsic
-def _laid_by(typingctx, address, model, data):
+def _call_layer(typingctx, address, model, data):
     """Call the function at an address with a model and its data."""
 
     def codegen(context, builder, signature, args):
@@ -258,9 +258,9 @@ def _laid_by(typingctx, address, model, data):
 
 @inline
 def follow_floor(head, model, data, state):
-    """Altitude of the CB, and the plane under the hull; inf where there is no floor.
+    """Find the altitude of the CB and lay the plane under the hull; inf without a sea floor.
 
-    Returns whether that could be done: NaN and False where its code cannot be compiled.
+    Returns False, with the altitude NaN, if its code cannot be compiled; else True.
     """
     state.altitude = math.inf
     if head.floor["size"] > 0.0:
@@ -268,13 +268,13 @@ def follow_floor(head, model, data, state):
         if address == 0:
             state.altitude = math.nan
             return False
-        _laid_by(address, model, data)
+        _call_layer(address, model, data)
     return True
 
 
 @jit
 def lay_plane(head, floor, table, data, position, state):
-    """Write the plane's place and attitude, and the altitude."""
+    """Write position and attitude of the floor's plane under the hull, and the altitude."""
     north, east, arm = position[0], -position[1], 0.5 * head.length
     state.altitude = floor_depth(floor, north, east) + position[2]
     ahead, behind = floor_depth(floor, north + arm, east), floor_depth(floor, north - arm, east)

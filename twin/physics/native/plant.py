@@ -1,10 +1,10 @@
-"""The native callbacks: water, parts, guidance and logging inside MuJoCo's own step.
+"""Plant: native callbacks for water, parts, guidance and logging inside MuJoCo's own step.
 
-`mjcb_passive` owns the water: it adds M_A to the mass matrix and writes the hull's row of
-`xfrc_applied`. `mjcb_act_dyn` moves the parts, `mjcb_control` runs guidance and the log. All
-three return at once for a model without our parameter block, so other models in the process
-are untouched. They are C functions without the GIL: `mj_step`, `mujoco.batch` and dm_control
-run the same code.
+`mjcb_passive` adds the added mass M_A to the mass matrix and writes the water's forces into the
+hull's row of `xfrc_applied`. `mjcb_act_dyn` moves the parts; `mjcb_control` runs guidance and the
+log. All three return at once for a model without our parameter block, so other models in the
+process are untouched. They are C functions without the GIL: `mj_step`, `mujoco.batch` and
+dm_control run the same code.
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ from twin.water.density import density_at
 CONTROL_NONE = b.CONTROL_NONE
 ZERO = (0.0, 0.0, 0.0)
 FASTEST = 20.0
-"""[m/s] through the water: what is faster has left physics, whatever it looks like later"""
+"""[m/s] Speed through the water above which a run has failed, even if it slows down later."""
 UNSTABLE = 2.0
-"""Step times rotary damping over inertia beyond which an explicit step does not settle"""
+"""[1] Product of step and rotary damping over inertia above which an explicit step is unstable."""
 RATE = 1e-4
-"""[rad/s] of the differences by which a law's rotary damping is found"""
+"""[rad/s] Step of the finite differences that give a law's rotary damping."""
 _VOID = types.void(types.int64, types.int64)
 mj_make_mass = types.ExternalFunction("mj_makeM", _VOID)
 mj_factor_mass = types.ExternalFunction("mj_factorM", _VOID)
@@ -72,7 +72,7 @@ mj_factor_mass = types.ExternalFunction("mj_factorM", _VOID)
 
 @inline
 def remember_velocity(state, velocity, time, timestep):
-    """Keep the velocities of this step and the one before; after a jump, of this one only."""
+    """Store the velocities of this step and the previous one; after a time jump, of this one."""
     if state.known == 0.0 or time != state.time:
         consecutive = abs(time - state.time - timestep) < 1e-6 * timestep
         for i in range(6):
@@ -88,7 +88,7 @@ def remember_velocity(state, velocity, time, timestep):
 
 @inline
 def kept(damping, inertia):
-    """Part of the last rate's change that the next step repeats under rotary damping."""
+    """Fraction of the last change of a rate that the next step repeats under rotary damping."""
     return max(0.0, 1.0 + damping / inertia)
 
 
@@ -96,8 +96,8 @@ def kept(damping, inertia):
 def rotary_damping(law, values, density, u, v, w, p, q, r, l, m, n):
     """Symmetric part of -d(K, M, N)/d(p, q, r) of the hull law, body axes FRD [N m s].
 
-    Returns pp, pq, qq, pr, qr, rr of a matrix without negative eigenvalues. A law that says nothing
-    is differenced about its moments (l, m, n); where it drives a rate nothing of it counts.
+    Returns pp, pq, qq, pr, qr, rr of a matrix without negative eigenvalues. A law without that
+    kernel is differenced about its moments (l, m, n); negative damping of a rate counts as 0.
     """
     pp, pq, qq, pr, qr, rr = law_rotary_damping(law, values, density, u, v, w, p, q, r)
     if math.isnan(pp):
@@ -109,7 +109,7 @@ def rotary_damping(law, values, density, u, v, w, p, q, r, l, m, n):
         pr = 0.5 * ((l - lr) + (n - np)) / RATE
         qr = 0.5 * ((m - mr) + (n - nq)) / RATE
     pp, qq, rr = max(pp, 0.0), max(qq, 0.0), max(rr, 0.0)
-    # by its principal minors, but for rounding: a law that does not damp the roll has rank 2
+    # test the principal minors with a slack for rounding: a law without roll damping has rank 2
     whole, slack = pp + qq + rr, 1e-9 * (pp + qq + rr)
     if (
         min(pp * qq - pq * pq, pp * rr - pr * pr, qq * rr - qr * qr) < -slack * whole
@@ -122,14 +122,14 @@ def rotary_damping(law, values, density, u, v, w, p, q, r, l, m, n):
 
 @inline
 def fail(state, time):
-    """Note the first failure of a run."""
+    """Record the first failure of a run."""
     if state.failed == 0.0:
         state.failed, state.fail_time = 1.0, time
 
 
 @inline
 def along(local, a, n, e, d):
-    """`local` and the derivative along (n, e, d) of what has the gradient `a` (9), NED."""
+    """`local` plus the derivative along (n, e, d) of a field with the gradient `a` (9), NED."""
     return (
         local[0] + (a[0] * n + a[1] * e + a[2] * d),
         local[1] + (a[3] * n + a[4] * e + a[5] * d),
@@ -139,7 +139,7 @@ def along(local, a, n, e, d):
 
 @inline
 def to_body(axes, n, e, d):
-    """A vector NED in body axes, which are given in NED."""
+    """Turn a NED vector into body axes, whose directions are given in NED."""
     x, y, z = axes
     return (
         x[0] * n + x[1] * e + x[2] * d,
@@ -150,7 +150,7 @@ def to_body(axes, n, e, d):
 
 @inline
 def to_world(rotation, x, y, z):
-    """A vector in hull axes in the world's, by the row-major matrix of the hull."""
+    """Turn a vector from hull axes into world axes by the hull's row-major matrix."""
     return (
         rotation[0] * x + rotation[1] * y + rotation[2] * z,
         rotation[3] * x + rotation[4] * y + rotation[5] * z,
@@ -160,7 +160,7 @@ def to_world(rotation, x, y, z):
 
 @jit
 def water(model, data):
-    """One evaluation of everything the water does; idempotent at a given state."""
+    """Evaluate all forces of the water once; repeating it at the same state changes nothing."""
     table = layout_table()
     address = header_address(table, model)
     if address == 0:
@@ -174,7 +174,7 @@ def water(model, data):
     act = array(field(table, data, at.D_ACT), count)
     rigid = 3.0 * head.rigid_mass
     if abs(mass[0] + mass[2] + mass[5] - rigid) > 1e-9 * rigid:
-        mj_make_mass(model, data)  # called again at the same state: M_A is already inside
+        mj_make_mass(model, data)  # repeated at the same state: M_A is already inside
     position = array(field(table, data, at.D_XPOS) + 24 * hull, 3)
     velocity = array(field(table, data, at.D_QVEL), 6)
     state = state_of(table, data)
@@ -196,7 +196,7 @@ def water(model, data):
             force[i] = 0.0
         return
 
-    # what displaces and what is carried; the water moves along as far as it covers the hull
+    # displaced and carried masses; M_A is scaled by the immersed fraction of the hull
     density = head.reference_density
     if head.density["size"] > 0.0:
         density = density_at(table_of(start, head, head.density), depth)
@@ -237,11 +237,11 @@ def water(model, data):
         flow = flow_at(program, time, position[0], -position[1], depth)
         cn, ce, cd = flow[0], flow[1], flow[2]
         a = flow[6:]
-        # its rate along the hull's path, and the acceleration of the water itself
+        # rate of the current along the hull's path, and acceleration of the water itself
         rn, re, rd = along(flow[3:6], a, v0, -v1, -v2)
         fluid = along(flow[3:6], a, cn, ce, cd)
         rate = to_body(axes, rn, re, rd)
-        # column by column: how the velocity changes along each axis of the body
+        # column by column: the change of velocity along each axis of the body
         dx = to_body(axes, *along(ZERO, a, *ahead))
         dy = to_body(axes, *along(ZERO, a, *side))
         dz = to_body(axes, *along(ZERO, a, *below))
@@ -268,12 +268,12 @@ def water(model, data):
                 r += kept(dr, yaw) * r_change
         if implicit:
             p, q, r = p + p_change, q + q_change, r + r_change
-    # the water's own turning under the hull: how its velocity changes along and across it
+    # rates through the water, which turns under the hull with the gradient of the current
     pw, qw, rw = p - gradient[7], q + gradient[6], r - gradient[3]
 
     x, y, z, l, m, n = law_wrench(law, values, density, u, v, w, pw, qw, rw)
     if implicit:
-        # by the new rates in place of the extrapolated ones: off here, into the mass matrix
+        # damping by the new rates: subtracted here, added to the mass matrix
         damping = rotary_damping(law, values, density, u, v, w, pw, qw, rw, l, m, n)
         add_rotary_damping(damping, 0.5 * timestep * law_scale, mass)
         a, b, c = times(damping, (p_change, q_change, r_change))
@@ -287,7 +287,7 @@ def water(model, data):
     y, z = -(law_scale * y + water_scale * ya), -(law_scale * z + water_scale * za)
     m, n = -(law_scale * m + water_scale * ma), -(law_scale * n + water_scale * na)
 
-    # buoyancy, and the parts: their wrenches in FRD become hull axes here
+    # buoyancy and parts: the wrenches of parts are turned from FRD into hull axes
     warming = 0.0
     if head.temperature["size"] > 0.0:
         seawater = density_at(table_of(start, head, head.temperature), depth)
@@ -306,7 +306,7 @@ def water(model, data):
             )  # fmt: skip
             x, y, z, l, m, n = x + px, y - py, z - pz, l + pl, m - pm, n - pn
         if part.gives_volume != 0.0 and (place[0] != 0.0 or place[1] != 0.0 or place[2] != 0.0):
-            # buoyancy of its own volume acts where it is: moment place x up, FRD to hull axes
+            # buoyancy of the part's volume acts at its place: moment place x up, FRD to hull axes
             own = part_volume(int(part.kind), part.values, act[k] + part.zero)
             squeezed = total_volume / (head.neutral_volume + 1e-6 * volume)
             up = fraction * density * 1e-6 * own * squeezed * head.gravity
@@ -324,7 +324,7 @@ def water(model, data):
     # hull axes to world, moment moved from the CB to the centre of mass
     fx, fy, fz = to_world(rotation, x, y, z)
     fz += fraction * lift
-    # Froude-Krylov: the pressure that accelerates the water acts on the hull in its place
+    # Froude-Krylov: the pressure that accelerates the water acts on the volume of the hull
     displaced = fraction * density * total_volume
     fx += displaced * fluid[0]
     fy -= displaced * fluid[1]
@@ -339,7 +339,7 @@ def water(model, data):
     force[4] = my - (oz * fx - ox * fz)
     force[5] = mz - (ox * fy - oy * fx)
 
-    # MuJoCo takes a force that is not finite for none, and would go on
+    # MuJoCo would ignore a force that is not finite and go on
     if not follow_floor(head, model, data, state) or not math.isfinite(fx + fy + fz + mx + my + mz):
         fail(state, time)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
@@ -350,7 +350,7 @@ def water(model, data):
 
 @jit
 def actuate(model, data, index):
-    """d(act)/dt of part `index`; 0 for models that are not ours."""
+    """Rate d(act)/dt of part `index`; 0 for models that are not ours."""
     table = layout_table()
     address = part_address(table, model, index)
     if address == 0:
@@ -360,8 +360,8 @@ def actuate(model, data, index):
     part = part_here(address)
     rate = part_rate(part, position, command)
     if part.dof >= 6.0:
-        # the servo's damping resists the commanded motion: give it that force. Set, not added: no
-        # other passive force acts on a driven joint, and this may be called again
+        # cancel the servo's damping of the commanded motion. The force is set, not added: no other
+        # passive force acts on a driven joint, and this callback may run again at the same state
         width = field(table, model, at.M_NV)
         passive = array(field(table, data, at.D_QFRC_PASSIVE), width)
         passive[min(int(part.dof), width - 1)] = part.servo_damping * rate
@@ -370,7 +370,7 @@ def actuate(model, data, index):
 
 @jit
 def control(model, data):
-    """Guidance and log; both advance on time, so repeated calls at one state change nothing."""
+    """Run guidance and log; both wait for their time, so a repeated call changes nothing."""
     table = layout_table()
     address = header_address(table, model)
     if address == 0:
@@ -380,7 +380,7 @@ def control(model, data):
     if state.failed != 0.0:
         return
     time = load_f8(data + load_i8(table + 8 * at.D_TIME))
-    if load_i4(data + load_i8(table + 8 * at.D_NCON)) > 0:  # until the next log row
+    if load_i4(data + load_i8(table + 8 * at.D_NCON)) > 0:  # stays set until the next log row
         state.contact = 1.0
     if head.control != CONTROL_NONE:
         run_control(head, block_start(address, head), table, data, time, state)

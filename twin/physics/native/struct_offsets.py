@@ -1,9 +1,9 @@
-"""Where MuJoCo keeps the fields that the native callbacks use, derived and proven at load.
+"""Struct offsets: bytes at which MuJoCo stores the fields that the native callbacks use.
 
-Offsets come from MuJoCo's own introspection tables, laid out by ctypes under the C rules. They
-are then proven against live structs of two differently sized probe models: each word must hold
-the address (or value) that MuJoCo's Python API reports, and native code must read the same.
-Anything else raises `LayoutError`: a wrong offset must never become a wild write.
+The offsets are derived from MuJoCo's own introspection tables, laid out by ctypes under C rules.
+Each is then proven on live structs of two differently sized probe models: its word must hold the
+address (or value) that MuJoCo's Python API reports. A mismatch raises `LayoutError`, because a
+wrong offset must never become a wild write.
 
 Native code reads the table through the symbol `glider_twin_layout`, so compiled code stays
 valid in its cache when MuJoCo changes.
@@ -33,7 +33,7 @@ _DATA_FIELDS = (
     "qfrc_passive", "mocap_pos", "mocap_quat", "ncon",
 )  # fmt: skip
 _FIELDS = [("mjModel", n) for n in _MODEL_FIELDS] + [("mjData", n) for n in _DATA_FIELDS]
-"""Fields of the table that native code reads, by slot; the time step follows"""
+"""Fields that native code reads, by slot of the table; the time step takes the last slot."""
 SLOTS = len(_FIELDS) + 1
 (
     M_NUMERIC_COUNT, M_NUMERIC_DATA, M_NQ, M_NV, M_NU, M_NA, M_NBODY, M_NUSERDATA, M_NMOCAP,
@@ -55,7 +55,7 @@ _ADVICE = "install the MuJoCo version that constraints.txt pins"
 
 
 def _ctype(node: Any) -> Any:
-    """The ctypes equivalent of an introspected C type."""
+    """Translate an introspected C type into its ctypes equivalent."""
     if isinstance(node, ast_nodes.PointerType):
         return ctypes.c_void_p
     if isinstance(node, ast_nodes.ArrayType):
@@ -78,7 +78,7 @@ def _structure(name: str, fields: Any) -> type[ctypes.Structure]:
 
 
 def derive() -> np.ndarray:
-    """The table of byte offsets, int64, shape (SLOTS,), from the introspection tables."""
+    """Table of byte offsets, int64, shape (SLOTS,), from the introspection tables."""
     structs: dict[str, Any] = {
         name: _structure(name, STRUCTS[name].fields) for name in ("mjModel", "mjData", "mjOption")
     }
@@ -94,7 +94,7 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
     """Check every offset against a live probe model and data of unusual sizes.
 
     Raises:
-      LayoutError: naming the first field that is not where the table says.
+      LayoutError: a field is not where the table says; the message names the first one.
     """
     timestep, time = 0.0123, 98765.4321
     model = mujoco.MjModel.from_xml_string(
@@ -109,7 +109,7 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
     )
     data = mujoco.MjData(model)
     data.time = time
-    mujoco.mj_fwdPosition(model, data)  # finds three contacts
+    mujoco.mj_fwdPosition(model, data)  # makes three contacts, so that ncon is not 0
     owners = {"mjModel": model, "mjData": data}
     checks = [(owner, name, getattr(owners[owner], name)) for owner, name in _FIELDS]
     checks.append(("mjModel", "opt.timestep", timestep))
@@ -129,10 +129,10 @@ def prove(table: np.ndarray, numeric_size: int, user_size: int) -> None:
 
 @functools.cache
 def publish() -> np.ndarray:
-    """Derive, prove and publish the layout table to native code; returns it.
+    """Derive, prove and return the layout table, and publish its address to native code.
 
     Raises:
-      LayoutError: the structs of this MuJoCo are not as introspected.
+      LayoutError: the structs of this MuJoCo differ from their introspection.
     """
     if np.dtype(mujoco.MJTNUM_DTYPE) != np.float64:
         raise LayoutError(
@@ -146,7 +146,7 @@ def publish() -> np.ndarray:
 
 
 def publish_text(name: str, text: ctypes.Array) -> None:
-    """Let native code find the characters of an immortal buffer by `name`."""
+    """Publish the address of a text buffer to native code under `name`, and keep the buffer."""
     _TEXTS.append(text)
     _define_address(name, ctypes.addressof(text))
 
@@ -155,7 +155,7 @@ _TEXTS: list[Any] = []
 
 
 def library_path() -> Path:
-    """The MuJoCo shared library that this process runs."""
+    """Path of the MuJoCo shared library that this process runs."""
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco.so.*", "libmujoco.*.dylib", "mujoco.dll"):
         for path in sorted(folder.glob(pattern)):
@@ -167,7 +167,7 @@ _ENGINES: list[Any] = []
 
 
 def _define_address(name: str, address: int) -> None:
-    """Define the native function `int64 name(void)` that returns `address`."""
+    """Define a native function `int64 name(void)` that returns `address`."""
     module = ir.Module(name)
     function = ir.Function(module, ir.FunctionType(ir.IntType(64), []), name)
     ir.IRBuilder(function.append_basic_block()).ret(ir.Constant(ir.IntType(64), address))
