@@ -20,16 +20,10 @@ from twin.navigation.current import Leg
 HOUR = 3600.0
 
 
-def leg(way, *, start=0.0, duration=HOUR, targets=(), believed=None, onboard=None):
-    return LoggedLeg(
-        mission=0,
-        leg=Leg(start=start, duration=duration, over_ground=way, through_water=way),
-        method=REPORTED,
-        begin=(31.0, -80.0),
-        onboard=onboard,
-        targets=targets,
-        believed=believed,
-    )
+def leg(way, *, start=0.0, onboard=None, **sent):
+    flown = Leg(start=start, duration=HOUR, over_ground=way, through_water=way)
+    said = {"method": REPORTED, "begin": (31.0, -80.0), "onboard": onboard}
+    return LoggedLeg(mission=0, leg=flown, **said, **sent)
 
 
 def flown(targets, speed, believed, duration, step=1.0):
@@ -105,37 +99,36 @@ def test_a_vehicle_that_steers_against_a_current_shows_it_in_its_own_track(recko
     assert north == pytest.approx(-0.12 if reckons else 0.0, abs=0.02)
 
 
-def dives(ends, gap):
-    """Dives that begin so long after the end before."""
-    both = zip(itertools.pairwise(ends), gap, strict=False)
-    return [DiveTime(end + wait, after, wait) for (end, after), wait in both]
+def expected(known, begin):
+    """Duration of a dive after these."""
+    schedule = SurfacingSchedule()
+    for dive in known:
+        schedule.learn(dive)
+    return schedule.expect(begin)
 
 
 def test_a_surfacing_by_the_clock_is_foretold_by_the_clock():
     rng = np.random.default_rng(1)
     ends = 1.6e9 - 1.6e9 % (4.0 * HOUR) + 4.0 * HOUR * np.arange(20) + rng.uniform(0, 60, 20)
-    gaps = rng.uniform(600.0, 5400.0, 20)  # late starts make short dives
-    schedule = SurfacingSchedule()
-    known = dives(ends, gaps)
-    for dive in known[:-1]:
-        schedule.learn(dive)
-    begin, end, _ = known[-1]
-    assert begin + middle(schedule.expect(begin)) == pytest.approx(end, abs=120.0)
-    assert abs(usual_duration(known[:-1]) - (end - begin)) > 300.0
+    *known, (begin, end, _) = [  # late starts make short dives
+        DiveTime(before + wait, after, wait)
+        for (before, after), wait in zip(
+            itertools.pairwise(ends), rng.uniform(600.0, 5400.0, 20), strict=False
+        )
+    ]
+    assert begin + middle(expected(known, begin)) == pytest.approx(end, abs=120.0)
+    assert abs(usual_duration(known) - (end - begin)) > 300.0
 
 
 def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so():
-    rng = np.random.default_rng(2)
-    schedule, time = SurfacingSchedule(), 0.0
+    rng, known, time = np.random.default_rng(2), [], 0.0
     for _ in range(20):
         begin = time + rng.uniform(600.0, 9000.0)
         time = begin + 5400.0 + rng.uniform(-60.0, 60.0)
-        schedule.learn(DiveTime(begin, time, math.nan))
-    assert middle(schedule.expect(time + 3000.0)) == pytest.approx(5400.0, abs=150.0)
+        known.append(DiveTime(begin, time, math.nan))
+    assert middle(expected(known, time + 3000.0)) == pytest.approx(5400.0, abs=150.0)
 
 
 def test_a_clock_much_longer_than_the_dives_says_nothing():
-    schedule = SurfacingSchedule()
-    for k in range(5):
-        schedule.learn(DiveTime(1000.0 * k, 1000.0 * k + 700.0, 300.0))
-    assert not {"every 1 h", "every 4 h"} & {*schedule.expect(6000.0).names}
+    known = [DiveTime(1000.0 * k, 1000.0 * k + 700.0, 300.0) for k in range(5)]
+    assert not {"every 1 h", "every 4 h"} & {*expected(known, 6000.0).names}

@@ -12,7 +12,7 @@ from browser import Browser, needs_browser
 from logs import Flight, write_slocum
 from matplotlib.text import Annotation
 
-from glider_twin_ops.pages.morning_figures import CLOSE, track_figure
+from glider_twin_ops.pages.figures import CLOSE, track_figure
 from glider_twin_ops.pages.morning_page import SHOWN
 from glider_twin_ops.watching import one_pass
 from glider_twin_ops.watching.morning import Morning
