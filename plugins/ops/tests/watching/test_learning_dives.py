@@ -5,8 +5,9 @@ import shutil
 
 import numpy as np
 import pytest
-from logs import Flight, write_basestation, write_slocum
 
+from factory.samples import Flight
+from factory.samples.gliders import write_basestation, write_slocum
 from glider_twin_ops.files import read_commands
 from glider_twin_ops.health.signatures import usual_dive
 from glider_twin_ops.watching import most_telling, propose_learning
