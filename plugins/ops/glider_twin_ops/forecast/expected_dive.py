@@ -209,9 +209,15 @@ class SurfacingSchedule:
         Raises:
           InputError: there was no dive before.
         """
-        said = np.array([self._foretold(begin)]).T
-        usual = usual_duration(self._dives) if self._dives else 1.0
-        return self.pool.expect(said, np.full((len(said), 1, 1), usual**2))
+        said, usual = [np.nan] * len(self.pool.names), 1.0
+        if self._dives:
+            last, usual = self._dives[-1], usual_duration(self._dives)
+            ends = np.array([one.end for one in self._dives])
+            every = float(np.median(np.diff(ends)[-3:])) if len(ends) > 1 else np.nan
+            since = max(last.end + every - begin, SHORTEST)
+            clocks = (_by_clock(ends, begin, usual, hours * HOUR) for hours in CLOCKS)
+            said = [last.end - last.begin, usual, since, *clocks]
+        return self.pool.expect(np.array([said]).T, np.full((len(said), 1, 1), usual**2))
 
     def learn(self, dive: DiveTime) -> Array | None:
         """Take a dive that has ended; returns the part of each order in explaining it."""
@@ -221,17 +227,6 @@ class SurfacingSchedule:
             part = self.pool.learn([dive.end - dive.begin])
         self._dives = [*self._dives, dive][-ENDS:]
         return part
-
-    def _foretold(self, begin: float) -> list[float]:
-        """[s] by each order."""
-        if not self._dives:
-            return [np.nan] * len(self.pool.names)
-        last, usual = self._dives[-1], usual_duration(self._dives)
-        ends = np.array([one.end for one in self._dives])
-        every = float(np.median(np.diff(ends)[-3:])) if len(ends) > 1 else np.nan
-        since = max(last.end + every - begin, SHORTEST)
-        clocks = (_by_clock(ends, begin, usual, hours * HOUR) for hours in CLOCKS)
-        return [last.end - last.begin, usual, since, *clocks]
 
 
 def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:

@@ -129,6 +129,7 @@ def legs_of(
         signals = [blocks[name][k, :count] if name in blocks else absent for name in names]
         fixes, onboard, waypoints, known = np.array(signals, float).reshape(len(READ), 2, -1)
         known = known[:, np.isfinite(known).all(axis=0)]
+        track = track_velocity(onboard.T, logs.period, fixes_at(fixes.T))  # without jumps to fixes
         found.append(
             LoggedLeg(
                 mission=mission,
@@ -140,7 +141,7 @@ def legs_of(
                 ),
                 method=method,
                 begin=begin,
-                onboard=_onboard(onboard.T, fixes.T, logs.period),
+                onboard=None if track is None else pair(logs.period * track[:-1].sum(axis=0)),
                 targets=_targets(waypoints.T),
                 believed=pair(known[:, 0]) if known.size else None,
             )
@@ -239,14 +240,6 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
         f"{deployment!r} {begun} begin{'s' * (begun == 1)} with one and {ended} "
         f"end{'s' * (ended == 1)}"
     )
-
-
-def _onboard(track: Array, fixes: Array, period: float) -> tuple[float, float] | None:
-    """By the vehicle's own track, without its jumps to fixes; None without one."""
-    velocity = track_velocity(track, period, fixes_at(fixes))
-    if velocity is None:
-        return None
-    return pair(period * velocity[:-1].sum(axis=0))
 
 
 APART = 30.0
