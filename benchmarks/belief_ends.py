@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.health.beliefs import FOLLOWED, Beliefs, follow_parameters
+from glider_twin_ops.health.answers import FOLLOWED, Beliefs, follow_parameters
 from twin.cli.text_table import format_table
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.logged_missions import start_vehicle

@@ -26,16 +26,15 @@ from scipy.optimize import minimize
 
 from glider_twin_ops.forecast import Request, known_without_logs, mission_to
 from glider_twin_ops.forecast.request import LEAST_MEMBERS
-from glider_twin_ops.forecast.route_search import STEP, RouteWater, best_ways, way_times
-from glider_twin_ops.forecast.routes import (
-    AT_HAND,
-    DRAWS,
-    chosen,
+from glider_twin_ops.forecast.route_search import (
+    STEP,
+    RouteWater,
+    best_ways,
     eddies,
     erring,
-    route_water,
-    timed_ways,
+    way_times,
 )
+from glider_twin_ops.forecast.routes import AT_HAND, DRAWS, chosen, route_water, timed_ways
 from twin.errors import InputError
 from twin.records import unix_seconds
 from twin.vehicle.vehicle import load_vehicle

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import json
 import shutil
 import sys
@@ -34,7 +35,7 @@ from scipy.stats import binom
 from factory.importing import import_logs
 from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, scores_of
 from glider_twin_ops.forecast.logged_leg import REPORTED
-from glider_twin_ops.forecast.pool import BESIDE, FIELD, FILTER, Prior
+from glider_twin_ops.forecast.pool import BESIDE, FIELD, FILTER, CurrentPool, Prior
 from glider_twin_ops.forecast.walk import Pair, bootstrap
 from twin.errors import InputError, TwinError
 from twin.navigation.current import Reaches
@@ -114,11 +115,11 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
     taught = [one for one in deployments if len(one.legs) >= LEAST]
     start = neutral()
 
-    def pooled(pool: str, before: Mapping[str, Prior]) -> dict[str, Prior]:
+    def pooled(pool: str, kept: str, before: Mapping[str, Prior]) -> dict[str, Prior]:
         found = {}
         for name, prior in before.items():
             weights = [one.walked.weights[pool].get(name) for one in taught]
-            scales = [one.walked.scales[pool].get(name) for one in taught]
+            scales = [getattr(one.walked, kept).pool.scales.get(name) for one in taught]
             known = [value for value in weights if value is not None]
             if name in (FIELD, BESIDE) or not known:
                 found[name] = prior
@@ -133,9 +134,9 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
         return float(f"{half:.2g}"), float(f"{ninety:.2g}")
 
     return Priors(
-        current=pooled("current", start.current),
-        way=pooled("way", start.way),
-        schedule=pooled("schedule", start.schedule),
+        current=pooled("current", "pool", start.current),
+        way=pooled("way", "ways", start.way),
+        schedule=pooled("schedule", "schedule", start.schedule),
         surfacing_reach=reach("surfacing"),
         current_reach=reach("current"),
     )
@@ -144,6 +145,20 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
 def judged(one: DeploymentHindcast, which: str) -> list[Judged]:
     """What was scored of a deployment."""
     return [getattr(each, which) for each in one.surfacings if each.scored]
+
+
+@functools.cache
+def alone(one: DeploymentHindcast) -> dict[str, float]:
+    """Mean error [m/h] of each model of the current alone, over the scored dives."""
+    legs = [each.leg for each in one.legs]
+    latitude = float(np.median([each.begin[0] for each in one.legs]))
+    pool, missed = CurrentPool(latitude=latitude, time=legs[0].start), []
+    for k, leg in enumerate(legs):
+        if k >= max(one.train, 1):
+            off = [pool.alone(name, leg)[0] - leg.current for name in pool.pool.names]
+            missed.append(3600.0 * np.hypot(*np.array(off).T))
+        pool.learn(leg)
+    return dict(zip(pool.pool.names, np.mean(missed, axis=0).tolist(), strict=True))
 
 
 def label(one: DeploymentHindcast) -> str:
@@ -176,8 +191,8 @@ def row(
     else:
         counts = [len(run) for run in runs]
         singles = {
-            model: float(np.average([one.walked.singles[model] for one in ones], weights=counts))
-            for model in ones[0].walked.singles
+            model: float(np.average([each[model] for each in map(alone, ones)], weights=counts))
+            for model in alone(ones[0])
         }
         best = min(singles, key=lambda model: singles[model])
         forecast = scores.mean["forecast"] or 0.0

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from glider_twin_ops.health.manoeuvres import (
+from glider_twin_ops.health.signatures import TypicalDive, usual_dive
+from glider_twin_ops.watching.learning_dives import (
     LEARNED,
     NOISE,
     Manoeuvre,
@@ -30,7 +31,6 @@ from glider_twin_ops.health.manoeuvres import (
     slopes_of,
     turned,
 )
-from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin.identify import load_calibration
 from twin.identify.calibration import Calibration
 from twin.identify.logged_missions import Log

@@ -46,13 +46,11 @@ TARGET_OPTIONS = ("escape", "depth", "finish", "timeout")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SeagliderTarget:
-    """One place."""
+    """One place [degree]."""
 
     name: str
     latitude: float
-    """[degree]"""
     longitude: float
-    """[degree]"""
     radius_m: float
     goto: str
     """Name of the next one; its own where it stays"""
@@ -87,20 +85,6 @@ def targets_text(targets: Sequence[SeagliderTarget]) -> str:
     )
 
 
-def radius_of(targets: Sequence[SeagliderTarget]) -> float:
-    """[m] of arrival, where all have the same.
-
-    Raises:
-      MissionError: they have not.
-    """
-    found = sorted({one.radius_m for one in targets})
-    if len(found) != 1:
-        raise MissionError(
-            f"targets have the radii {', '.join(f'{one:g}' for one in found)}: a mission has one"
-        )
-    return found[0]
-
-
 def _lines(path: str | Path, what: str) -> Iterator[tuple[str, str]]:
     """Place and text of each line of a file that is no comment."""
     lines = read_text(Path(path), what, MissionError).splitlines()
@@ -131,11 +115,9 @@ def read_targets(path: str | Path) -> tuple[SeagliderTarget, ...]:
 def _target(where: str, line: str) -> SeagliderTarget:
     name, *words = line.replace("= ", "=").split()
     values = dict(word.partition("=")[::2] for word in words)
-    for key in values:
-        if key not in TARGET_KEYS + TARGET_OPTIONS:
-            raise MissionError(
-                f"{where}: {key!r} is not one of {', '.join(TARGET_KEYS + TARGET_OPTIONS)}"
-            )
+    every = TARGET_KEYS + TARGET_OPTIONS
+    if odd := [key for key in values if key not in every]:
+        raise MissionError(f"{where}: {odd[0]!r} is not one of {', '.join(every)}")
     for key in TARGET_KEYS:
         if not values.get(key):
             raise MissionError(f"{where}: {name} has no {key}=")
@@ -251,6 +233,10 @@ def commanded(
             f"{CMDFILE}: {depth:g} m in {commands['T_DIVE']:g} min at {commands['MAX_BUOY']:g} g "
             f"need a glide of {_slope(glide, pitch):.0f} degree, steeper than $GLIDE_SLOPE"
         )
+    radius, *others = sorted({one.radius_m for one in targets})
+    if others:
+        said = ", ".join(f"{one:g}" for one in (radius, *others))
+        raise MissionError(f"targets have the radii {said}: a mission has one")
     segment = Waypoint(
         targets=tuple({"latitude": one.latitude, "longitude": one.longitude} for one in targets),
         max_depth_m=depth,
@@ -258,7 +244,7 @@ def commanded(
         net_mass_kg=mass,
         surface_after_s=commands.get("T_MISSION", LATER * commands["T_DIVE"] + TURN) * MINUTE,
         surface_after_yos=1.0,
-        arrival_radius_m=radius_of(targets),
+        arrival_radius_m=radius,
     )
     return Mission(name=CMDFILE, segments=(segment,))
 
@@ -312,13 +298,6 @@ class ScienceLayer:
     named: bool = False
     """Whether the file names its values"""
 
-    def line(self) -> str:
-        """Line of the file."""
-        values = {"seconds": f"{self.seconds:g}", "sensors": self.sensors, "gc": self.gc}
-        values |= self.more
-        said = (f"{name}={value}" for name, value in values.items())
-        return " ".join([self.depth, *(said if self.named else values.values())])
-
 
 def read_science(path: str | Path) -> tuple[ScienceLayer, ...]:
     """Read the layers of a file, from the surface down.
@@ -353,7 +332,12 @@ def sparser(layers: Sequence[ScienceLayer], part: float) -> tuple[ScienceLayer, 
 
 def science_text(layers: Sequence[ScienceLayer]) -> str:
     """Text of the file."""
-    return "".join(one.line() + "\n" for one in layers)
+    text = ""
+    for one in layers:
+        values = {"seconds": f"{one.seconds:g}", "sensors": one.sensors, "gc": one.gc, **one.more}
+        said = (f"{name}={value}" for name, value in values.items())
+        text += " ".join([one.depth, *(said if one.named else values.values())]) + "\n"
+    return text
 
 
 def _layer(where: str, words: Sequence[str]) -> ScienceLayer:
@@ -367,24 +351,18 @@ def _layer(where: str, words: Sequence[str]) -> ScienceLayer:
     for key in SCIENCE_KEYS:
         if not values.get(key):
             raise MissionError(f"{where}: {key}= is missing")
-    seconds = _number(where, "seconds", values["seconds"])
-    _number(where, "gc", values["gc"])
-    if words[0] != "loiter":
-        _number(where, "depth", words[0])
+    numbers = {"depth": words[0]} if words[0] != "loiter" else {}
+    for name, text in {"seconds": values["seconds"], "gc": values["gc"], **numbers}.items():
+        try:
+            value = float(text)
+        except ValueError:
+            value = -1.0
+        if not 0.0 <= value < 1e5:
+            raise MissionError(f"{where}: {name} {text!r} must be a number, 0 or above")
     if not values["sensors"].isdigit():
         raise MissionError(f"{where}: sensors {values['sensors']!r} must be a digit for each")
     more = {key: value for key, value in values.items() if key not in SCIENCE_KEYS}
     return ScienceLayer(
-        depth=words[0], seconds=seconds, sensors=values["sensors"], gc=values["gc"], more=more,
-        named=named,
+        depth=words[0], seconds=float(values["seconds"]), sensors=values["sensors"],
+        gc=values["gc"], more=more, named=named,
     )  # fmt: skip
-
-
-def _number(where: str, name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value < 1e5:
-        raise MissionError(f"{where}: {name} {text!r} must be a number, 0 or above")
-    return value

@@ -98,8 +98,11 @@ class ForecastSurfacings(JsonOption):
                 if not seen:
                     _say_mean(console, found)
                 seen[:] = [found]
-                done = found.flown + found.failed
-                progress.update(done - progress.done, **_near(found))
+                near: dict[str, str] = {}
+                if found.surfacings:
+                    ellipse = found.surfacings[0].ellipse(0.9)
+                    near = {"90 %": f"{ellipse.semi_major_m / 1e3:.2f} km"}
+                progress.update(found.flown + found.failed - progress.done, **near)
                 if self.out is not None and not found.complete:
                     self._write(self.out, found)
 
@@ -117,13 +120,21 @@ class ForecastSurfacings(JsonOption):
         return 0
 
     def _check(self) -> None:
+        from glider_twin_ops.forecast.request import aim_of
         from twin.errors import InputError
 
         if self.goto is not None and self.mission is not None:
             raise InputError("give --goto or --mission, not both")
         if self.goto is None and self.mission is None:
             said = 'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
-            raise InputError(said if self.logs is None else f"{said}; {_aim(self.logs)}")
+            if self.logs is not None:  # where the log itself goes, and who takes that from it
+                aim = aim_of(self.logs)
+                sent = f'in its last dive it was sent to --goto "{aim}"'
+                said += (
+                    f"; {sent if aim else 'the log has none'}; `twin watch --new FOLDER --from "
+                    "FILES` takes it from the log at each pass"
+                )
+            raise InputError(said)
         if self.from_ is None and self.logs is None:
             raise InputError("give --from LAT,LON,TIME, or --logs to begin at their last fix")
         needs = dict.fromkeys(("depth", "pitch", "surface_every", "radius"), "goto")
@@ -226,15 +237,6 @@ class ForecastSurfacings(JsonOption):
             console.say(f"map: {self._write(self.out, found)}")
 
 
-def _aim(logs: Path) -> str:
-    """Where the log itself goes, and who takes that from it."""
-    from glider_twin_ops.forecast.known import aim_of
-
-    aim = aim_of(logs)
-    sent = f'in its last dive it was sent to --goto "{aim}"' if aim else "the log has none"
-    return f"{sent}; `twin watch --new FOLDER --from FILES` takes it from the log at each pass"
-
-
 def vehicle_of(name: str | None, logs: Path | None) -> Vehicle:
     """Load a named vehicle, else the shipped one of the log's kind, else `glider`."""
     from twin import load_vehicle
@@ -277,10 +279,3 @@ def _say_mean(console: Console, found: Found) -> None:
             f"surfacing {one.number}: about {found.minute(one.time_s)} UTC at "
             f"{one.latitude:.4f}, {one.longitude:.4f}"
         )
-
-
-def _near(found: Found) -> dict[str, str]:
-    """The next surfacing in a few words."""
-    if not found.surfacings:
-        return {}
-    return {"90 %": f"{found.surfacings[0].ellipse(0.9).semi_major_m / 1e3:.2f} km"}

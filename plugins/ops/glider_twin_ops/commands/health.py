@@ -13,6 +13,9 @@ from twin.cli import Console, JsonOption
 if TYPE_CHECKING:
     from glider_twin_ops.health import Answers
 
+FEW = 4
+"""Deployments that are answered for where nobody says"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class JudgeHealth(JsonOption):
@@ -85,12 +88,10 @@ class JudgeHealth(JsonOption):
             console.say(one.verdict())
             for remark in one.remarks:
                 console.note(f"{one.name}: {remark}")
-        for one in found:
-            if one.alarm:
-                console.table(one.likeliest(), title=f"{one.name}: what it may be", digits=3)
-                first = one.kinds[0]
-                console.note(f"{one.name}, to find out: {first.find_out}")
-                console.note(f"{one.name}, what else looks like it: {first.otherwise}")
+        for one in (each for each in found if each.alarm):
+            console.table(one.likeliest(), title=f"{one.name}: what it may be", digits=3)
+            console.note(f"{one.name}, to find out: {one.kinds[0].find_out}")
+            console.note(f"{one.name}, what else looks like it: {one.kinds[0].otherwise}")
         if self.page is not None:
             from glider_twin_ops.pages import write_health
 
@@ -107,7 +108,3 @@ class JudgeHealth(JsonOption):
             ],
         )
         return 0
-
-
-FEW = 4
-"""Deployments that are answered for where nobody says"""

@@ -134,10 +134,10 @@ def _told(one: DeploymentHindcast) -> str:
     """What its forecasts rest on, or why there are none."""
     dives = counted(len(one.legs), "dive")
     if not one.surfacing.segments:
-        return (
-            f"{dives} between fixes: too few to score: a dive is scored beside the current of "
-            "one before it, and after those that only teach"
+        said = (
+            "a dive is scored beside the current of one before it, and after those that only teach"
         )
+        return f"{dives} between fixes: too few to score: {said}"
     weights = sorted(one.walked.pool.pool.weights.items(), key=lambda item: -item[1])
     said = ", ".join(f"{name} {weight:.2f}" for name, weight in weights)
     taught = f", the first {one.train} not scored" if one.train else ""

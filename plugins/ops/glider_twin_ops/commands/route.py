@@ -15,10 +15,9 @@ from twin.cli import Console, JsonOption
 if TYPE_CHECKING:
     from glider_twin_ops.forecast import Known, Request
 
-RADIUS, USUAL_PITCH = 1000.0, 26.0
-"""[m] at which a place is reached; [degree] of the mission before the polar has told the fastest"""
-LONGEST = 240.0
-"""[h] that a way may last"""
+RADIUS, USUAL_PITCH, LONGEST = 1000.0, 26.0, 240.0
+"""[m] at which a place is reached; [degree] of the mission before the polar has told the fastest;
+[h] that a way may last"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,9 +99,8 @@ class PlanRoute(JsonOption):
         vehicle = vehicle_of(self.vehicle, self.logs)
         model = vehicle if identified(vehicle) else None
         place, known = begun_at(console, self.from_, self.logs, model)
-        latitude, longitude = _place("--to", self.to)
         mission = mission_to(
-            f"{latitude},{longitude}",
+            ",".join(map(str, _place("--to", self.to))),
             depth=self.depth,
             pitch_deg=self.pitch or USUAL_PITCH,
             surface_after_s=3600.0 * self.surface_every,

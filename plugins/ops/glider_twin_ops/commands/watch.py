@@ -73,7 +73,7 @@ class WatchDeployment(JsonOption):
 
     def run(self, console: Console) -> int:
         """Make, or pass."""
-        from glider_twin_ops.watching import WatchedDeployment
+        from glider_twin_ops.watching import WatchedDeployment, propose_learning
 
         self._check()
         if self.new:
@@ -82,7 +82,9 @@ class WatchDeployment(JsonOption):
         until = self._until()
         deployment = WatchedDeployment.read(self.deployment)
         if self.to_learn:
-            self._learn(console, deployment)
+            found = propose_learning(deployment)
+            console.say(f"{found.text()}\n{found.folder}")
+            console.answer(folder=found.folder, **found.describe())
         elif self.once or self.replay or until is not None:
             self._pass(console, deployment, until)
         elif not self.serve:
@@ -104,23 +106,22 @@ class WatchDeployment(JsonOption):
         for name in others:
             if getattr(self, name) not in (None, False):
                 raise InputError(f"--{name.strip('_').replace('_', '-')}: {why}")
-        ends = [name for name in ("once", "replay", "as_of", "to_learn") if getattr(self, name)]
-        endless = "is for passes without end: leave it out, or --once"
-        wrong = ""
-        if self.to_learn and len(ends) > 1:
-            wrong = "--to-learn makes no pass: leave --once, --replay and --as-of out"
-        elif self.every is not None and ends:
-            wrong = f"--every {endless}"
-        elif self.port is not None and not self.serve:
-            wrong = "--port is for --serve, which is not given: leave it out"
-        elif self.serve and ends:
-            wrong = f"--serve {endless}"
-        elif self.every is not None and not self.every >= LEAST_EVERY:
-            wrong = f"--every {self.every:g} must be {LEAST_EVERY:g} s or more"
-        elif self.json and not (self.new or ends):
-            wrong = "--json needs --once, --replay, --as-of or --to-learn: watching never ends"
-        if wrong:
-            raise InputError(wrong)
+        ends = sum(map(bool, (self.once, self.replay, self.as_of, self.to_learn)))
+        every, endless = self.every, "is for passes without end: leave it out, or --once"
+        for wrong, says in (
+            (self.to_learn and ends > 1,
+             "--to-learn makes no pass: leave --once, --replay and --as-of out"),
+            (every is not None and ends, f"--every {endless}"),
+            (self.port is not None and not self.serve,
+             "--port is for --serve, which is not given: leave it out"),
+            (self.serve and ends, f"--serve {endless}"),
+            (every is not None and not every >= LEAST_EVERY,
+             f"--every {every or 0.0:g} must be {LEAST_EVERY:g} s or more"),
+            (self.json and not (self.new or ends),
+             "--json needs --once, --replay, --as-of or --to-learn: watching never ends"),
+        ):  # fmt: skip
+            if wrong:
+                raise InputError(says)
 
     def _until(self) -> datetime.datetime | None:
         import datetime
@@ -132,11 +133,9 @@ class WatchDeployment(JsonOption):
         try:
             found = datetime.datetime.fromisoformat(self.as_of)
         except ValueError:
-            raise InputError(
-                f"--as-of {self.as_of!r} must be a time in UTC such as 2023-09-20T06:00"
-            ) from None
-        if found.tzinfo is not None:
-            found = found.astimezone(datetime.UTC)
+            said = f"--as-of {self.as_of!r} must be a time in UTC such as 2023-09-20T06:00"
+            raise InputError(said) from None
+        found = found if found.tzinfo is None else found.astimezone(datetime.UTC)
         return found.replace(tzinfo=datetime.UTC, microsecond=0)
 
     def _make(self, console: Console) -> None:
@@ -215,14 +214,6 @@ class WatchDeployment(JsonOption):
         )
         return passed
 
-    def _learn(self, console: Console, deployment: WatchedDeployment) -> None:
-        from glider_twin_ops.watching import propose_learning
-
-        found = propose_learning(deployment)
-        console.say(found.text())
-        console.say(str(found.folder))
-        console.answer(folder=found.folder, **found.describe())
-
     def _forever(self, console: Console, show: Callable[[Path], object]) -> None:
         import time
 
@@ -283,6 +274,5 @@ def _asked(console: Console, what: str) -> str:
     """What a person at a terminal answers; empty without one."""
     import sys
 
-    if console.json or not (sys.stdin.isatty() and sys.stdout.isatty()):
-        return ""
-    return input(f"{what}: ").strip()
+    alone = console.json or not (sys.stdin.isatty() and sys.stdout.isatty())
+    return "" if alone else input(f"{what}: ").strip()

@@ -21,14 +21,12 @@ from twin.numbers import Array
 
 Place = tuple[float, float]
 
-ARRIVED = 20.0
-"""[m] from a waypoint at which the next one is gone to: a Slocum's lists say 10 m and more"""
-STEEPEST = 0.95
-"""[1] sine of the most that a heading leans into a current across: beyond, no way is made"""
-FORGETTING = 0.9
-"""See `Pool`: where a vehicle is sent, and when it surfaces, changes faster than the sea"""
-RECENT = 7
-"""Dives whose median is the speed"""
+ARRIVED, STEEPEST = 20.0, 0.95
+"""[m] from a waypoint at which the next one is gone to: a Slocum's lists say 10 m and more; and [1]
+sine of the most that a heading leans into a current across: beyond, no way is made"""
+FORGETTING, RECENT = 0.9, 7
+"""See `Pool`: where a vehicle is sent, and when it surfaces, changes faster than the sea; and dives
+whose median is the speed"""
 FASTEST, COARSE, FINE = 1.5, 0.05, 0.01
 """[m/s] up to which the speed of a dive along its waypoints is looked for, and its two steps"""
 ALONG = 0.3
@@ -163,12 +161,9 @@ def _reckons(one: LoggedLeg) -> bool:
 
 def _speed_of(one: LoggedLeg) -> float:
     """[m/s] through the water along the waypoints; where the way was not theirs, by its length."""
-    straight = float(np.hypot(*one.velocity))
-    if not one.targets:
-        return straight
+    straight, through = float(np.hypot(*one.velocity)), one.leg.through_water
     believed = one.believed if one.believed is not None and _reckons(one) else (0.0, 0.0)
-    assert one.leg.through_water is not None
-    through = one.leg.through_water
+    assert through is not None
 
     def beside(speed: float) -> float:
         way = guided_way(one.targets, speed, believed, one.leg.duration)
@@ -180,12 +175,10 @@ def _speed_of(one: LoggedLeg) -> float:
 
 
 HOUR = 3600.0
-CLOCKS = (1.0, 2.0, 3.0, 4.0)
-"""[h] between surfacings by the clock"""
+CLOCKS, ENDS = (1.0, 2.0, 3.0, 4.0), 5
+"""[h] between surfacings by the clock, and ends from which its phase is taken"""
 SHORTEST = 600.0
 """[s] of a dive"""
-ENDS = 5
-"""Ends from which the clock's phase is taken"""
 STAYS, LONGEST_STAY = 10, 6.0 * HOUR
 """Last stays at the surface that tell of the next, and [s] of one; longer is a gap"""
 SHORTENED, LENGTHENED = -0.8, 3.0
@@ -216,9 +209,15 @@ class SurfacingSchedule:
         Raises:
           InputError: there was no dive before.
         """
-        said = np.array([self._foretold(begin)]).T
-        usual = usual_duration(self._dives) if self._dives else 1.0
-        return self.pool.expect(said, np.full((len(said), 1, 1), usual**2))
+        said, usual = [np.nan] * len(self.pool.names), 1.0
+        if self._dives:
+            last, usual = self._dives[-1], usual_duration(self._dives)
+            ends = np.array([one.end for one in self._dives])
+            every = float(np.median(np.diff(ends)[-3:])) if len(ends) > 1 else np.nan
+            since = max(last.end + every - begin, SHORTEST)
+            clocks = (_by_clock(ends, begin, usual, hours * HOUR) for hours in CLOCKS)
+            said = [last.end - last.begin, usual, since, *clocks]
+        return self.pool.expect(np.array([said]).T, np.full((len(said), 1, 1), usual**2))
 
     def learn(self, dive: DiveTime) -> Array | None:
         """Take a dive that has ended; returns the part of each order in explaining it."""
@@ -228,17 +227,6 @@ class SurfacingSchedule:
             part = self.pool.learn([dive.end - dive.begin])
         self._dives = [*self._dives, dive][-ENDS:]
         return part
-
-    def _foretold(self, begin: float) -> list[float]:
-        """[s] by each order."""
-        if not self._dives:
-            return [np.nan] * len(self.pool.names)
-        last, usual = self._dives[-1], usual_duration(self._dives)
-        ends = np.array([one.end for one in self._dives])
-        every = float(np.median(np.diff(ends)[-3:])) if len(ends) > 1 else np.nan
-        since = max(last.end + every - begin, SHORTEST)
-        clocks = (_by_clock(ends, begin, usual, hours * HOUR) for hours in CLOCKS)
-        return [last.end - last.begin, usual, since, *clocks]
 
 
 def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:

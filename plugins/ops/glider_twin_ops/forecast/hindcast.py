@@ -18,22 +18,21 @@ from pathlib import Path
 import numpy as np
 
 from glider_twin_ops.forecast.expected_dive import WayPool
-from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.logged_leg import (
     MODEL,
     LoggedLeg,
     dive_times,
     flown_velocities,
     legs_of,
+    pair,
 )
 from glider_twin_ops.forecast.member_flights import MemberFlight, fly, surfacings_of
 from glider_twin_ops.forecast.members import members_of
 from glider_twin_ops.forecast.pool import CurrentPool
-from glider_twin_ops.forecast.request import HOUR, Request, check_members
+from glider_twin_ops.forecast.request import HOUR, Known, Request, check_members
 from glider_twin_ops.forecast.walk import (
     FieldMean,
     HindcastSurfacing,
-    Judged,
     Pair,
     Priors,
     Scores,
@@ -78,7 +77,11 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
     def mean(one: LoggedLeg, alike: LoggedLeg, way: Array, duration: float) -> Pair:
         time = one.leg.start - first.leg.start + duration * part
         begin = to_tangent_plane(*one.begin, *first.begin)
-        depth = _depths(logs, alike, part)
+        measured = logs.signal("measured_depth", alike.mission).astype(float)
+        known, depth = np.flatnonzero(np.isfinite(measured)), np.zeros(len(part))
+        if known.size:  # gaps are bridged
+            at, dived = part * alike.leg.duration / logs.period, np.maximum(measured[known], 0.0)
+            depth = np.interp(at, known, dived)
         found = np.zeros(2)
         for _ in range(2):  # along the way through the water, then along the way the field makes
             north, east = (
@@ -86,18 +89,9 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
                 for at, metres, moved in zip(begin, way, found, strict=True)
             )
             found = current.velocity(time, north, east, depth, first.origin)[..., :2].mean(axis=0)
-        return float(found[0]), float(found[1])
+        return pair(found)
 
     return mean
-
-
-def _depths(logs: LogStore, one: LoggedLeg, part: Array) -> Array:
-    """Measured depths [m] at parts of a leg, (part,); gaps are bridged."""
-    depth = logs.signal("measured_depth", one.mission).astype(float)
-    known = np.flatnonzero(np.isfinite(depth))
-    if not known.size:
-        return np.zeros(len(part))
-    return np.interp(part * one.leg.duration / logs.period, known, np.maximum(depth[known], 0.0))
 
 
 class MemberFlights:
@@ -153,7 +147,7 @@ class MemberFlights:
             pool=copy.deepcopy(pool),
             place=one.begin,
             time=last.end,
-            last_current=(float(last.current[0]), float(last.current[1])),
+            last_current=pair(last.current),
             source=f"{len(before)} dives",
             legs=len(before),
             ways=ways,
@@ -181,7 +175,13 @@ class MemberFlights:
         return ends_apart(flight.duration, flight.end, flown_in_mujoco(scenario))
 
     def _mission(self, last: LoggedLeg, one: LoggedLeg, duration: float, steered: Pair) -> Mission:
-        depth, pitch = self._flown(last)
+        """To the waypoints of a dive, as deep and as steep as the last one was flown."""
+        depth = self._logs.signal("measured_depth", last.mission).astype(float)
+        pitch = math.degrees(self._vehicle.usual_glide[0])
+        if "measured_pitch" in self._logs:
+            pitched = np.abs(self._logs.signal("measured_pitch", last.mission).astype(float))
+            glides = (depth > UNDER) & (pitched > FLATTEST) & (pitched < STEEPEST)
+            pitch = float(np.median(pitched[glides])) if glides.any() else pitch
         points = [np.zeros(2), *(np.array(target) for target in one.targets)]
         course = next(
             (b - a for a, b in zip(points[-2::-1], points[:0:-1], strict=True) if (b != a).any()),
@@ -190,7 +190,7 @@ class MemberFlights:
         points.append(points[-1] + AHEAD * course / max(float(np.hypot(*course)), 1e-9))
         segment = Waypoint(
             targets=tuple({"north_m": float(n), "east_m": float(e)} for n, e in points[1:]),
-            max_depth_m=depth,
+            max_depth_m=float(np.nanmax(depth, initial=SHALLOWEST)),
             pitch_deg=pitch,
             surface_after_s=duration,
             surface_at_target=False,
@@ -202,23 +202,25 @@ class MemberFlights:
         mission.check(self._vehicle)
         return mission
 
-    def _flown(self, last: LoggedLeg) -> Pair:
-        """Depth [m] and pitch [degree] of a dive that was flown; unknown: the usual pitch."""
-        depth = self._logs.signal("measured_depth", last.mission).astype(float)
-        deepest = float(np.nanmax(depth, initial=SHALLOWEST))
-        usual = math.degrees(self._vehicle.usual_glide[0])
-        if "measured_pitch" not in self._logs:
-            return deepest, usual
-        pitch = np.abs(self._logs.signal("measured_pitch", last.mission).astype(float))
-        glides = pitch[(depth > UNDER) & (pitch > FLATTEST) & (pitch < STEEPEST)]
-        return deepest, float(np.median(glides)) if glides.size else usual
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Scored:
+    """Scores of where it surfaced, of the current, and of where members flown surface."""
 
-Flown = MemberFlights | None
+    surfacing: Scores
+    current: Scores
+    """The way through the water and the duration given"""
+    members: Scores | None = None
+    """None where none were flown"""
+
+    def describe(self) -> dict[str, object]:
+        """Scores as `--json` prints them."""
+        told = {n: getattr(self, n) for n in ("surfacing", "current", "members")}
+        return {name: one.describe() for name, one in told.items() if one is not None}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class DeploymentHindcast:
+class DeploymentHindcast(_Scored):
     """One deployment."""
 
     name: str
@@ -229,12 +231,6 @@ class DeploymentHindcast:
     train: int
     """Legs at the beginning that are not scored"""
     walked: Walked
-    surfacing: Scores
-    """Of where it surfaced"""
-    current: Scores
-    """Of the current, the way through the water and the duration given"""
-    members: Scores | None = None
-    """Of where it surfaced by members flown; None where none were"""
     unflown: Mapping[int, str] = dataclasses.field(default_factory=dict)
     """Dives that members told nothing of, by row in the store, and why"""
     beside_mujoco: EndsApart | None = None
@@ -246,37 +242,21 @@ class DeploymentHindcast:
         return self.walked.surfacings
 
     def describe(self) -> dict[str, object]:
-        """Scores, and what members told nothing of, as `--json` prints them."""
-        found: dict[str, object] = {
-            "surfacing": self.surfacing.describe(),
-            "current": self.current.describe(),
+        """Scores, and what members told nothing of."""
+        if self.members is None:
+            return super().describe()
+        return super().describe() | {
+            "members_unflown": {str(mission): why for mission, why in self.unflown.items()},
+            "beside_mujoco": self.beside_mujoco and dataclasses.asdict(self.beside_mujoco),
         }
-        if self.members is not None:
-            beside = self.beside_mujoco
-            found |= {
-                "members": self.members.describe(),
-                "members_unflown": {str(mission): why for mission, why in self.unflown.items()},
-                "beside_mujoco": None if beside is None else dataclasses.asdict(beside),
-            }
-        return found
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Hindcast:
-    """All deployments of some stores."""
+class Hindcast(_Scored):
+    """All deployments of some stores, with the scores of all together."""
 
     deployments: tuple[DeploymentHindcast, ...]
     train_fraction: float
-    surfacing: Scores
-    """of all scored surfacings together"""
-    current: Scores
-    members: Scores | None = None
-    """None where no members were flown"""
-
-    def describe(self) -> dict[str, object]:
-        """Scores of all together, as `--json` prints them."""
-        told = {n: getattr(self, n) for n in ("surfacing", "current", "members")}
-        return {name: one.describe() for name, one in told.items() if one is not None}
 
     def rows(self, which: str, least: int = 0) -> list[tuple[str, Scores]]:
         """Scores of each deployment by its name, of so many surfacings at least, and of several
@@ -335,33 +315,6 @@ def hindcast(
         if path.resolve() in [before.resolve() for before in paths[:k]]:
             raise InputError(f"{path} is named twice: its dives would count double, name it once")
     found: list[DeploymentHindcast] = []
-
-    def add(path: Path, logs: LogStore, name: str, legs: list[LoggedLeg], by: Flown) -> None:
-        train = int(train_fraction * len(legs))
-        told = walk(
-            legs,
-            dives=dive_times(logs, name).dives,
-            train=train,
-            priors=priors,
-            field=None if current is None else field_mean(logs, legs, current),
-            flown=None if by is None else by.expect,
-        )
-        one = DeploymentHindcast(
-            name=name,
-            store=path,
-            dives=len(logs.missions_of(name)),
-            legs=tuple(legs),
-            train=train,
-            walked=told,
-            surfacing=scores_of([_judged(told, "surfacing")]),
-            current=scores_of([_judged(told, "current")]),
-            members=None if by is None else scores_of([_judged(told, "members")]),
-            unflown={} if by is None else by.unflown,
-            beside_mujoco=None if by is None else by.beside_mujoco(),
-        )
-        _check_new(one, found)
-        found.append(one)
-
     for path in paths:
         before = len(found)
         with LogStore(path) as logs:
@@ -378,7 +331,28 @@ def hindcast(
                 if flies is not None and members is not None:
                     by = MemberFlights(logs, flies, members=members, engine=engine)
                 if legs:
-                    add(path, logs, name, legs, by)
+                    train = int(train_fraction * len(legs))
+                    walked = walk(
+                        legs,
+                        dives=dive_times(logs, name).dives,
+                        train=train,
+                        priors=priors,
+                        field=None if current is None else field_mean(logs, legs, current),
+                        flown=None if by is None else by.expect,
+                    )
+                    one = DeploymentHindcast(
+                        name=name,
+                        store=path,
+                        dives=len(logs.missions_of(name)),
+                        legs=tuple(legs),
+                        train=train,
+                        walked=walked,
+                        unflown={} if by is None else by.unflown,
+                        beside_mujoco=None if by is None else by.beside_mujoco(),
+                        **_scores([walked], by is not None),
+                    )
+                    _check_new(one, found)
+                    found.append(one)
                 advance()
         if len(found) == before:
             raise StoreError(
@@ -386,23 +360,17 @@ def hindcast(
                 "water (pitch and heading, or the vehicle's reported current): nothing can be "
                 "forecast"
             )
-    surfacing, currents, flights = (
-        scores_of([_judged(one.walked, which) for one in found])
-        for which in ("surfacing", "current", "members")
-    )
-    return Hindcast(
-        deployments=tuple(found),
-        train_fraction=train_fraction,
-        surfacing=surfacing,
-        current=currents,
-        members=None if members is None else flights,
-    )
+    together = _scores([one.walked for one in found], members is not None)
+    return Hindcast(deployments=tuple(found), train_fraction=train_fraction, **together)
 
 
-def _judged(walked: Walked, which: str) -> list[Judged]:
-    """Scored surfacings, currents or members of a deployment."""
-    told = (getattr(one, which) for one in walked.surfacings if one.scored)
-    return [one for one in told if one is not None]
+def _scores(deployments: Sequence[Walked], members: bool) -> dict[str, Scores]:
+    """Scores of the scored surfacings of some deployments, by what is scored."""
+    found = {}
+    for which in ("surfacing", "current", *["members"] * members):
+        told = ([getattr(s, which) for s in one.surfacings if s.scored] for one in deployments)
+        found[which] = scores_of([[one for one in each if one is not None] for each in told])
+    return found
 
 
 def _check_new(one: DeploymentHindcast, before: Sequence[DeploymentHindcast]) -> None:

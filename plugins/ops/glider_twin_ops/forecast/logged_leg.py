@@ -78,6 +78,11 @@ class LoggedLeg:
         return Origin(latitude_deg=latitude, longitude_deg=longitude, time=utc_text(begin))
 
 
+def pair(values: Array) -> tuple[float, float]:
+    """Two numbers, such as north and east."""
+    return float(values[0]), float(values[1])
+
+
 def place_at(metres: Sequence[float] | Array, begin: tuple[float, float]) -> tuple[float, float]:
     """Latitude, longitude [degree] so far north and east [m] of a place."""
     north, east = (np.array([float(value)]) for value in metres)
@@ -123,20 +128,22 @@ def legs_of(
         absent = np.full(count, np.nan)
         signals = [blocks[name][k, :count] if name in blocks else absent for name in names]
         fixes, onboard, waypoints, known = np.array(signals, float).reshape(len(READ), 2, -1)
+        known = known[:, np.isfinite(known).all(axis=0)]
+        track = track_velocity(onboard.T, logs.period, fixes_at(fixes.T))  # without jumps to fixes
         found.append(
             LoggedLeg(
                 mission=mission,
                 leg=Leg(
                     start=start,
                     duration=duration,
-                    over_ground=(float(ground[0]), float(ground[1])),
-                    through_water=(float(way[0]), float(way[1])),
+                    over_ground=pair(ground),
+                    through_water=pair(way),
                 ),
                 method=method,
                 begin=begin,
-                onboard=_onboard(onboard.T, fixes.T, logs.period),
+                onboard=None if track is None else pair(logs.period * track[:-1].sum(axis=0)),
                 targets=_targets(waypoints.T),
-                believed=_first(known.T),
+                believed=pair(known[:, 0]) if known.size else None,
             )
         )
     return found
@@ -175,14 +182,12 @@ class DiveTimes(NamedTuple):
         )
 
 
-SILENT = 3600.0
-"""[s] without a sample from which a log has a hole: as `factory import` parts dives"""
-TOLD = 3
-"""Holes that are told with their times, the last ones"""
-AFLOAT = 3.0
-"""[m] that the pressure sensor of a glider at the surface is under water at most"""
-SAME = 1.5
-"""[s] by which two times of one stay may differ: clocks are rounded"""
+SILENT, TOLD = 3600.0, 3
+"""[s] without a sample from which a log has a hole: as `factory import` parts dives; and holes that
+are told with their times, the last ones"""
+AFLOAT, SAME = 3.0, 1.5
+"""[m] that the pressure sensor of a glider at the surface is under water at most; and [s] by which
+two times of one stay may differ: clocks are rounded"""
 
 
 def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
@@ -224,10 +229,9 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
     """Reason, in words, why the dives of a deployment have no legs."""
     rows = logs.missions_of(deployment)
     begun, ended = np.isfinite([logs.fixes(row) for row in rows]).all(axis=2).sum(axis=0).tolist()
-    moved = np.isfinite(logs.number("displacement_north")[rows])
-    if moved.any():
+    if moved := int(np.isfinite(logs.number("displacement_north")[rows]).sum()):
         return (
-            f"deployment {deployment!r} has {counted(int(moved.sum()), 'dive')} from GPS fix to "
+            f"deployment {deployment!r} has {counted(moved, 'dive')} from GPS fix to "
             "GPS fix, but no way through the water (pitch and heading, a vehicle's own current, or "
             "--vehicle with a flight model)"
         )
@@ -238,15 +242,6 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
     )
 
 
-def _onboard(track: Array, fixes: Array, period: float) -> tuple[float, float] | None:
-    """By the vehicle's own track, without its jumps to fixes; None without one."""
-    velocity = track_velocity(track, period, fixes_at(fixes))
-    if velocity is None:
-        return None
-    north, east = period * velocity[:-1].sum(axis=0)
-    return float(north), float(east)
-
-
 APART = 30.0
 """[m] from which two waypoints are not the same: a log repeats one as its position is corrected"""
 
@@ -254,19 +249,12 @@ APART = 30.0
 def _targets(places: Array) -> tuple[tuple[float, float], ...]:
     """Waypoints that were commanded during a dive, in their order."""
     places = places[np.isfinite(places).all(axis=1)]
-    new = np.ones(len(places), bool)
-    new[1:] = (np.diff(places, axis=0) != 0.0).any(axis=1)
+    new = np.append(True, (np.diff(places, axis=0) != 0.0).any(axis=1))[: len(places)]
     found: list[tuple[float, float]] = []
     for north, east in places[new].tolist():
         if not found or math.dist((north, east), found[-1]) > APART:
             found.append((north, east))
     return tuple(found)
-
-
-def _first(both: Array) -> tuple[float, float] | None:
-    """First known pair of a dive's signals; None without."""
-    known = both[np.isfinite(both).all(axis=1)]
-    return (float(known[0, 0]), float(known[0, 1])) if known.size else None
 
 
 def flown_velocities(

@@ -141,11 +141,9 @@ def fly(
     ends = [0, *(first + rest * k // fleets for k in range(fleets)), len(scenarios)]
     for a, b in itertools.pairwise(ends):
         found = _flown(scenarios[a:b], threads)
-        if a == 0:  # the mean of what is known, at once
-            yield found[:1]
-            found = found[1:]
-        if found:
-            yield found
+        for some in (found[:1], found[1:]) if a == 0 else (found,):  # the mean of all at once
+            if some:
+                yield some
 
 
 @contextlib.contextmanager
@@ -241,14 +239,9 @@ def surfacings(depth: Array, afloat: float) -> NDArray[np.int64]:
     Args:
       depth: [m], (time,). afloat: [m] above which it counts as surfaced.
     """
-    found, dived = [], False
-    for k, below in enumerate(depth.tolist()):
-        if below > UNDER * afloat:
-            dived = True
-        elif dived and below <= afloat:
-            found.append(k)
-            dived = False
-    return np.array(found, dtype=np.int64)
+    known = np.flatnonzero((depth > UNDER * afloat) | (depth <= afloat))
+    up = depth[known] <= afloat
+    return known[up & ~np.append(True, up)[:-1]]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -260,15 +253,13 @@ class Surfacing:
     part: float
     """of the members that have it"""
     north: float
-    """[m] from the start"""
+    """[m] from the start, as east is"""
     east: float
-    """[m]"""
     covariance: Array
     """[m2], (2, 2); of members and fix"""
     latitude: float
-    """[degree]"""
+    """[degree], as the longitude is"""
     longitude: float
-    """[degree]"""
     time_s: float
     """mean"""
     early_s: float

@@ -11,10 +11,9 @@ import math
 import numpy as np
 
 from glider_twin_ops.forecast.expected_dive import GUIDED, SHORTEST, Delays, WayPool
-from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.member_flights import MemberFlight, fly_nominal, nominal_scenario
 from glider_twin_ops.forecast.pool import FILTER, CurrentPool, Mixture
-from glider_twin_ops.forecast.request import Request, longest_dive
+from glider_twin_ops.forecast.request import Known, Request, longest_dive
 from twin import Mission, Scenario, Series, Vehicle, Waypoint
 from twin.errors import SimulationUnstable
 from twin.identify import SPEED, draw_vehicles, known_compass, normal_draws
@@ -32,17 +31,15 @@ from twin.numbers import Array
 from twin.records import unix_seconds
 from twin.water.current import Current, sample_track
 
-LARGEST_SCALE = 0.5
-"""A speed is never drawn further off than by this part"""
+LARGEST_SCALE, OBEYS = 0.5, 0.2
+"""Part by which a speed is drawn off at most, and the weight of the way to its waypoints below
+which these hardly count"""
 INTERVAL = 1800.0
 """[s] between two values of a course: a tenth of the time in which an inertial oscillation turns
 around at 60 degree"""
-FIELD_TIME = 86400.0
-"""[s] after which the error of a forecast field has lost its memory: weather's"""
-OBEYS = 0.2
-"""Weight of the way to its waypoints below which these hardly count"""
-STRAIGHT = 5e5
-"""[m] farther than a glider goes in a forecast"""
+FIELD_TIME, STRAIGHT = 86400.0, 5e5
+"""[s] after which the error of a forecast field has lost its memory: weather's; and [m] farther
+than a glider goes in a forecast"""
 FASTEST = 3.0
 """[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
 
@@ -82,14 +79,14 @@ def members_of(request: Request, known: Known) -> Members:
     spread = {"current": f"{known.source}: known to {deviation:.2f} m/s each way"}
     if request.field is not None:
         field = _mean_field(request, request.field)
-        error, told = request.field_error, known.legs > 0
-        water = draw_field_error(water, known.filter_, field, error, rng, told=told)
-        spread["current"] = f"field, error {error:g} m/s" + f", from {known.source}" * told
+        error, fixed = request.field_error, known.legs > 0
+        water = draw_field_error(water, known.filter_, field, error, rng, told=fixed)
+        spread["current"] = f"field, error {error:g} m/s" + f", from {known.source}" * fixed
     told = known.by_model and known.legs > 0
     vehicles, drawn = draw_vehicles(request.vehicle, count, rng, speed=not told)
     spread["vehicle"] = f"identified: {', '.join(drawn)}" if drawn else "not identified"
     scale, source = water.speed_scale, "by the fixes"
-    deviation, _ = calibration_deviation(known.filter_)
+    deviation = _calibration(known.filter_)[0]
     if not told:
         deviation = CurrentParameters.speed_scale
         scale, source = deviation * _scattered(rng, count, 1)[:, 0], "assumed"
@@ -104,7 +101,18 @@ def members_of(request: Request, known: Known) -> Members:
     spread["compass"] = (
         f"{math.degrees(compass[0]):+.1f} degree, +-{math.degrees(deviation):.1f} degree, {source}"
     )
-    mission = _believing(request.mission, known.last_current)
+    mission = request.mission
+    if known.last_current is not None:
+        north, east = known.last_current
+        segments = tuple(
+            dataclasses.replace(segment, current_north_m_s=north, current_east_m_s=east)
+            if isinstance(segment, Waypoint)
+            and segment.current == "estimated"
+            and segment.current_north_m_s is None
+            else segment
+            for segment in mission.segments
+        )
+        mission = dataclasses.replace(mission, segments=segments)
     nominal = nominal_scenario(request, mission)
     if known.ways is not None and isinstance(mission.segments[0], Waypoint):
         off, spread["way"] = _ways(request, mission, known.ways, rng)
@@ -145,22 +153,6 @@ def members_of(request: Request, known: Known) -> Members:
         drift=water.current[:, 0],
         earliest=earliest,
     )
-
-
-def _believing(mission: Mission, current: tuple[float, float] | None) -> Mission:
-    """Mission as a vehicle begins it that believes in a current, north and east [m/s]."""
-    if current is None:
-        return mission
-    north, east = current
-    segments = tuple(
-        dataclasses.replace(segment, current_north_m_s=north, current_east_m_s=east)
-        if isinstance(segment, Waypoint)
-        and segment.current == "estimated"
-        and segment.current_north_m_s is None
-        else segment
-        for segment in mission.segments
-    )
-    return dataclasses.replace(mission, segments=segments)
 
 
 def _beside_log(request: Request, ways: WayPool) -> float | None:
@@ -208,7 +200,7 @@ def _compass(
 ) -> tuple[Array, float, str]:
     """True heading less the compass's [rad], (member,), its deviation, and who says so."""
     identified, deviation = known_compass(request.vehicle)
-    _, filtered = calibration_deviation(known.filter_)
+    filtered = float(_calibration(known.filter_)[1])
     if known.legs:
         # by a flight model, whose compass was corrected: the filter's error is what remained of it
         return (identified if known.by_model else 0.0) + water.compass, filtered, "by the fixes"
@@ -380,17 +372,15 @@ def draw_field_error(
     return dataclasses.replace(drawn, current=course)
 
 
-def calibration_deviation(filter_: CurrentFilter) -> tuple[float, float]:
-    """Standard deviations of the drawn errors of the speed [1] and of the compass [rad]."""
-    _, covariance = _state(filter_)
-    scale, compass = np.sqrt(np.diag(covariance)[CALIBRATION])
-    return float(scale), float(compass)
-
-
 def _state(filter_: CurrentFilter) -> tuple[Array, Array]:
     """Mean and covariance of the state, as the filter's own forecasts spread it."""
     state = filter_.state()
     return state["mean"], filter_.inflation * state["covariance"]
+
+
+def _calibration(filter_: CurrentFilter) -> Array:
+    """Standard deviations of the drawn errors of the speed [1] and of the compass [rad], (2,)."""
+    return np.sqrt(np.diag(_state(filter_)[1])[CALIBRATION])
 
 
 def _scattered(rng: np.random.Generator, count: int, size: int) -> Array:

@@ -15,6 +15,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,8 +44,7 @@ LEAST = 1e-4
 """[1] part of the weights that stays the prior's, so that a model may come back"""
 
 
-@dataclasses.dataclass(frozen=True)
-class Prior:
+class Prior(NamedTuple):
     """Of one model, before it was tried on a deployment."""
 
     weight: float
@@ -115,10 +115,10 @@ class Pool:
     ):
         if not priors:
             raise InputError("a pool needs at least one model")
-        for name, prior in priors.items():
-            if not (prior.weight > 0.0 and prior.scale > 0.0):
+        for name, (weight, scale) in priors.items():
+            if not (weight > 0.0 and scale > 0.0):
                 raise InputError(
-                    f"model {name} has weight {prior.weight:g} and scale {prior.scale:g}; both "
+                    f"model {name} has weight {weight:g} and scale {scale:g}; both "
                     "must be positive: leave out a model that shall not count"
                 )
         self.names = tuple(priors)
@@ -326,8 +326,6 @@ def _means(leg: Leg, turn: float, origin: float) -> Array:
     """Over a leg the means of 1, cosine and sine at a rate [rad/s] since a time [s]; rate 0: 1."""
     if turn == 0.0:
         return np.ones(1)
-    begin, end = turn * (leg.start - origin), turn * (leg.end - origin)
-    over = turn * leg.duration
-    return np.array(
-        [1.0, (math.sin(end) - math.sin(begin)) / over, (math.cos(begin) - math.cos(end)) / over]
-    )
+    begin, end, over = turn * np.array([leg.start - origin, leg.end - origin, leg.duration])
+    sine, cosine = math.sin(end) - math.sin(begin), math.cos(begin) - math.cos(end)
+    return np.array([1.0, sine / over, cosine / over])

@@ -9,6 +9,7 @@ draws of its error.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import math
@@ -17,23 +18,17 @@ from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.member_flights import MemberFlight, fly, fly_nominal
-from glider_twin_ops.forecast.members import (
-    FIELD_TIME,
-    INTERVAL,
-    draw_models,
-    draw_water,
-    members_of,
+from glider_twin_ops.forecast.members import INTERVAL, draw_models, draw_water, members_of
+from glider_twin_ops.forecast.request import HOUR, LONGEST_HOURS, Known, Request, longest_dive
+from glider_twin_ops.forecast.route_search import (
+    BARRED,
+    STEP,
+    RouteWater,
+    best_ways,
+    erring,
+    way_times,
 )
-from glider_twin_ops.forecast.request import (
-    HOUR,
-    LEAST_MEMBERS,
-    LONGEST_HOURS,
-    Request,
-    longest_dive,
-)
-from glider_twin_ops.forecast.route_search import BARRED, STEP, RouteWater, best_ways, way_times
 from glider_twin_ops.forecast.surfacing_forecast import collection, feature
 from twin import Grid, Mission, Waypoint
 from twin.errors import InputError, MissionError
@@ -43,53 +38,41 @@ from twin.water.current import Current, sample_track
 
 PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
 """[degree] of the polar"""
-BEYOND = 60_000.0
-"""[m] to the place that the polar is flown to: farther than a glider goes in its time"""
-POLAR_HOURS = 12.0
-"""[h] that each of them is flown for"""
-DRAWS = 48
-"""Of the water beside what is expected, for the search, and as many others to judge by"""
-BEST = 3
-"""Ways that are flown"""
-SLOWER, SELDOM = 1.02, 0.05
-"""Times the straight way that counts as slower, and the part of draws in which a way may be so"""
-OFTEN = 0.5
-"""Part of the draws that do not arrive from which no way is to be taken"""
-MOST_VIAS = 6
-AT_HAND = 2.5
-"""Times the time of the straight way in still water that the water must be known for"""
+BEYOND, POLAR_HOURS = 60_000.0, 12.0
+"""[m] to the place that each of them is flown to, and [h] for which: a glider goes less far"""
+DRAWS, BEST = 48, 3
+"""Of the water beside what is expected, for the search, and as many others to judge by; and ways
+that are flown"""
+SLOWER, SELDOM, OFTEN = 1.02, 0.05, 0.5
+"""Times the straight way that counts as slower, the part of draws in which a way may be so, and
+that of draws which do not arrive from which no way is to be taken"""
+MOST_VIAS, NINETY = 6, (0.05, 0.95)
+AT_HAND, LATE = 2.5, 1.2
+"""Times the time of the straight way in still water that the water must be known for, and the hours
+within which 95 of 100 draws arrive that the twin flies"""
 NEAR = 2000.0
 """[m] from the last place that counts as there"""
-NINETY = (0.05, 0.95)
-LATE = 1.2
-"""Times the hours within which 95 of 100 draws arrive that the twin flies"""
-NODES = 41
-"""Along the longer side of the region"""
-LEVELS = 9
-"""Depths of the mean"""
-EDDIES = 24
-"""Waves that make an error of the field"""
-SHORTEST, LONGEST = 3e4, 2e5
-"""[m] Their lengths: mesoscale eddies, that models misplace"""
+NODES, LEVELS = 41, 9
+"""Along the longer side of the region, and depths of the mean"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Route:
-    """One way."""
+    """One way; times are in hours."""
 
     name: str
     places: tuple[tuple[float, float], ...]
     """Latitude, longitude [degree] of corners and last place, the start left out"""
     hours: Array
-    """[h] in each draw of the water that judges, (draw,)"""
+    """In each draw of the water that judges, (draw,)"""
     gain: Array
     """Part of the straight way's time that it saves, (draw,)"""
+    known_hours: float
+    """For which the water is known"""
     flown: Array = dataclasses.field(default_factory=lambda: np.empty(0))
-    """[h] of the members that the twin flew; NaN: did not arrive, (member,)"""
+    """Of the members that the twin flew; NaN: did not arrive, (member,)"""
     flown_hours: float = 0.0
-    """[h] that these were flown for"""
-    known_hours: float = math.inf
-    """[h] for which the water is known"""
+    """That these were flown for"""
 
     @property
     def arrives(self) -> float:
@@ -111,15 +94,13 @@ class Route:
     def row(self) -> dict[str, object]:
         """Cells of a table."""
         told = self.describe()
-        hours, gain = ([told[name], *told[f"{name}_90"]] for name in ("hours", "gain"))
+        hours = "{:.1f} ({:.1f} to {:.1f})".format(told["hours"], *told["hours_90"])
+        gain = (100 * part for part in (told["gain"], *told["gain_90"]))
+        gained = "" if self.name == "straight" else "{:.0f} % ({:.0f} to {:.0f})".format(*gain)
         found: dict[str, object] = {
             "way": self.name,
-            "hours": "{:.1f} ({:.1f} to {:.1f})".format(*hours)
-            if self.arrives > 0.0
-            else f"over {self.known_hours:.0f}",
-            "gain": ""
-            if self.name == "straight"
-            else "{:.0f} % ({:.0f} to {:.0f})".format(*(100 * part for part in gain)),
+            "hours": hours if self.arrives > 0.0 else f"over {self.known_hours:.0f}",
+            "gain": gained,
             "slower in": f"{100 * told['slower_in']:.0f} %",
             "arrives in": f"{100 * told['arrives_in']:.0f} %",
         }
@@ -175,41 +156,33 @@ class RoutePlan:
     def verdict(self) -> str:
         """Which way to take, and what is promised of it."""
         told = self.best.describe()
-        best, makes = self.best, f"it makes {self.speed:.2f} m/s through the water"
+        best, none = self.best, ""
         if best.arrives < 1.0 - OFTEN:
-            return (
-                f"take none: by the best way {100.0 * best.arrives:.0f} of 100 draws are there "
-                f"within the {best.known_hours:.0f} h that the water is known for; {makes}"
+            none = (
+                f"by the best way {100.0 * best.arrives:.0f} of 100 draws are there "
+                f"within the {best.known_hours:.0f} h that the water is known for"
             )
-        if best.missed > OFTEN:
-            return (
-                f"take none: {told['arrived']} of {told['flown']} flights by the best way are "
-                f"there within {best.flown_hours:.0f} h; {makes}"
-            )
-        low = told["gain_90"][0]
-        said = "no gain over the straight way is promised"
-        if self.best.name != "straight" and low > 0.0:
-            said = (
-                f"at least {100.0 * low:.0f} % faster than the straight way, with 95 of 100 draws"
-            )
-        return f"take {self.best.name}: {said}"
+        elif best.missed > OFTEN:
+            flights = f"{told['arrived']} of {told['flown']} flights"
+            none = f"{flights} by the best way are there within {best.flown_hours:.0f} h"
+        if none:
+            return f"take none: {none}; it makes {self.speed:.2f} m/s through the water"
+        said, sure = "no gain over the straight way is promised", 100.0 * told["gain_90"][0]
+        if best.name != "straight" and sure > 0.0:
+            said = f"at least {sure:.0f} % faster than the straight way, with 95 of 100 draws"
+        return f"take {best.name}: {said}"
 
     def geojson(self) -> dict[str, Any]:
         """A FeatureCollection of lines."""
-        features = [
-            feature(
-                "LineString",
-                [[east, north] for north, east in (self.start, *one.places)],
-                {"best": one is self.best, **one.describe()},
-            )
-            for one in self.routes
-        ]
+        features = []
+        for one in self.routes:
+            line = [[east, north] for north, east in (self.start, *one.places)]
+            said = {"best": one is self.best, **one.describe()}
+            features.append(feature("LineString", line, said))
         return collection(features)
 
 
-def polar(
-    request: Request, aim: Waypoint, pitches: Sequence[float] = PITCHES
-) -> dict[float, float]:
+def polar(request: Request, aim: Waypoint, pitches: Sequence[float]) -> dict[float, float]:
     """Speed over ground in still water [m/s] by pitch [degree], as the twin flies the mission.
 
     Args:
@@ -225,20 +198,14 @@ def polar(
     missions = {}
     for pitch in pitches:
         mission = _aimed(request.mission, aim, [far], pitch)
-        try:
+        with contextlib.suppress(MissionError):
             mission.check(request.vehicle)
             missions[pitch] = mission
-        except MissionError:
-            continue
     if not missions:
         raise MissionError(f"{request.vehicle.name} can dive at none of {list(pitches)} degree")
     short = dataclasses.replace(request, hours=POLAR_HOURS)
-    flown = fly_nominal(short, list(missions.values()))
-    return {
-        pitch: flight.rates()[1]
-        for pitch, flight in zip(missions, flown, strict=True)
-        if isinstance(flight, MemberFlight)
-    }
+    flown = zip(missions, fly_nominal(short, list(missions.values())), strict=True)
+    return {pitch: one.rates()[1] for pitch, one in flown if isinstance(one, MemberFlight)}
 
 
 def _places(metres: Array, origin: tuple[float, float]) -> list[tuple[float, float]]:
@@ -300,8 +267,15 @@ def plan_routes(
     wide = dataclasses.replace(request, members=1 + 2 * DRAWS)
     both = route_water(wide, known, points, AT_HAND * length / speed / HOUR, rng)
     water, judge = both.part(slice(1 + DRAWS)), both.part(slice(1 + DRAWS, None))
-    order = _order(water, points, speed)
-    stops = points[[0, *(1 + k for k in order), len(points) - 1]]
+
+    def stops_in(order: Sequence[int]) -> Array:
+        return points[[0, *(1 + k for k in order), len(points) - 1]]
+
+    order = min(  # whose straight legs take least in the mean of all draws
+        itertools.permutations(range(len(vias))),
+        key=lambda order: float(way_times(water, stops_in(order), speed).mean()),
+    )
+    stops = stops_in(order)
     say("search")
     found = best_ways(water, stops, speed, rings, rng)
     if not found:
@@ -326,17 +300,16 @@ def plan_routes(
         longest = LATE * max(float(np.quantile(one.hours, NINETY[1])) for one in routes)
         beyond = (request.flown - request.horizon) / HOUR  # members fly on for so long
         longest = max(min(longest, LONGEST_HOURS, judge.lasts / HOUR - beyond), 1.0)
-        members = max(request.members, LEAST_MEMBERS)
-        asked = dataclasses.replace(request, hours=longest, members=members)
-        routes = [_flown(one, asked, _aimed(asked.mission, aim, one.places, pitch), known)
-                  for one in routes]  # fmt: skip
+        asked = dataclasses.replace(request, hours=longest)
+        missions = [_aimed(asked.mission, aim, one.places, pitch) for one in routes]
+        routes = [_flown(*one, asked, known) for one in zip(routes, missions, strict=True)]
     best = routes[chosen(straight, [times for times, _ in timed])]
     return RoutePlan(
         routes=tuple(routes), best=best, speed=speed, pitch_deg=pitch, start=origin, order=order
     )
 
 
-def _flown(route: Route, asked: Request, mission: Mission, known: Known) -> Route:
+def _flown(route: Route, mission: Mission, asked: Request, known: Known) -> Route:
     """Route with the times of the members that the twin flies along it."""
     members = members_of(dataclasses.replace(asked, mission=mission), known)
     place = asked.place
@@ -344,19 +317,9 @@ def _flown(route: Route, asked: Request, mission: Mission, known: Known) -> Rout
     found = []
     for flight in itertools.chain.from_iterable(fly(members.scenarios)):
         if isinstance(flight, MemberFlight):
-            there = np.flatnonzero(np.hypot(*(flight.track - last).T) <= NEAR)
-            found.append(flight.times[there[0]] / HOUR if there.size else math.nan)
+            there = flight.times[np.hypot(*(flight.track - last).T) <= NEAR]
+            found.append(there[0] / HOUR if there.size else math.nan)
     return dataclasses.replace(route, flown=np.array(found), flown_hours=asked.hours)
-
-
-def _order(water: RouteWater, points: Array, speed: float) -> tuple[int, ...]:
-    """Vias in the order whose straight legs take least in the mean of all draws."""
-    inner = range(1, len(points) - 1)
-
-    def cost(order: Sequence[int]) -> float:
-        return float(way_times(water, points[[0, *order, len(points) - 1]], speed).mean())
-
-    return tuple(k - 1 for k in min(itertools.permutations(inner), key=cost))
 
 
 def timed_ways(
@@ -365,14 +328,13 @@ def timed_ways(
     """Times [s], (draw,), and corners, (corner, 2), of the straight way through stops and then of
     the best others, by mean time; those that must not be taken are left out."""
     timed = [(way_times(judge, way, speed, avoided), way) for way in (stops, *ways)]
-    first, *others = [(times, way, float(times.mean())) for times, way in timed]
-    others.sort(key=lambda one: one[2])
-    return [(times, way) for times, way, mean in (first, *others[:BEST]) if mean < BARRED]
+    others = sorted(timed[1:], key=lambda one: float(one[0].mean()))
+    return [one for one in (timed[0], *others[:BEST]) if float(one[0].mean()) < BARRED]
 
 
 def chosen(straight: Array, times: Sequence[Array]) -> int:
-    """Which way to take: the fastest in the mean of those that are seldom slower than the straight
-    one, or of all where each is often slower.
+    """Index of the way to take: the fastest in the mean of those that are seldom slower than the
+    straight one, or of all where each is often slower.
 
     Args:
       straight: [s] of the straight way, whether or not it may be taken, (draw,).
@@ -435,16 +397,14 @@ def _covered(field: Current, seconds: float, request: Request) -> tuple[Array, A
     place = request.place
     origin = place.latitude_deg, place.longitude_deg
     for part in getattr(field, "parts", (field,)):
-        if not isinstance(part, Grid):
-            continue
-        box, _ = part.load(seconds, place)
-        if not np.isfinite(box.latitude).all():
+        box = part.load(seconds, place)[0] if isinstance(part, Grid) else None
+        if box is None or not np.isfinite(box.latitude).all():
             continue  # one column of water stands for everywhere
-        corners = [
+        south_west, north_east = (
             to_tangent_plane(float(box.latitude[k]), float(box.longitude[k]) + origin[1], *origin)
             for k in (0, -1)
-        ]
-        low, high = np.maximum(low, corners[0]), np.minimum(high, corners[1])
+        )
+        low, high = np.maximum(low, south_west), np.minimum(high, north_east)
     return low, high
 
 
@@ -457,60 +417,3 @@ def _mean(field: Current, request: Request, times: Array, north: Array, east: Ar
     rest = np.zeros_like(t)
     found = sample_track(program, t, n, e, d, rest, rest, rest)[:, :2]
     return np.asarray(found.reshape(*grid[0].shape, 2).mean(axis=3))
-
-
-def erring(
-    forecast: Array,
-    error: float,
-    members: int,
-    rng: np.random.Generator,
-    times: Array,
-    north: Array,
-    east: Array,
-) -> Array:
-    """The water that a forecast lets expect, and draws of it, (member, time, north, east, 2).
-
-    A forecast that misplaces eddies is as lively as the water, and the larger its error, the less
-    of what it shows is there: of what differs from the mean over region and time the part 1 - N / 2
-    S is expected, where N is the variance of its error and S its own; the rest is drawn. Draws come
-    in pairs of opposite errors, so that an odd number of members has the expected water as mean.
-
-    Args:
-      forecast: [m/s] north, east, (time, north, east, 2). error: [m/s] standard deviation each way.
-    """
-    mean = forecast.mean(axis=(0, 1, 2))
-    liveliness, wrong = float(((forecast - mean) ** 2).mean()), error**2
-    there = max(1.0 - wrong / (2.0 * liveliness), 0.0) if liveliness > 0.0 else 0.0
-    if error == 0.0:
-        there = 1.0
-    # water that has nothing of the forecast adds its own liveliness to the forecast's
-    rest = liveliness * (1.0 - there**2) if there > 0.0 else wrong - liveliness
-    expected = mean + there * (forecast - mean)
-    found = np.empty((members, *forecast.shape))
-    found[0] = expected
-    for member in range(1, members, 2):
-        one = math.sqrt(rest) * eddies(rng, times, north, east)
-        found[member] = expected + one
-        if member + 1 < members:
-            found[member + 1] = expected - one
-    return found
-
-
-def eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:
-    """A random flow without divergence, 1 m/s each way, (time, north, east, 2)."""
-    turn = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
-    length = np.exp(rng.uniform(math.log(SHORTEST), math.log(LONGEST), EDDIES))
-    wave = 2.0 * math.pi / length * np.array([np.cos(turn), np.sin(turn)])
-    rate = rng.standard_normal(EDDIES) / FIELD_TIME
-    phase = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
-    size = rng.standard_normal(EDDIES) * math.sqrt(2.0 / EDDIES) * math.sqrt(2.0)
-    # a wave is a product of one of time, north and east each: real part of exp(i (a + b + c))
-    over, up = np.exp(1j * (phase - np.outer(times, rate))), np.exp(1j * np.outer(north, wave[0]))
-    of_two = (over[:, None] * up).reshape(-1, EDDIES)
-    right = np.exp(1j * np.outer(wave[1], east))
-    shape = len(times), len(north), len(east)
-    flow = [
-        ((of_two * sized) @ right).real.reshape(shape)
-        for sized in (-size * np.sin(turn), size * np.cos(turn))
-    ]
-    return np.stack(flow, axis=-1)

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.forecast.known import Known
 from glider_twin_ops.forecast.member_flights import (
     HALF,
     NINETY,
@@ -29,7 +28,7 @@ from glider_twin_ops.forecast.member_flights import (
     surfacings_of,
 )
 from glider_twin_ops.forecast.members import members_of
-from glider_twin_ops.forecast.request import HOUR, Request
+from glider_twin_ops.forecast.request import HOUR, Known, Request
 from twin.checks import EndsApart, ends_apart, flown_in_mujoco
 from twin.errors import SimulationUnstable, TwinError
 from twin.geodesy import wrap_longitude
@@ -309,13 +308,12 @@ def notice_boxes(found: Forecast, hours: float = HOURS) -> list[NoticeBox]:
     boxes = []
     for begin in np.arange(0.0, last, hours * HOUR):
         end = min(begin + hours * HOUR, last)
-        inside = np.concatenate(
-            [
-                way[(time > begin) & (time < end)].tolist()
-                + [[np.interp(at, time, way[:, k]) for k in range(2)] for at in (begin, end)]
-                for time, way in ways
-            ]
-        )
+        parts = [way[(time > begin) & (time < end)] for time, way in ways]
+        parts += [
+            np.array([np.interp([begin, end], time, axis) for axis in way.T]).T
+            for time, way in ways
+        ]
+        inside = np.concatenate(parts)
         west, south = np.floor(inside.min(0) * MINUTES * TENTH) / MINUTES / TENTH
         east, north = np.ceil(inside.max(0) * MINUTES * TENTH) / MINUTES / TENTH
         west, east = wrap_longitude(np.array([west, east])).tolist()

@@ -32,7 +32,7 @@ from glider_twin_ops.forecast.expected_dive import (
     middle,
     plain_velocity,
 )
-from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, place_at, usual_duration
+from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, pair, place_at, usual_duration
 from glider_twin_ops.forecast.pool import CURRENT_PRIORS, CurrentPool, Mixture, Prior, tidal_fit
 from twin.navigation import chi_squared
 from twin.navigation.current import Leg, Reaches
@@ -135,18 +135,16 @@ class Walked:
     """One for each leg but the first"""
     weights: dict[str, dict[str, float]]
     """[1] mean part of each model in explaining the dives, by pool: current, way, schedule"""
-    scales: dict[str, dict[str, float]]
-    """of each model's errors at the end, in the pool's own unit"""
     pool: CurrentPool
     """Of the current, after the last dive"""
     ways: WayPool
     """After the last dive"""
+    schedule: SurfacingSchedule
+    """As it was known when the last dive began"""
     rhythm: Rhythm | None
     """Stays at the surface and durations; None where the dives are too few"""
     reach: Pair
     """[1] squared distances within which the two ellipses of the next surfacing lie"""
-    singles: dict[str, float]
-    """[m/h] mean error of each model of the current alone, over the scored dives"""
 
 
 def walk(
@@ -180,7 +178,6 @@ def walk(
     reaches = Reaches(priors.surfacing_reach), Reaches(priors.current_reach)
     times = list(dives) or [DiveTime(one.leg.start, one.leg.end, math.nan) for one in legs]
     parts: dict[str, list[Array]] = {"current": [], "way": [], "schedule": []}
-    alone: list[Array] = []
     found: list[HindcastSurfacing] = []
     for k, one in enumerate(legs):
         leg = one.leg
@@ -193,20 +190,27 @@ def walk(
         if k:
             lasts = ends.expect(leg.start)
             judged = _judge(legs[:k], one, leg, (pool, ways), lasts, reaches, field)
-            members = None
-            if flown is not None and k >= train:
-                members = _by_members(flown, legs[:k], one, judged.surfacing, (pool, ways), lasts)
-            found.append(dataclasses.replace(judged, scored=k >= train, members=members))
             for reach, each in zip(reaches, (judged.surfacing, judged.current), strict=True):
                 reach.learn(each.distance)
-            if k >= train:
-                off = [pool.alone(name, leg)[0] - leg.current for name in pool.pool.names]
-                alone.append(HOUR * np.hypot(*np.array(off).T))
+            members, duration = None, middle(lasts)
+            if flown is not None and k >= train:
+                members = flown(legs[:k], one, pool, ways, duration, judged.surfacing.reach)
+            if members is not None:
+                mean, covariance = members
+                # the members know no other duration than the one that is expected
+                late = lasts.covariance[0, 0] * np.outer(mean, mean) / duration**2
+                missed = {"forecast": pair(np.array(one.leg.over_ground) - mean)}
+                by_members = dataclasses.replace(
+                    judged.surfacing,
+                    missed=judged.surfacing.missed | missed,
+                    covariance=covariance + late,
+                    reach=CHI_SQUARED,
+                )
+                judged = dataclasses.replace(judged, members=by_members)
+            found.append(dataclasses.replace(judged, scored=k >= train))
         parts["current"].append(pool.learn(leg))
         parts["way"].append(ways.learn(one))
     pools = {"current": pool.pool, "way": ways.pool, "schedule": ends.pool}
-    names = pool.pool.names
-    errors = np.mean(alone, axis=0) if alone else np.full(len(names), np.nan)
     whole = copy.deepcopy(ends)
     for dive in times:
         whole.learn(dive)
@@ -217,12 +221,11 @@ def walk(
             for name, one in pools.items()
             if parts[name]
         },
-        scales={name: one.scales for name, one in pools.items()},
         pool=pool,
         ways=ways,
+        schedule=ends,
         rhythm=Rhythm.of(whole, dives),
         reach=reaches[0].now,
-        singles=dict(zip(names, errors.tolist(), strict=True)),
     )
 
 
@@ -245,26 +248,21 @@ def _judge(
         ahead = dataclasses.replace(ahead, field=told)
     carried = pool.expect(ahead)
     ground = through.mean + carried.mean
-    ended = np.array(leg.over_ground)
     legs = [each.leg for each in before]
     usual = usual_duration([DiveTime(each.start, each.end, math.nan) for each in legs])
     plain = plain_velocity(before, one.targets)
-    last = legs[-1].current
-    fitted = tidal_fit(legs, _leg_ahead(leg, usual, usual * plain), RIVAL_DAYS)
-    reached = {
-        "forecast": duration * ground,
-        "persistence": usual * (plain + last),
-        "tide": usual * (plain + fitted),
-        "no_current": usual * plain,
-    }
     mixed = pool.expect(leg)
-    drifted = {
-        "forecast": mixed.mean,
-        "persistence": last,
-        "tide": tidal_fit(legs, leg, RIVAL_DAYS),
-        "no_current": np.zeros(2),
-    }
-    given = np.array(leg.through_water)
+
+    def rivals(over: Leg) -> dict[str, Array]:
+        """[m/s] current of each rival, mean over a leg."""
+        tide = tidal_fit(legs, over, RIVAL_DAYS)
+        return {"persistence": legs[-1].current, "tide": tide, "no_current": np.zeros(2)}
+
+    expected = rivals(_leg_ahead(leg, usual, usual * plain))
+    reached = {"forecast": duration * ground}
+    reached |= {name: usual * (plain + current) for name, current in expected.items()}
+    ended, given = np.array(leg.over_ground), np.array(leg.through_water)
+    drifted = {"forecast": mixed.mean, **rivals(leg)}
     missed = {name: ended - given - leg.duration * each for name, each in drifted.items()}
     if one.onboard is not None:
         reached["onboard"] = usual * (plain + np.array(ways.steered(one)))
@@ -278,54 +276,26 @@ def _judge(
         places={"begin": one.begin, **places},
         surfacing=Judged(
             hours=hours,
-            missed={name: _pair(ended - metres) for name, metres in reached.items()},
+            missed={name: pair(ended - metres) for name, metres in reached.items()},
             covariance=duration**2 * (through.covariance + carried.covariance)
             + lasts.covariance[0, 0] * np.outer(ground, ground),
             reach=reaches[0].now,
         ),
         current=Judged(
             hours=hours,
-            missed={name: _pair(metres) for name, metres in missed.items()},
+            missed={name: pair(metres) for name, metres in missed.items()},
             covariance=leg.duration**2 * mixed.covariance,
             reach=reaches[1].now,
         ),
-        found=_pair(leg.current),
-        expected=_pair(mixed.mean),
-    )
-
-
-def _by_members(
-    flown: MembersFlown,
-    before: Sequence[LoggedLeg],
-    one: LoggedLeg,
-    surfacing: Judged,
-    known: tuple[CurrentPool, WayPool],
-    lasts: Mixture,
-) -> Judged | None:
-    """One surfacing with its forecast by members flown."""
-    duration = middle(lasts)
-    told = flown(before, one, *known, duration, surfacing.reach)
-    if told is None:
-        return None
-    mean, covariance = told
-    # the members know no other duration than the one that is expected
-    late = lasts.covariance[0, 0] * np.outer(mean, mean) / duration**2
-    missed = {**surfacing.missed, "forecast": _pair(np.array(one.leg.over_ground) - mean)}
-    return Judged(
-        hours=surfacing.hours, missed=missed, covariance=covariance + late, reach=CHI_SQUARED
+        found=pair(leg.current),
+        expected=pair(mixed.mean),
     )
 
 
 def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
     """Leg as it is expected: nothing of it but its start is known."""
     unknown = (math.nan, math.nan)
-    return Leg(
-        start=leg.start, duration=duration, over_ground=unknown, through_water=_pair(through)
-    )
-
-
-def _pair(values: Array) -> Pair:
-    return float(values[0]), float(values[1])
+    return Leg(start=leg.start, duration=duration, over_ground=unknown, through_water=pair(through))
 
 
 METHODS = ("forecast", "persistence", "tide", "no_current", "onboard")
@@ -341,16 +311,14 @@ INTERVAL = (2.5, 97.5)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scores:
-    """Of some surfacings; None where nothing could be scored."""
+    """Of some surfacings, by method in [m/h]; None where nothing could be scored."""
 
     segments: int
     """Surfacings scored"""
     segments_of: dict[str, int]
     """Of these, the surfacings that a method says anything of: its figures are of them alone"""
     mean: dict[str, float | None]
-    """[m/h] by method"""
     median: dict[str, float | None]
-    """[m/h] by method"""
     rival: str | None
     """The method beside the forecast with the smallest mean, of those that say something of every
     surfacing"""

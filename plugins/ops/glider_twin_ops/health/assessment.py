@@ -32,7 +32,7 @@ from glider_twin_ops.health.judgement import (
     Verdict,
     follow,
     judge,
-    sure,
+    rings,
     threshold_of,
 )
 from glider_twin_ops.health.signatures import (
@@ -54,9 +54,6 @@ LEAST_DIVES = FIRST + 2
 """Dives below which nothing is judged: those that a fault needs before it, and two of an alarm"""
 OFTEN = 6
 """Dives that must tell a channel for it to tell faults apart"""
-ENDS, BELOW = 0.0, 1.0
-"""Log of the odds below which an alarm ends: none is then as likely; and by how much it falls below
-a level that is lower itself, so that an alarm does not flap"""
 LEANING = 3.0
 """[degree] of what turns a vehicle, in dives and in climbs, from which on it leans to one side"""
 MOST_ROWS, UNLIKELY = 5, 0.005
@@ -173,10 +170,13 @@ class DeploymentHealth:
             first = self.kinds[0]
             told = f" or {', '.join(first.also)}" if first.also else ""
             unit = "" if first.unit == "1" else f" {first.unit}"
+            glided, since = [dive for dive in self.dives if dive not in self.driven], ""
+            if glided and self.dives[-1] in self.driven:  # little could speak against it
+                since = f"; a thruster drove it after dive {glided[-1]}: hardly judged since"
             return (
                 f"{self.name}: {first.says} ({first.kind}{told}) since dive {self.since_dive}, "
                 f"{100.0 * self.probability:.0f} % sure, size {first.size:.3g} +- "
-                f"{first.size_deviation:.2g}{unit}{self._judged_until()}"
+                f"{first.size_deviation:.2g}{unit}{since}"
             )
         found, by, before = "nothing wrong", "", ""
         if self.rang:
@@ -192,13 +192,6 @@ class DeploymentHealth:
             before += f"; look at dive {self.dives[-1]}: {' and '.join(off)}"
             found = "no alarm"
         return f"{self.name}: {found} in {many} dives, {self.days:.1f} d{by}{before}"
-
-    def _judged_until(self) -> str:
-        """Since when a thruster drove every dive, so that little could speak against an alarm."""
-        last = [dive for dive in self.dives if dive not in self.driven]
-        if self.dives[-1] not in self.driven or not last:
-            return ""
-        return f"; a thruster drove it after dive {last[-1]}: hardly judged since"
 
 
 def loud_channels(levels: Levels) -> list[tuple[Channel, float]]:
@@ -270,7 +263,8 @@ def judged(
       time: [s] unix, of the middles of the dives. ways: (dives, 2), see `dives_of`.
       dive: that faults are flown in.
       changes: see `changes_of`. powered: whether a thruster drove each dive.
-      wander: see `wander_of`.
+      wander: by how much more channels change than where the log tells all they depend on,
+        (channels,).
     """
     many = len(values)
     told = np.isfinite(values).reshape(-1, len(CHANNELS))
@@ -284,41 +278,45 @@ def judged(
     if signatures is not None:
         steps = np.hypot(steps, steps_in_shear(signatures.sheared, ways, days, dive.depth))
     levels = follow(seen, changes, steps)
-    remarks = remarks_of(numbers, values, changes, powered, vehicle)
-    shared: dict[str, Any] = {
-        "name": name,
-        "days": float(days[-1]) if len(days) else 0.0,
-        "dives": tuple(numbers),
-        "threshold": threshold,
-        "levels": levels,
-        "values": values,
-        "time": time,
-        "lacking": lacking,
-        "remarks": (*remarks, *_loud(numbers, levels)),
-        "driven": tuple(itertools.compress(numbers, powered)),
-    }
+    off_level = loud_channels(levels)
+    remarks = remarks_of(numbers, values, changes, powered, vehicle, off_level)
+    found = DeploymentHealth(
+        name=name,
+        days=float(days[-1]) if len(days) else 0.0,
+        dives=tuple(numbers),
+        threshold=threshold,
+        levels=levels,
+        values=values,
+        time=time,
+        lacking=lacking,
+        remarks=remarks,
+        driven=tuple(itertools.compress(numbers, powered)),
+        evidence=np.full(many, -math.inf),
+    )
     if signatures is None:
-        return DeploymentHealth(**shared, evidence=np.full(many, -math.inf))
+        return found
     every = signatures.in_dives(ways)
-    hypotheses = [one for one in every if one.shows_in(ever)] or every
+    hypotheses = [one for one in every if (_over(one)[ever] > 0.0).any()] or every
     verdict = judge(levels, days, hypotheses, standing(ways, days))
     rang = rings(verdict.evidence, threshold)
     groups = confusable(hypotheses, np.where(told.sum(axis=0) >= OFTEN, NOISE, np.inf))
     alarm = bool(rang) and rang[-1][1] == many - 1
-    loud = [NAMES.index(channel.name) for channel, _ in loud_channels(levels)]
+    loud = [NAMES.index(channel.name) for channel, _ in off_level]
     telling = {one.kind for one in hypotheses if (_over(one)[loud] > 1.0).any()}
     order = np.argsort(-verdict.probability, kind="stable").tolist()
     order[alarm:] = sorted(order[alarm:], key=lambda k: verdict.kinds[k] not in telling)
     kinds = tuple(_kind(verdict, k, hypotheses, levels, numbers, groups) for k in order)
-    shared |= {
-        "rang": tuple((int(numbers[begin]), int(numbers[end])) for begin, end in rang),
-        "kinds": kinds,
-        "evidence": verdict.evidence,
-    }
+    found = dataclasses.replace(
+        found,
+        rang=tuple((int(numbers[begin]), int(numbers[end])) for begin, end in rang),
+        kinds=kinds,
+        evidence=verdict.evidence,
+        probability=float(verdict.probability.sum()),
+    )
     if not alarm:
-        return DeploymentHealth(**shared, probability=float(verdict.probability.sum()))
-    return DeploymentHealth(
-        **shared,
+        return found
+    return dataclasses.replace(
+        found,
         alarm=True,
         kind=kinds[0].kind,
         since_dive=kinds[0].since_dive,
@@ -327,31 +325,15 @@ def judged(
     )
 
 
-def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
-    """First and last dive, as places, of each alarm: two dives in a row begin it and end it."""
-    ends = min(ENDS, threshold - BELOW)
-    surely = sure(evidence)
-    found: list[tuple[int, int]] = []
-    ringing = False
-    for d, odds in enumerate(evidence.tolist()):
-        if not ringing and surely[d] > threshold:
-            found.append((d, d))
-            ringing = True
-        elif ringing and max(odds, float(evidence[d - 1])) > ends:
-            found[-1] = (found[-1][0], d)
-        else:
-            ringing = False
-    return found
-
-
 def remarks_of(
     numbers: Sequence[int],
     values: Array,
     changes: Array | None,
     powered: Sequence[bool],
     vehicle: Vehicle,
+    loud: Sequence[tuple[Channel, float]] = (),
 ) -> tuple[str, ...]:
-    """What is no fault and explains a log, in whole sentences."""
+    """What is no fault and explains a log, and channels far off, in whole sentences."""
     found = []
     if driven := list(itertools.compress(numbers, powered)):
         found.append(
@@ -374,26 +356,18 @@ def remarks_of(
             f"{_dives(list(itertools.compress(numbers, changes > 1.0)))}: what changes there with "
             "them counts as the pilot's."
         )
-    return tuple(found)
-
-
-def _loud(numbers: Sequence[int], levels: Levels) -> list[str]:
-    """Of each loud channel a sentence."""
-    return [
+    found += [
         f"In dive {numbers[-1]} {channel.name} was {abs(off):.0f} deviations off its level "
         f"({channel.says}): look at its plot."
-        for channel, off in loud_channels(levels)
+        for channel, off in loud
     ]
+    return tuple(found)
 
 
 def _dives(numbers: Sequence[int]) -> str:
     """Numbers of dives as a person writes them: dives 3, 8 to 13."""
-    runs: list[list[int]] = []
-    for n in numbers:
-        if runs and n == runs[-1][-1] + 1:
-            runs[-1] = [runs[-1][0], n]
-        else:
-            runs.append([n, n])
+    breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
+    runs = [(run[0], run[-1]) for run in np.split(np.asarray(numbers), breaks)]
     words = [f"{a}" if a == b else f"{a} to {b}" for a, b in runs]
     return f"dive{'s' if len(numbers) > 1 else ''} {', '.join(words)}"
 

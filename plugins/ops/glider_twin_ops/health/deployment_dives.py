@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.logged_leg import legs_of
 from glider_twin_ops.health.channels import CHANNELS, NAMES, PLACE
-from glider_twin_ops.health.dive_channels import DiveSignals, Settings, channels_of, flight_model
+from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin import Vehicle
 from twin.identify import Calibration
@@ -31,10 +31,9 @@ from twin.records.storage import StorePath
 
 BIN, BINS = 5.0, 60
 """[m] of height whose pings are counted together, and how many of them"""
-LEAST = 10.0
-"""Echoes that must be expected for a dive to tell"""
-SOUND = 0.5
-"""Part from which on a dive teaches the next: what a blind one hears is not what there is"""
+LEAST, SOUND = 10.0, 0.5
+"""Echoes that must be expected for a dive to tell, and the part from which on it teaches the next:
+what a blind one hears is not what there is"""
 
 
 @dataclasses.dataclass(eq=False)
@@ -125,11 +124,8 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
         part, pitch = math.nan, signals.get("measured_pitch")
         if {"measured_depth", "measured_altitude"} <= signals.keys():
             part = echoes.part(signals["measured_depth"], signals["measured_altitude"], pitch)
-        dives.append(
-            DiveSignals(
-                period=logs.period, signals=signals, current=current, echoes=part, powered=powered
-            )
-        )
+        told: dict[str, Any] = {"current": current, "echoes": part, "powered": powered}
+        dives.append(DiveSignals(period=logs.period, signals=signals, **told))
     return rows, dives, ways
 
 
@@ -139,6 +135,9 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
     calibration = flight_model(vehicle)
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
     lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
+    wander = np.zeros(len(NAMES))
+    if all(dive.get("temperature") is None for dive in dives):
+        wander[PLACE["air"]] = UNTOLD_WARMING
     return {
         "name": deployment,
         "numbers": tuple(int(numbers[row]) for row in rows),
@@ -148,7 +147,7 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
         "dive": typical(dives, vehicle),
         "changes": changes_of(dives),
         "powered": [dive.powered for dive in dives],
-        "wander": wander_of(dives),
+        "wander": wander,
     }
 
 
@@ -165,20 +164,12 @@ def values_of(dives: Sequence[DiveSignals], calibration: Calibration | None) -> 
     return found
 
 
-def wander_of(dives: Sequence[DiveSignals]) -> Array:
-    """By how much more channels change than where the log tells all they depend on, (channels,)."""
-    found = np.zeros(len(NAMES))
-    if all(dive.get("temperature") is None for dive in dives):
-        found[NAMES.index("air")] = UNTOLD_WARMING
-    return found
-
-
 def changes_of(dives: Sequence[DiveSignals]) -> Array:
     """By how much each dive is another than the one before, in `CHANGED`, (dives,).
 
     What a model lacks differs from a depth, a pitch and a volume to others.
     """
-    rows = np.array([dive.settings() for dive in dives]).reshape(-1, len(Settings._fields))
+    rows = np.array([dive.settings() for dive in dives]).reshape(-1, 5)
     rows[:, 0] = np.log(np.maximum(rows[:, 0], 1.0)) / CHANGED["depth"]
     rows[:, 1::2] /= CHANGED["pitch"]
     rows[:, 2::2] /= CHANGED["volume"]
@@ -194,7 +185,7 @@ def typical_dive(store: str | StorePath, deployment: str, vehicle: Vehicle) -> T
 
 def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
     """The dive that is usual in a log, rounded; what the log lacks is the vehicle file's."""
-    rows = np.array([dive.settings() for dive in dives]).reshape(-1, len(Settings._fields))
+    rows = np.array([dive.settings() for dive in dives]).reshape(-1, 5)
     deepest = rows[np.isfinite(rows[:, 0]), 0]
     depth = float(np.median(deepest)) if len(deepest) else 150.0
     period = dives[0].period if dives else 4.0

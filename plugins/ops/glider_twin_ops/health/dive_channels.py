@@ -22,10 +22,8 @@ PUMPING = 0.15
 """[cm3/s] from which a pump pumps"""
 STEEP, LEAST_SAMPLES = 8.0, 20
 """[degree] and samples from which on a vehicle dives or climbs"""
-BIN = 60.0
-"""[s] of the means that steady flight is judged by"""
-STEADY_PITCH = 8.0
-"""[degree] flatter than this no glider glides"""
+BIN, STEADY_PITCH = 60.0, 8.0
+"""[s] of the means that steady flight is judged by; [degree] flatter than this no glider glides"""
 STEADY_CHANGE, STEADY_PUMP = 4.0, 15.0
 """[degree], [cm3] of change from bin to bin that ends a steady flight"""
 SHALLOW = 5.0
@@ -49,19 +47,6 @@ PHASES = (("dive", 1.0), ("climb", -1.0))
 """Sign of the depth rate in each"""
 
 
-class Settings(NamedTuple):
-    """What a pilot had set in a dive, as its log shows it."""
-
-    depth: float
-    """[m] of the lower turn"""
-    dive_pitch: float
-    """[degree], nose up positive"""
-    dive_volume: float
-    """[cm3] that is pumped out"""
-    climb_pitch: float
-    climb_volume: float
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveSignals:
     """What a log has of one dive, each array (n,)."""
@@ -82,8 +67,10 @@ class DiveSignals:
         found = self.signals.get(f"measured_{name}")
         return None if found is None or not np.isfinite(found).any() else found
 
-    def settings(self) -> Settings:
-        """Depth, pitches and volumes of the dive; NaN where the log does not tell."""
+    def settings(self) -> list[float]:
+        """What a pilot had set, as the log shows it: depth [m] of the lower turn, then of dive and
+        climb each the pitch [degree], nose up positive, and the volume [cm3] that is pumped out;
+        NaN where the log does not tell."""
         depth, pitch, pump = self.get("depth"), self.get("pitch"), self.get("pump")
         found = [math.nan if depth is None else float(np.nanmax(depth))]
         for sign in (-1.0, 1.0):
@@ -91,7 +78,7 @@ class DiveSignals:
             for values in (pitch, pump):
                 told = None if values is None or way.sum() <= LEAST_SAMPLES else values[way]
                 found.append(math.nan if told is None else float(np.nanmedian(told)))
-        return Settings(*found)
+        return found
 
 
 class Strokes(NamedTuple):
@@ -123,7 +110,7 @@ def _binned(values: Array | None, width: int, count: int) -> Array:
     known = np.isfinite(block)
     total = np.where(known, block, 0.0).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(known.any(axis=1), total / known.sum(axis=1), np.nan)
+        return np.asarray(total / known.sum(axis=1))
 
 
 def _filled(values: Array) -> Array:
@@ -198,18 +185,15 @@ def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[s
 
 def _median(name: str, values: Array | None, phase: Mask) -> dict[str, float]:
     """A channel that is the median of the bins of a phase; nothing where these are few."""
-    if values is None:
-        return {}
-    used = phase & np.isfinite(values)
-    return {name: float(np.median(values[used]))} if used.sum() >= LEAST_BINS else {}
+    used = np.zeros(0) if values is None else values[phase & np.isfinite(values)]
+    return {name: float(np.median(used))} if len(used) >= LEAST_BINS else {}
 
 
 def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, float]:
     """Roll, the place of what turns it, and how well it holds its heading."""
     found: dict[str, float] = {}
-    part = vehicle.steered("heading")
+    part, place = vehicle.steered("heading"), None
     heading, roll = dive.get("heading"), dive.get("roll")
-    place = None
     if isinstance(part, Fin | BatteryHinge):
         place = dive.get("fin" if isinstance(part, Fin) else "rotation")
     width, count = max(round(BIN / dive.period), 1), len(depth)
@@ -327,10 +311,14 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
     """By how much temperature and conductivity are late: dives and climbs differ by 2 lag dx/dt."""
     found: dict[str, float] = {}
     rate = np.gradient(_filled(depth), dive.period)
-    for name, values in (
-        ("temperature_lag", dive.get("temperature")),
-        ("cell_lag", _conductivity(dive, depth)),
-    ):
+    warmth, cell, salinity = map(dive.get, ("temperature", "conductivity", "salinity"))
+    if cell is None and salinity is not None and warmth is not None:
+        import gsw  # the salinity that the log was given of it by PSS-78
+
+        pressure = dive.get("pressure")
+        deep = depth if pressure is None else np.where(np.isfinite(pressure), pressure, depth)
+        cell = np.asarray(gsw.C_from_SP(salinity, warmth, deep) / 10.0)  # [S/m] from mS/cm
+    for name, values in (("temperature_lag", warmth), ("cell_lag", cell)):
         if values is None:
             continue
         known = np.isfinite(values) & np.isfinite(depth) & (depth > SHALLOW) & (np.abs(rate) > 0.03)
@@ -355,18 +343,6 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
     # water that waves move between a dive and its climb moves both
     late_cell = found.pop("cell_lag", math.nan) - found.get("temperature_lag", math.nan)
     return found if math.isnan(late_cell) else {**found, "cell_lag": late_cell}
-
-
-def _conductivity(dive: DiveSignals, depth: Array) -> Array | None:
-    """[S/m] as logged, or of the salinity that the log was given of it by PSS-78."""
-    salinity, temperature = dive.get("salinity"), dive.get("temperature")
-    if (told := dive.get("conductivity")) is not None or salinity is None or temperature is None:
-        return told
-    import gsw
-
-    pressure = dive.get("pressure")
-    deep = depth if pressure is None else np.where(np.isfinite(pressure), pressure, depth)
-    return np.asarray(gsw.C_from_SP(salinity, temperature, deep) / 10.0)  # from mS/cm
 
 
 def flight_model(vehicle: Vehicle) -> Calibration | None:

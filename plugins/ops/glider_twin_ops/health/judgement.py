@@ -35,14 +35,12 @@ from glider_twin_ops.health.signatures import Hypothesis
 from twin.errors import InputError
 from twin.numbers import Array
 
-CLIP = 3.5
-"""Standard deviations at which an innovation counts no further: one dive alone proves little"""
-FARTHEST = 30.0
-"""Standard deviations of a signature that count"""
-LEARNED = 8.0
-"""Dives that the noise of a channel before a deployment counts as"""
-LATE = 2
-"""Dives at the end that do not teach the noise: a fault would"""
+CLIP, FARTHEST = 3.5, 30.0
+"""Standard deviations at which an innovation counts no further: one dive alone proves little; and
+those of a signature that count"""
+LEARNED, LATE = 8.0, 2
+"""Dives that the noise of a channel before a deployment counts as, and those at the end that do not
+teach the noise: a fault would"""
 LEAST, MOST = 0.4, 40.0
 """Smallest and largest variance of a channel over that before the deployment"""
 STEP = 2.0
@@ -54,6 +52,9 @@ UNKNOWN = 100.0
 """Standard deviation of a level before its first dive, in its noise"""
 RARE = 200.0
 """Dives in which a fault begins once, before anything is known"""
+ENDS, BELOW = 0.0, 1.0
+"""Log of the odds below which an alarm ends: none is then as likely; and by how much it falls below
+a level that is lower itself, so that an alarm does not flap"""
 NONE = "none"
 """The kind of a healthy deployment"""
 
@@ -158,7 +159,9 @@ def judge(
     told = np.isfinite(levels.innovation)
     innovation = np.clip(np.where(told, levels.innovation, 0.0), -CLIP, CLIP)
     known = np.stack([np.isfinite(np.atleast_2d(h.signature)).all(axis=0) for h in hypotheses])
-    signatures = np.stack([_by_dive(h, levels) for h in hypotheses])
+    signatures = np.stack(
+        [np.broadcast_to(np.nan_to_num(h.signature), levels.innovation.shape) for h in hypotheses]
+    )  # 0 where the twin does not tell
     scale, usual, grows, signed = np.array(
         [(h.scale, _usual(h), h.fault.grows, h.fault.signed) for h in hypotheses]
     ).T
@@ -191,7 +194,13 @@ def judge(
         told_always = told_always + beside @ innovation[d]
         taken = across @ np.linalg.inv(precision)
         left = info - (taken * across).sum(axis=2), score - taken @ told_always
-        before = _against_standing(_ratio(*left, usual, signed > 0.0), by_dives)
+        ratio = _ratio(*left, usual, signed > 0.0)
+        before = ratio[1:].copy()
+        if by_dives.any():
+            # what shows in some dives and not in others, as a compass' iron does by the heading,
+            # may have been there all along: it is weighed against that, too
+            stood = logsumexp(ratio[0, by_dives]) - math.log(by_dives.sum())
+            before[:, by_dives] -= np.logaddexp(0.0, stood)
         if begun[1:].any():
             alive = np.where(begun[1:, None], _gained(before) + prior, -math.inf)
             evidence[d] = float(logsumexp(alive))
@@ -205,7 +214,7 @@ def judge(
     best = [max(mine, key=lambda k: float(total[k])) for mine in places.values()]
     first = [int(onsets[int(np.argmax(before[:, k]))]) if some else 0 for k in best]
     sizes = np.array([
-        _size(levels, days, hypotheses[k], onset) if some else (math.nan, math.nan)
+        _size(levels, days, hypotheses[k], signatures[k], onset) if some else (math.nan, math.nan)
         for k, onset in zip(best, first, strict=True)
     ])  # fmt: skip
     likely = [float(np.exp(logsumexp(total[mine]) - every)) for mine in places.values()]
@@ -220,11 +229,6 @@ def judge(
     )
 
 
-def _by_dive(hypothesis: Hypothesis, levels: Levels) -> Array:
-    """Signature in each dive, (dives, channels), 0 where the twin does not tell."""
-    return np.broadcast_to(np.nan_to_num(hypothesis.signature), levels.innovation.shape)
-
-
 def sure(evidence: Array) -> Array:
     """The lower of the odds after each dive and after the one before it, (dives,).
 
@@ -233,10 +237,28 @@ def sure(evidence: Array) -> Array:
     return np.minimum(evidence, np.concatenate([[-math.inf], evidence[:-1]]))
 
 
-def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tuple[float, float]:
+def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
+    """First and last dive, as places, of each alarm: two dives in a row begin it and end it."""
+    ends = min(ENDS, threshold - BELOW)
+    surely = sure(evidence)
+    found: list[tuple[int, int]] = []
+    ringing = False
+    for d, odds in enumerate(evidence.tolist()):
+        if not ringing and surely[d] > threshold:
+            found.append((d, d))
+            ringing = True
+        elif ringing and max(odds, float(evidence[d - 1])) > ends:
+            found[-1] = (found[-1][0], d)
+        else:
+            ringing = False
+    return found
+
+
+def _size(
+    levels: Levels, days: Array, hypothesis: Hypothesis, signature: Array, onset: int
+) -> tuple[float, float]:
     """Size of a fault that began with a dive, and its deviation; nothing is cut off here."""
     count, width = levels.innovation.shape
-    signature = _by_dive(hypothesis, levels)
     answer, info, score = np.zeros(width), 1.0 / _usual(hypothesis) ** 2, 0.0
     for d in range(onset, count):
         grown = days[d] - days[onset] + _half(days, d) if hypothesis.fault.grows else 1.0
@@ -247,19 +269,6 @@ def _size(levels: Levels, days: Array, hypothesis: Hypothesis, onset: int) -> tu
         info += float(weighted @ weighted)
         score += float(weighted @ levels.innovation[d][known])
     return score / info, 1.0 / math.sqrt(info)
-
-
-def _against_standing(ratio: Array, by_dives: NDArray[np.bool_]) -> Array:
-    """The ratios of faults that began in the log, (onsets - 1, hypotheses).
-
-    What shows in some dives and not in others, as a compass' iron does by the heading, may have
-    been there all along: it is weighed against that, the first row, too.
-    """
-    before = ratio[1:].copy()
-    if by_dives.any():
-        standing = logsumexp(ratio[0, by_dives]) - math.log(by_dives.sum())
-        before[:, by_dives] -= np.logaddexp(0.0, standing)
-    return before
 
 
 def _gained(ratio: Array) -> Array:
@@ -274,9 +283,8 @@ def _gained(ratio: Array) -> Array:
 
 def _half(days: Array, d: int) -> float:
     """[d] from the begin of a dive to its middle, about."""
-    if len(days) < 2:
-        return 0.0
-    return 0.5 * float(days[d] - days[d - 1] if d else days[1] - days[0])
+    later = max(d, 1)
+    return 0.5 * float(days[later] - days[later - 1]) if len(days) > 1 else 0.0
 
 
 def _usual(hypothesis: Hypothesis) -> float:

@@ -12,7 +12,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glider_twin_ops.health.channels import FLOWN, NAMES, PLACE
 from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
@@ -34,22 +33,17 @@ from twin.numbers import Array
 from twin.physics import BODY, Lane, differs, electric_signals, flown_abreast, healthy
 from twin.vehicle.parts import Fin
 
-GROWN = 1.0
-"""[d] after which the signature of what grows is taken"""
-FLOOR_BELOW = 20.0
-"""[m] of the floor below the dive, so that an altimeter hears it"""
-PATIENCE = 60.0
-"""[s] for each metre of depth: a vehicle without a wing is slow"""
-DEEP = 250.0
-"""[m] that is dived at least, in as many yos as that takes"""
+GROWN, PATIENCE = 1.0, 60.0
+"""[d] after which the signature of what grows is taken; [s] for each metre of depth: a vehicle
+without a wing is slow"""
+FLOOR_BELOW, DEEP = 20.0, 250.0
+"""[m] of the floor below the dive, so that an altimeter hears it; and that is dived at least, in
+as many yos as that takes"""
 OCEAN, PER_SALINITY = 1025.0, 0.77
 """[kg/m3] that the shipped gliders are ballasted for, and by which a unit of salinity is denser"""
-HEADING = 30.0
-"""[degree] of the flights"""
-SHEAR = 3e-4
-"""[1/s] of the sheared flight: 6 cm/s over 200 m"""
-SETTLED = 300.0
-"""[s] of a flight after which a fault begins that began at once"""
+HEADING, SHEAR, SETTLED = 30.0, 3e-4, 300.0
+"""[degree] of the flights; [1/s] of the sheared one: 6 cm/s over 200 m; [s] of a flight after which
+a fault begins that began at once"""
 FLATTER = 1.0
 """[degree] by which a second sound dive is flatter: what already that changes, as where a weak turn
 settles, is no part of a signature"""
@@ -68,14 +62,12 @@ LIKE = 0.97
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TypicalDive:
-    """The dive that a vehicle usually makes; faults are flown in it."""
+    """The dive that a vehicle usually makes, its pitches in [degree]; faults are flown in it."""
 
     depth: float
     """[m] of the lower turn"""
     pitch: float
-    """[degree]"""
     climb_pitch: float
-    """[degree]"""
     net_mass: float
     """[kg] heavy in dives"""
     climb_net_mass: float
@@ -99,10 +91,6 @@ class Hypothesis:
     def kind(self) -> str:
         """Of the fault."""
         return self.fault.kind
-
-    def shows_in(self, told: NDArray[np.bool_]) -> bool:
-        """Whether a log that tells these channels, (channels,), can show it."""
-        return bool(np.nan_to_num(np.atleast_2d(self.signature)[:, told]).any())
 
 
 def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> TypicalDive:
@@ -191,12 +179,9 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
         if off > ASTRAY:
             signature[[PLACE[name] for name in TURNING]] = math.nan
         found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
-    nothing = np.zeros(len(NAMES))
-    found += [
-        Hypothesis(fault=fault, signature=nothing, scale=abs(fault.size))
-        for fault in faults
-        if fault not in flown
-    ]
+    for fault in (one for one in faults if one not in flown):
+        nothing = np.zeros(len(NAMES))
+        found.append(Hypothesis(fault=fault, signature=nothing, scale=abs(fault.size)))
     leaning = np.where(FLOWN, (sheared - sound) / SHEAR, 0.0)
     return Signatures(hypotheses=tuple(found), sheared=leaning)
 

@@ -18,18 +18,14 @@ import numpy as np
 from glider_twin_ops.forecast.member_flights import HALF, NINETY, Surfacing, degrees
 from glider_twin_ops.forecast.surfacing_forecast import Forecast
 from twin.cli import printable
-from twin.navigation import Ellipse
 from twin.numbers import Array
 from twin.records.storage import LIST, check_folder_target, whole_folder
 
 WIDTH, HEIGHT = 960.0, 640.0
 """[px] of the view box"""
-MARGIN = 1.25
-"""Of the view over what must be seen"""
-LEAST_SPAN = 0.02
-"""[degree] of latitude that is shown at least: 2 km"""
-NEAR = 1.5
-"""A target farther away than so many spans is outside of the first view"""
+MARGIN, NEAR, LEAST_SPAN = 1.25, 1.5, 0.02
+"""Of the view over what must be seen; spans beyond which a target is outside of the first view; and
+[degree] of latitude that is shown at least: 2 km"""
 MOST_DOTS = 400
 """Members that are drawn of a surfacing"""
 WIDER = 12.0
@@ -157,7 +153,9 @@ def _graticule(frame: MapFrame) -> list[str]:
             point = frame.middle.copy()
             point[axis] = k * step
             x, y = frame.at(point[None])[0]
-            name = _name(k * step, letters)
+            value = (k * step + 180.0) % 360.0 - 180.0 if axis == 0 else k * step
+            whole, rest = divmod(round(abs(value) * 60.0, 2), 60.0)
+            name = f"{whole:.0f}\N{DEGREE SIGN} {rest:g}' {letters[value < 0.0]}"
             if axis == 0:
                 spare = ' class="spare"' if k % 2 else ""  # narrow screens leave these out
                 parts += [
@@ -170,13 +168,6 @@ def _graticule(frame: MapFrame) -> list[str]:
                     f'<text x="4" y="{y - 4:.1f}">{name}</text>',
                 ]
     return [*parts, "</g>"]
-
-
-def _name(value: float, letters: str) -> str:
-    """Such as 36\N{DEGREE SIGN} 48.5' N."""
-    turned = (value + 180.0) % 360.0 - 180.0 if letters == "EW" else value
-    whole, rest = divmod(round(abs(turned) * 60.0, 2), 60.0)
-    return f"{whole:.0f}\N{DEGREE SIGN} {rest:g}' {letters[0] if turned >= 0.0 else letters[1]}"
 
 
 def _scale_bar(metres_per_pixel: float) -> str:
@@ -329,30 +320,27 @@ def _table(found: Forecast) -> str:
 
 def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
     """A surfacing as cells of a table, by their headings."""
+    half, most = (
+        f"{e.semi_major_m / 1e3:.2f} x {e.semi_minor_m / 1e3:.2f} km, "
+        f"{e.bearing_deg:.0f}\N{DEGREE SIGN}"
+        for e in (one.ellipse(HALF), one.ellipse(NINETY))
+    )
     return {
         "surfacing": f"{one.number}",
         "UTC": found.minute(one.time_s),
         "5 to 95 %": found.bounds(one),
         "latitude": f"{one.latitude:.4f}",
         "longitude": f"{one.longitude:.4f}",
-        "50 % semi-axes": _axes(one.ellipse(HALF)),
-        "90 % semi-axes": _axes(one.ellipse(NINETY)),
+        "50 % semi-axes": half,
+        "90 % semi-axes": most,
         "energy": f"{one.energy_kj:.1f} kJ",
         "members": f"{100.0 * one.part:.0f} %",
     }
 
 
-def _axes(ellipse: Ellipse) -> str:
-    return (
-        f"{ellipse.semi_major_m / 1e3:.2f} x {ellipse.semi_minor_m / 1e3:.2f} km, "
-        f"{ellipse.bearing_deg:.0f}\N{DEGREE SIGN}"
-    )
-
-
 def _is_forecast(folder: Path) -> bool:
     """Whether a folder holds a forecast and nothing else."""
-    names = {path.name for path in folder.iterdir()}
-    return INDEX in names and names <= {*FILES, LIST}
+    return {INDEX} <= {path.name for path in folder.iterdir()} <= {*FILES, LIST}
 
 
 def _text(text: str) -> str:

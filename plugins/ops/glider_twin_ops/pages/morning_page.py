@@ -14,10 +14,17 @@ from glider_twin_ops.forecast import Forecast, notice_boxes
 from glider_twin_ops.forecast.member_flights import NINETY
 from glider_twin_ops.forecast.surfacing_forecast import boxes_text, collection
 from glider_twin_ops.health import CHANNELS, DeploymentHealth
+from glider_twin_ops.pages.figures import (
+    CLOSE,
+    channel_figures,
+    evidence_figure,
+    mail_figure,
+    track_figure,
+    water_figure,
+)
 from glider_twin_ops.pages.forecast_page import forecast_row
-from glider_twin_ops.pages.health_page import channel_figures, evidence_figure, kind_facts
-from glider_twin_ops.pages.morning_figures import CLOSE, mail_figure, track_figure, water_figure
-from glider_twin_ops.watching.expected_plan import NAMES, ProposedFiles
+from glider_twin_ops.pages.log_pages import kind_facts
+from glider_twin_ops.watching.expected_plan import NAMES, LastFix, ProposedFiles
 from glider_twin_ops.watching.morning import Morning
 from twin.cli import counted, one_line, printable
 from twin.errors import StoreError
@@ -60,9 +67,7 @@ def write_morning(
     lead += [f"as of {as_of} UTC"] if as_of else []
     leads = [" ".join(lead) or told.title]
     if (fix := told.last_fix) is not None:
-        leads.append(
-            f"last fix {utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
-        )
+        leads.append(f"last fix {_fixed(fix)}")
     verdict = told.verdict
     if told.health is not None and told.health.alarm:  # by what it was judged is said below it
         verdict, *qualified = verdict.split("; ")
@@ -178,43 +183,38 @@ def summary(told: Morning, new: Sequence[str]) -> str:
     """Ten lines at most, for an e-mail."""
     lines = [told.verdict]
     if told.dives:
+        said_of = f"{counted(len(told.dives), 'dive')} of {told.deployment}"
+        lines.append(f"{said_of}, {len(told.legs)} from fix to fix")
         north, east = told.legs[-1].leg.current if told.legs else (math.nan, math.nan)
         speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
-        lines.append(
-            f"{counted(len(told.dives), 'dive')} of {told.deployment}, "
-            f"{len(told.legs)} from fix to fix"
-            + (
-                f"; current of the last {speed:.2f} m/s towards {round(course) % 360:03d} degree"
-                if speed >= 0.0
-                else ""
-            )
-        )
+        if speed >= 0.0:
+            toward = f"towards {round(course) % 360:03d} degree"
+            lines[-1] += f"; current of the last {speed:.2f} m/s {toward}"
     if (fix := told.last_fix) is not None:
-        lines.append(
-            f"Last fix {utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
-        )
+        lines.append(f"Last fix {_fixed(fix)}")
     if (said := told.dialogue) is not None and said.why:
         lines[-1] += f"; came up because of: {said.why}" + (
             f", {counted(said.aborts, 'abort')} since its reset" if said.aborts else ""
         )
     if (found := told.surfacings) is not None and found.surfacings:
-        one = found.surfacings[0]
-        ellipse = one.ellipse(NINETY)
-        lines.append(
+        one, ellipse = found.surfacings[0], found.surfacings[0].ellipse(NINETY)
+        lines += [
             f"Next surfacing {found.minute(one.time_s)} UTC "
-            f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}"
-        )
-        lines.append(
+            f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}",
             f"90 % within {ellipse.semi_major_m / 1e3:.1f} x {ellipse.semi_minor_m / 1e3:.1f} km "
-            f"(semi-axes, the longer towards {ellipse.bearing_deg:.0f})"
-        )
-        lines.append(f"Taken to go {told.plan}")
+            f"(semi-axes, the longer towards {ellipse.bearing_deg:.0f})",
+            f"Taken to go {told.plan}",
+        ]
     lines.append(_power(told))
     lines += list(new[:2])
     if told.missing:
         more = len(told.missing) - 1
         lines.append(f"Missing: {told.missing[0]}" + (f" (and {more} more)" if more else ""))
     return "\n".join([printable(one_line(line)) for line in lines if line][:10]) + "\n"
+
+
+def _fixed(fix: LastFix) -> str:
+    return f"{utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
 
 
 def _power(told: Morning) -> str:
@@ -291,10 +291,12 @@ def _health(page: Page, health: DeploymentHealth) -> None:
                 evidence_figure(health),
                 "Log of the odds of a fault after each dive, and the level of an alarm.",
             )
-        last = [_last(health.levels.innovation[:, k]) for k in told]
-        off = sorted(zip(told, last, strict=True), key=lambda one: -abs(one[1] or 0.0))
+        innovations = (health.levels.innovation[:, k] for k in told)
+        known = (one[np.isfinite(one)] for one in innovations)
+        last = {k: float(one[-1]) if one.size else None for k, one in zip(told, known, strict=True)}
+        off = sorted(told, key=lambda k: -abs(last[k] or 0.0))
         page.say("What is farthest from its level, each dive and the level:")
-        page.pair(channel_figures(health, [k for k, _ in off[:SHOWN]], "health"))
+        page.pair(channel_figures(health, off[:SHOWN], "health"))
         page.table(
             [
                 {
@@ -302,7 +304,7 @@ def _health(page: Page, health: DeploymentHealth) -> None:
                     "level": float(health.levels.level[-1, k]),
                     "deviation": float(health.levels.deviation[-1, k]),
                     "unit": CHANNELS[k].unit,
-                    "last innovation": _last(health.levels.innovation[:, k]),
+                    "last innovation": last[k],
                     "what it is": CHANNELS[k].says,
                 }
                 for k in told
@@ -316,11 +318,6 @@ def _health(page: Page, health: DeploymentHealth) -> None:
     if health.lacking:
         told_by = f"{len(CHANNELS) - len(health.lacking)} of {len(CHANNELS)} channels"
         page.say(f"Judged by {told_by}. Not told by this log: {', '.join(health.lacking)}.")
-
-
-def _last(values: np.ndarray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(known[-1]) if known.size else None
 
 
 def _energy(page: Page, told: Morning) -> None:

@@ -107,8 +107,8 @@ class DeploymentDraw:
         return "none" if self.fault is None else self.fault.kind
 
 
-def _rng(seed: int, *key: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_KEY, *key)))
+def _stream(seed: int, *key: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed, spawn_key=(_KEY, *key))
 
 
 def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ class DeploymentPlan:
           MissionError, NoSteadyState: the vehicle cannot fly it.
         """
         table, distributions = self.tables
-        rng = _rng(self.seed, index, attempt)
+        rng = np.random.default_rng(_stream(self.seed, index, attempt))
         values = draw_values(table, distributions, seed=self.seed, mission=index, attempt=attempt)
         segment = {
             name: distributions[name].draw(rng) for name, row in table.items() if row.per_segment
@@ -183,9 +183,7 @@ class DeploymentPlan:
         believed = believed_vehicle(self.vehicle, parameters)
         dives = int(rng.integers(DIVES[0], DIVES[1] + 1))
         mission, lengths = _mission(segment, dives, believed, values, rng)
-        fault, onset = None, math.nan
-        if faulty:
-            fault, onset = _fault(self, dives, lengths, rng)
+        fault, onset = _fault(self, dives, lengths, rng) if faulty else (None, math.nan)
         deepest = max(s.max_depth_m for s in mission.segments if isinstance(s, SawTooth))
         scenario = Scenario(
             vehicle=flown,
@@ -211,7 +209,7 @@ class DeploymentPlan:
             dives=dives,
             fault=fault,
             onset=onset,
-            sensor_seed=np.random.SeedSequence(self.seed, spawn_key=(_KEY, index, attempt, 1)),
+            sensor_seed=_stream(self.seed, index, attempt, 1),
             parameters=parameters,
             wave_speed=float(rng.uniform(*WAVE_SPEED)),
         )
@@ -219,7 +217,7 @@ class DeploymentPlan:
 
 def faulty_of(seed: int, index: int) -> bool:
     """Whether a deployment has a fault: one of each pair has."""
-    first = bool(_rng(seed, index // 2, 0xC0).integers(2))
+    first = bool(np.random.default_rng(_stream(seed, index // 2, 0xC0)).integers(2))
     return first == (index % 2 == 0)
 
 
@@ -231,50 +229,37 @@ def _mission(
     rng: np.random.Generator,
 ) -> tuple[Mission, list[float]]:
     """The plan, and about how long [s] each dive with its stay takes."""
-    heading = float(values["mission.start_heading_deg"])
-    left = 0
-    segments: list[Any] = []
-    lengths: list[float] = []
-    one_yo = _yo_time(drawn, vehicle)
+    names = ("max_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg", "climb_net_mass_kg")
+    set_to = {name: number(drawn, f"mission.{name}") for name in (*names, "min_depth_m")}
+    shallow = set_to.pop("min_depth_m")
+    one_yo = 0.0  # [s] of one dive and climb at their steady speeds
+    for sign, way in ((1.0, ""), (-1.0, "climb_")):
+        pitch, mass = f"{way}pitch_deg", f"{way}net_mass_kg"
+        steady = track_to_follow(
+            vehicle, "deployment", pitch, -sign * set_to[pitch], sign * set_to[mass], None,
+            within_travel=True,
+        )  # fmt: skip
+        one_yo += (set_to["max_depth_m"] - shallow) / abs(steady.vertical_speed)
     yos = max(1, round(3600.0 * float(rng.uniform(*HOURS)) / one_yo))
+    heading, left = float(values["mission.start_heading_deg"]), 0
+    segments: list[Any] = []
     for _ in range(dives):
         if left == 0:
             heading = (heading + float(rng.uniform(-120.0, 120.0))) % 360.0
             left = int(rng.integers(*LEG))
         left -= 1
-        one = {
-            name: number(drawn, f"mission.{name}") * (1.0 + JITTER * float(rng.standard_normal()))
-            for name in ("max_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg",
-                         "climb_net_mass_kg")
-        }  # fmt: skip
-        shallow = number(drawn, "mission.min_depth_m")
+        one = {n: x * (1.0 + JITTER * float(rng.standard_normal())) for n, x in set_to.items()}
         dive = SawTooth(heading_deg=heading, yos=yos, min_depth_m=shallow, **one)
         segments += [Surface(duration_s=STAY), dive]
-        lengths.append(STAY + yos * one_yo)
-    segments.append(Surface(duration_s=STAY))
-    lengths.append(STAY + 300.0)
+    lengths = [STAY + yos * one_yo] * dives + [STAY + 300.0]
     mission = Mission(
-        segments=tuple(segments),
+        segments=(*segments, Surface(duration_s=STAY)),
         start_heading_deg=heading,
         at_end="surface",
         name="deployment",
         duration_s=sum(lengths),
     )
     return mission, lengths
-
-
-def _yo_time(drawn: dict[str, Any], vehicle: Vehicle) -> float:
-    """[s] of one dive and climb at their steady speeds; raises NoSteadyState."""
-    height = number(drawn, "mission.max_depth_m") - number(drawn, "mission.min_depth_m")
-    total = 0.0
-    for sign, pitch, mass in ((1.0, "pitch_deg", "net_mass_kg"),
-                              (-1.0, "climb_pitch_deg", "climb_net_mass_kg")):  # fmt: skip
-        steady = track_to_follow(
-            vehicle, "deployment", pitch, -sign * number(drawn, f"mission.{pitch}"),
-            sign * number(drawn, f"mission.{mass}"), None, within_travel=True,
-        )  # fmt: skip
-        total += height / abs(steady.vertical_speed)
-    return total
 
 
 def _fault(

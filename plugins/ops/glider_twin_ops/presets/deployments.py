@@ -9,12 +9,11 @@ dimension `deployment` it says what was wrong, from which dive on, and how much.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -68,8 +67,7 @@ KIND = "simulated"
 """What such a store calls its kind of log"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class MadeDeployments:
+class MadeDeployments(NamedTuple):
     """What was made."""
 
     store: Path
@@ -131,9 +129,7 @@ def make_deployments(
             for made in map(_piece, jobs) if pool is None else pool.map(_piece, jobs):
                 watch(share * made)
         dives, days, faulty = _joined(files, folder)
-    return MadeDeployments(
-        store=Path(out), deployments=len(draws), faulty=faulty, dives=dives, days=days
-    )
+    return MadeDeployments(Path(out), len(draws), faulty, dives, days)
 
 
 def _lasting(plan: DeploymentPlan, hours: float) -> list[DeploymentDraw]:
@@ -197,9 +193,8 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
             channels[known] = Channel(time[finite], values[finite])
     north, east = signals["measured_gps_north"], signals["measured_gps_east"]
     fixed = np.flatnonzero(np.isfinite(north))
-    latitude, longitude = position(
-        north[fixed], east[fixed], place.latitude_deg, place.longitude_deg
-    )
+    origin = place.latitude_deg, place.longitude_deg
+    latitude, longitude = position(north[fixed], east[fixed], *origin)
     return DeploymentLog(
         deployment=draw.name,
         platform=f"simulated {vehicle.name}",
@@ -225,49 +220,31 @@ def dataset_of_logs(
     """Deployments as `factory import` would store their logs, with what was wrong."""
     import xarray as xr
 
-    parts = []
-    for _, log in flown:  # one by one: a store is sorted by time, and these by their number
-        one, _ = dives_dataset(
+    parts = [  # one by one: a store is sorted by time, and these by their number
+        dives_dataset(
             [log], kind=KIND, period=plan.period, rules=DiveRules(), tally=Tally(),
             files=[log.deployment],
-        )  # fmt: skip
-        parts.append(one)
-    dataset = xr.concat(
-        parts,
-        MISSION,
-        combine_attrs="override",
-        data_vars="minimal",
-        coords="minimal",
-        compat="override",
-        join="outer",
-    )
+        )[0]
+        for _, log in flown
+    ]  # fmt: skip
+    how: dict[str, Any] = {"combine_attrs": "override", "compat": "override", "join": "outer"}
+    dataset = xr.concat(parts, MISSION, data_vars="minimal", coords="minimal", **how)
     dataset = dataset.assign_coords({MISSION: np.arange(dataset.sizes[MISSION])})
-    faults = [draw.fault for draw, _ in flown]
-    onsets = [_onset(draw, one) for (draw, _), one in zip(flown, parts, strict=True)]
-    labels: dict[str, tuple[list[Any], type, str]] = {
-        FAULT_KIND: ([d.kind for d, _ in flown], object, "fault; none: it is healthy"),
-        FAULT_ONSET: (
-            onsets,
-            float,
-            "number of the first dive with the fault, as in `dive`; NaN where it is healthy",
-        ),
-        FAULT_SIZE: (
-            [math.nan if one is None else one.size for one in faults],
-            float,
-            "size of the fault in its kind's unit; NaN where it is healthy",
-        ),
-        LABELS: (
-            [json.dumps({} if one is None else one.describe()) for one in faults],
-            object,
-            "JSON of the fault with all of its settings",
-        ),
-        NAME: ([d.name for d, _ in flown], object, "name, as in `deployment`"),
-    }
+    labels: tuple[tuple[str, type, str, list[Any]], ...] = (
+        (FAULT_KIND, object, "fault; none: it is healthy", [d.kind for d, _ in flown]),
+        (FAULT_ONSET, float, "number of the first dive with the fault, as in `dive`; NaN where it "
+         "is healthy", [_onset(d, one) for (d, _), one in zip(flown, parts, strict=True)]),
+        (FAULT_SIZE, float, "size of the fault in its kind's unit; NaN where it is healthy",
+         [math.nan if d.fault is None else d.fault.size for d, _ in flown]),
+        (LABELS, object, "JSON of the fault with all of its settings",
+         [json.dumps({} if d.fault is None else d.fault.describe()) for d, _ in flown]),
+        (NAME, object, "name, as in `deployment`", [d.name for d, _ in flown]),
+    )  # fmt: skip
     # the dimension has the name of an array over missions: a coordinate, were it assigned
     variables = {str(name): dataset[name].variable for name in dataset.variables}
     added: dict[str, Any] = {
-        name: (DEPLOYMENT, np.array(values, kind), {"long_name": long_name})
-        for name, (values, kind, long_name) in labels.items()
+        name: (DEPLOYMENT, np.array(values, kind), {"long_name": says})
+        for name, kind, says, values in labels
     }
     found = xr.Dataset(
         {**variables, **added}, attrs={**dataset.attrs, VEHICLE_MJCF: plan.vehicle.xml}

@@ -10,6 +10,9 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from glider_twin_ops.watching.deployment_folder import WatchedDeployment as WatchedDeployment
+    from glider_twin_ops.watching.learning_dives import MostTelling as MostTelling
+    from glider_twin_ops.watching.learning_dives import information_of as information_of
+    from glider_twin_ops.watching.learning_dives import most_telling as most_telling
     from glider_twin_ops.watching.learning_dives import propose_learning as propose_learning
     from glider_twin_ops.watching.sources import SOURCES as SOURCES
     from glider_twin_ops.watching.sources import Source as Source

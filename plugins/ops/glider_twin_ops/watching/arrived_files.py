@@ -111,11 +111,15 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
         names = _names(source, recursive=deployment.recursive)
     except OSError as error:
         missing = f"the source {source} cannot be read: {error.strerror or error}"
-    if kind == AUTO:
-        kind = _kind_of(source, names)
+    kind = _kind_of(source, names) if kind == AUTO else kind
     importer = IMPORTERS[kind] if kind else None
     logs = [name for name in names if importer and importer.accepts(source / name)]
-    sums = _without_copies(_sums({f"{FILES}/{name}": source / name for name in logs}, refused))
+    # each content once, under its shortest name; empty files all
+    every = _sums({f"{FILES}/{name}": source / name for name in logs}, refused)
+    first: dict[str, str] = {}
+    for name in sorted(every, key=lambda one: (len(one), one)):
+        first.setdefault(every[name], name)
+    sums = {name: s for name, s in sorted(every.items()) if s == EMPTY or first[s] == name}
     beside = _beside(deployment, source, names, importer)
     return ArrivedFiles(
         source=source_of(deployment.source, kind),
@@ -195,17 +199,6 @@ def _sum(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _without_copies(sums: dict[str, str]) -> dict[str, str]:
-    """Each content once, under its shortest name, in the order of names; empty files all."""
-    kept: dict[str, str] = {}
-    seen: set[str] = set()
-    for name in sorted(sums, key=lambda one: (len(one), one)):
-        if sums[name] == EMPTY or sums[name] not in seen:
-            seen.add(sums[name])
-            kept[name] = sums[name]
-    return dict(sorted(kept.items()))
-
-
 def _beside(
     deployment: WatchedDeployment, source: Path, names: Sequence[str], importer: Importer | None
 ) -> dict[str, Path]:
@@ -218,12 +211,9 @@ def _beside(
         path = deployment.place(deployment.mapping)
         found |= {f"{MAPPING}/{path.name}": path} if path.is_file() else {}
     if importer.takes_cache and deployment.cache:
+        lists = (p for p in sorted(deployment.place(deployment.cache).iterdir()) if p.is_file())
         own = importer.suffixes - TABLES
-        every = sorted(deployment.place(deployment.cache).iterdir())
-        found |= {
-            f"{CACHE}/{path.name}": path
-            for path in every if path.suffix.lower() in own and path.is_file()
-        }  # fmt: skip
+        found |= {f"{CACHE}/{p.name}": p for p in lists if p.suffix.lower() in own}
     return found
 
 

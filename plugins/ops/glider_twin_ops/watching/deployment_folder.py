@@ -24,6 +24,7 @@ from glider_twin_ops.watching.sources import source_of
 from twin import Vehicle, load_vehicle
 from twin.bounded import read_toml
 from twin.errors import InputError, TwinError, WriteError, quoted, shown, unknown_name
+from twin.identify import start_vehicle
 from twin.records import whole_file
 from twin.records.storage import check_folder_target
 from twin.water.current import check_field
@@ -110,14 +111,10 @@ class WatchedDeployment:
             self.own_vehicle()
             check_members(self.members)
             check_hours(self.hours)
-            if self.goto:
-                mission_to(
-                    self.goto,
-                    depth=self.depth_m or 100.0,  # what its dives will tell, as the pitch
-                    pitch_deg=26.0,
-                    surface_after_s=3600.0 * (self.surface_every_h or 3.0),
-                    radius=500.0,
-                )
+            if self.goto:  # its dives will tell the depth, as the pitch
+                deep, every = self.depth_m or 100.0, 3600.0 * (self.surface_every_h or 3.0)
+                usual = {"pitch_deg": 26.0, "radius": 500.0}
+                mission_to(self.goto, depth=deep, surface_after_s=every, **usual)
             if self.current:
                 check_field(self.field)
             threshold_of(self.false_alarm_days)
@@ -135,6 +132,10 @@ class WatchedDeployment:
             return None
         path = self.place(self.vehicle)
         return load_vehicle(path if path.is_file() else self.vehicle)
+
+    def vehicle_of(self, log: Path) -> Vehicle:
+        """That of `vehicle`, or the shipped one of the kind of a log."""
+        return self.own_vehicle() or start_vehicle(log)
 
     @property
     def field(self) -> str:

@@ -99,12 +99,10 @@ def _number(word: str) -> float | None:
 def _place(*words: str) -> tuple[float, float] | None:
     """Degrees of latitude and longitude as degrees and minutes in one number, such as -11741.800;
     None where it is no place."""
-    values = [_number(word) for word in words]
-    if any(value is None for value in values):
+    values = [value for value in map(_number, words) if value is not None]
+    if len(values) < len(words):
         return None
-    latitude, longitude = (
-        int(value / 100.0) + math.fmod(value, 100.0) / 60.0 for value in values if value is not None
-    )
+    latitude, longitude = (int(x / 100.0) + math.fmod(x, 100.0) / 60.0 for x in values)
     return (latitude, longitude) if abs(latitude) <= 90.0 and abs(longitude) <= 180.0 else None
 
 
@@ -132,17 +130,12 @@ CODES = {
 }
 NO_REASON = ("CONTROL_FINISHED_OK", "NO_RECOVERY_REASON")
 """Codes of a usual dive"""
-FIRST = {
-    "dive": (0, ""), "reboots": (5, ""), "pitch": (10, "degree"), "depth": (11, "m"),
-}  # fmt: skip
+FIRST = {"dive": (0, ""), "reboots": (5, ""), "pitch": (10, "degree"), "depth": (11, "m")}
 """Place in the counter line and unit, where it has the voltages"""
-LAST = {
-    16: {"battery_10V": 12, "battery_24V": 13, "internal_pressure": 14, "humidity": 15},
-    17: {"battery_10V": 13, "battery_24V": 14, "internal_pressure": 15, "humidity": 16},
-    20: {"battery_10V": 13, "battery_24V": 14, "internal_pressure": 15, "humidity": 16},
-}
-"""Places of what stands behind, by the number of counters"""
+BEHIND = {16: 12, 17: 13, 20: 13}
+"""Place of the first of what stands behind, by the number of counters"""
 UNITS = {"battery_10V": "V", "battery_24V": "V", "internal_pressure": "psi", "humidity": "%"}
+"""What stands there, one after the other"""
 CLOCKS = ("%Y-%m-%dT%H:%M:%SZ", "%a %b %d %H:%M:%S UTC %Y", "%a %b %d %H:%M:%S GMT %Y")
 """Of a base station; one in another zone is not known, and the fix has the time"""
 
@@ -182,9 +175,9 @@ def _call(text: str, vehicle: str) -> SurfaceDialogue | None:
 
 
 def _sensors(counters: Sequence[str]) -> dict[str, tuple[float, str]]:
-    places = LAST.get(len(counters))
-    every = {"dive": FIRST["dive"]} if places is None else dict(FIRST)
-    every |= {name: (place, UNITS[name]) for name, place in (places or {}).items()}
+    every = {"dive": FIRST["dive"]}
+    if (behind := BEHIND.get(len(counters))) is not None:
+        every = FIRST | {name: (k, UNITS[name]) for k, name in enumerate(UNITS, behind)}
     values = {name: (_number(counters[place]), unit) for name, (place, unit) in every.items()}
     return {name: (value, unit) for name, (value, unit) in values.items() if value is not None}
 

@@ -21,26 +21,21 @@ from twin.logs import Endurance, EnergyUse
 DEEPER, STEEPER_DEG = 1.5, 6.0
 LESS = {"half the samples": ("payload", 0.5), "thruster off": ("thruster", 1.0)}
 """Consumer and part of its power that a change saves"""
-SAFE = 0.05
-"""Draws of hundred that may not get home from the last safe day"""
-OWN_DAYS = 2.0
-"""[d] after which a current is another one, as forecasts have it"""
-STEPS = 500
+SAFE, OWN_DAYS, STEPS = 0.05, 2.0, 500
+"""Part of the draws that may not get home from the last safe day; [d] after which a current is
+another one, as forecasts have it; and days that are looked at"""
 DAY, KILO = 86400.0, 1e3
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WhatIf:
-    """The plan, or a change of it."""
+    """The plan, or a change of it: [W], [d] left, and these in words."""
 
     what: str
     power: float
-    """[W]"""
     days: float
-    """[d] left"""
     days_90: tuple[float, float]
     between: str
-    """The same in words"""
     km_a_day: float | None
     """[km/d] through the water; None where it is that of the plan"""
 
@@ -112,6 +107,18 @@ def energy_outlook(
             missions[name] = changed
         except MissionError as error:
             lacking.append(f"what if {name}: {error}")
+
+    def row(what: str, added: float, km_a_day: float | None) -> WhatIf:
+        power = max(lasts.power + added, lasts.power / 10.0)
+        return WhatIf(
+            what=what,
+            power=power,
+            days=lasts.days * lasts.power / power,
+            days_90=lasts.interval(added),
+            between=lasts.between(added),
+            km_a_day=km_a_day,
+        )
+
     flown = fly_nominal(found.request, list(missions.values()))
     plan = flown[0]
     if isinstance(plan, SimulationUnstable):
@@ -123,14 +130,19 @@ def energy_outlook(
             lacking.append(f"what if {name}: {flight}")
             continue
         power, fast = flight.rates()
-        rows.append(_row(name, lasts, power - own, fast * DAY / KILO))
+        rows.append(row(name, power - own, fast * DAY / KILO))
     takes = {one.name: one.energy / (used.hours * 3600.0) for one in used.terms}
     for name, (consumer, part) in LESS.items():
         if takes.get(consumer, 0.0) > 0.0:
-            rows.append(_row(name, lasts, -part * takes[consumer], None))
+            rows.append(row(name, -part * takes[consumer], None))
     if not takes.get("payload"):
         lacking.append("what if half the samples: the log does not tell the payload's power")
-    stays = np.inf if guessed else _until_arrival(found)
+    place, targets, stays = found.request.place, found.targets(), np.inf
+    if len(targets) and not guessed:  # [d] until the last one is reached, at the way made good
+        longitude, latitude = (float(value) for value in targets[-1])
+        there = to_tangent_plane(latitude, longitude, place.latitude_deg, place.longitude_deg)
+        times, way = found.ways[0]
+        stays = float(np.hypot(*there) / max(np.hypot(*way[-1]), 1.0) * times[-1] / DAY)
     turn = None if home is None else _turn_home(found, lasts, legs, home, speed, stays)
     return EnergyOutlook(rows=tuple(rows), home=turn, lacking=tuple(lacking))
 
@@ -154,18 +166,6 @@ def _changes(mission: Mission) -> dict[str, Mission]:
         f"{DEEPER:g} times as deep": changed(max_depth_m=more, surface_after_s=more),
         f"{STEEPER_DEG:.0f} degree steeper": changed(pitch_deg=steep, climb_pitch_deg=steep),
     }
-
-
-def _row(what: str, lasts: Endurance, added: float, km_a_day: float | None) -> WhatIf:
-    power = max(lasts.power + added, lasts.power / 10.0)
-    return WhatIf(
-        what=what,
-        power=power,
-        days=lasts.days * lasts.power / power,
-        days_90=lasts.interval(added),
-        between=lasts.between(added),
-        km_a_day=km_a_day,
-    )
 
 
 def _turn_home(
@@ -195,9 +195,8 @@ def _turn_home(
     span = (legs[-1].leg.end - legs[0].leg.start) / DAY
     known = min(max(span / OWN_DAYS, 1.0), float(len(currents)))
     rng = np.random.default_rng(0)
-    drawn = currents.mean(axis=0) + currents.std(axis=0) / np.sqrt(known) * rng.standard_normal(
-        (len(lasts.powers), 2)
-    )
+    normal = rng.standard_normal((len(lasts.powers), 2))
+    drawn = currents.mean(axis=0) + currents.std(axis=0) / np.sqrt(known) * normal
     towards = to_home / np.maximum(away, 1.0)[:, None]
     along = drawn @ towards.T  # (draw, time)
     across = drawn @ np.stack([-towards[:, 1], towards[:, 0]])
@@ -212,15 +211,3 @@ def _turn_home(
         safe_days=float(np.quantile(last, SAFE)),
         reached=float(1.0 - short[:, 0].mean()),
     )
-
-
-def _until_arrival(found: Forecast) -> float:
-    """[d] until the plan's last place is reached, at the way made good; infinite without one."""
-    targets = found.targets()
-    if not len(targets):
-        return np.inf
-    place = found.request.place
-    longitude, latitude = (float(value) for value in targets[-1])
-    there = to_tangent_plane(latitude, longitude, place.latitude_deg, place.longitude_deg)
-    times, way = found.ways[0]
-    return float(np.hypot(*there) / max(np.hypot(*way[-1]), 1.0) * times[-1] / DAY)

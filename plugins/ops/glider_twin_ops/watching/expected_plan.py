@@ -34,16 +34,13 @@ from twin.records import LogStore
 from twin.records.attributes import DIVE_DURATION
 from twin.show.style import moment_of
 
-LAST = 5
-"""Dives whose median depth, pitch and time it goes on with"""
-ON = 50_000.0
-"""[m] ahead: farther than a glider goes within a forecast"""
+LAST, STEEP = 5, 8.0
+"""Dives whose median depth, pitch and time it goes on with; [degree] of pitch from which it dives
+or climbs"""
+ON, RADIUS = 50_000.0, 500.0
+"""[m] ahead: farther than a glider goes within a forecast; of arrival, as `twin forecast` has it"""
 ARRIVED = 1_000.0
 """[m] within which a waypoint of the log counts as reached, so that the next one is not known"""
-RADIUS = 500.0
-"""[m] of arrival, as `twin forecast --goto` has it"""
-STEEP = 8.0
-"""[degree] of pitch from which it dives or climbs"""
 HOUR, MINUTE = 3600.0, 60.0
 
 
@@ -100,15 +97,14 @@ def expected_plan(
 
 def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[float, float]:
     """Depth [m] and pitch [degree] of the last dives; the vehicle's usual pitch without any."""
-    depths, steep = [], []
     with LogStore(store) as logs:
-        for one in legs[-LAST:]:
-            depth = logs.signal("measured_depth", one.mission)
-            pitch = np.abs(logs.signal("measured_pitch", one.mission))
-            if np.isfinite(depth).any():
-                depths.append(float(np.nanmax(depth)))
-            if (pitch > STEEP).any():
-                steep.append(float(np.median(pitch[pitch > STEEP])))
+        dives, pitches = (
+            [logs.signal(f"measured_{name}", one.mission) for one in legs[-LAST:]]
+            for name in ("depth", "pitch")
+        )
+    depths = [float(np.nanmax(one)) for one in dives if np.isfinite(one).any()]
+    glides = (np.abs(one)[np.abs(one) > STEEP] for one in pitches)
+    steep = [float(np.median(one)) for one in glides if len(one)]
     usual = math.degrees(vehicle.usual_glide[0])
     return float(np.median(depths)), float(round(np.median(steep))) if steep else usual
 
@@ -135,14 +131,11 @@ def _place(metres: Array, begin: tuple[float, float]) -> str:
 
 
 class LastFix(NamedTuple):
-    """Where it was known to be last."""
+    """Where it was known to be last: [degree] and [s] unix."""
 
     latitude: float
-    """[degree]"""
     longitude: float
-    """[degree]"""
     time: float
-    """[s] unix"""
 
     def describe(self) -> dict[str, Any]:
         """JSON-able."""
@@ -173,13 +166,10 @@ UNWRITTEN = {
     "holds, and its plans are made with its maker's program; set there what is said above",
     "": "files of {} vehicles are not written: set it as it is said above",
 }
-READS_BACK = """behavior: surface
-    b_arg: args_from_file(enum) 10
-behavior: goto_list
-    b_arg: args_from_file(enum) 10
-behavior: yo
-    b_arg: args_from_file(enum) 10
-"""
+READS_BACK = "".join(
+    f"behavior: {name}\n    b_arg: args_from_file(enum) 10\n"
+    for name in ("surface", "goto_list", "yo")
+)
 """A mission file that takes argument files of number 10"""
 MOST_BYTES = 100_000
 """Of a file that is flown now"""

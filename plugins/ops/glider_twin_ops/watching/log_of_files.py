@@ -93,8 +93,10 @@ def log_of_files(
     stamp = "" if until is None else f" until {until.isoformat()}"
     one = damage_of(store)
     damage = f"{store.name} was damaged, and is made again: {one}" if one else ""
-    if not (found.missing or again or damage) and _digest(store) == found.digest + stamp:
-        return _outcome(store, found)
+    if not (found.missing or again or damage) and is_store(store):
+        with contextlib.suppress(StoreError):
+            if read_attributes(store).get(DIGEST) == found.digest + stamp:
+                return _outcome(store, found)
     if found.missing:
         return _outcome(store, found, damage, missing=found.missing)
     with _staging(store) as place:
@@ -194,13 +196,6 @@ def _until(dataset: xr.Dataset, until: datetime.datetime) -> xr.Dataset:
             f"no dive had ended by {until:%Y-%m-%d %H:%M} UTC; the first did {first:%Y-%m-%d %H:%M}"
         )
     return dataset.isel({MISSION: rows})
-
-
-def _digest(store: Path) -> str:
-    try:
-        return str(read_attributes(store).get(DIGEST, "")) if is_store(store) else ""
-    except StoreError:
-        return ""
 
 
 def _outcome(

@@ -19,6 +19,7 @@ from glider_twin_ops.forecast import (
     LoggedLeg,
     Request,
     RoutePlan,
+    begun,
     forecast,
     known_from_logs,
     legs_of,
@@ -48,7 +49,6 @@ from twin.identify import (
     load_calibration,
     load_logs,
     other_kind,
-    start_vehicle,
     with_consumption,
 )
 from twin.logs import Endurance, EnergyUse, counted_energy, endurance_of
@@ -116,9 +116,9 @@ class Morning:
         if self.health is None:
             return f"{self.title}: nothing can be judged yet"
         said = self.health.verdict()
-        if not self.health.alarm or self.vehicle is None or identified(self.vehicle):
-            return said
-        return f"{said}; judged by {self.vehicle.name}, not by a vehicle identified from its logs"
+        if self.health.alarm and self.vehicle is not None and not identified(self.vehicle):
+            said += f"; judged by {self.vehicle.name}, not by a vehicle identified from its logs"
+        return said
 
     @property
     def last_fix(self) -> LastFix | None:
@@ -162,31 +162,28 @@ class Morning:
                 for one, level, deviation in zip(CHANNELS, *last, strict=True)
                 if one.name not in self.health.lacking
             }
+        parts = {
+            "last_fix": self.last_fix,
+            "health": self.health,
+            "energy": self.used,
+            "outlook": self.outlook,
+            "routes": self.routes,
+            "forecast": self.surfacings,
+        }
+        same = ("title", "deployment", "verdict", "energy_left_kwh", "plan")
         return {
-            "title": self.title,
-            "deployment": self.deployment,
+            **{name: getattr(self, name) for name in same},
+            **{name: list(getattr(self, name)) for name in ("dives", "changes", "lacking")},
+            **{name: list(getattr(self.log, name)) for name in ("unreadable", "short")},
+            **{name: None if one is None else one.describe() for name, one in parts.items()},
             "vehicle": None if self.vehicle is None else self.vehicle.name,
-            "verdict": self.verdict,
-            "dives": list(self.dives),
-            "last_fix": None if self.last_fix is None else self.last_fix.describe(),
             "dialogue": None if self.dialogue is None else dataclasses.asdict(self.dialogue),
             "current": self.legs[-1].leg.current.tolist() if self.legs else None,
-            "health": None if self.health is None else self.health.describe(),
             "levels": levels,
             "parameters": self.parameters(),
-            "energy": None if self.used is None else self.used.describe(),
-            "energy_left_kwh": self.energy_left_kwh,
             "days_left": None if self.lasts is None else self.lasts.days,
             "days_left_90": None if self.lasts is None else self.lasts.interval(),
-            "outlook": None if self.outlook is None else self.outlook.describe(),
-            "plan": self.plan,
-            "changes": list(self.changes),
-            "routes": None if self.routes is None else self.routes.describe(),
             "proposed": {} if self.proposed is None else dict(self.proposed.changes),
-            "forecast": None if self.surfacings is None else self.surfacings.describe(),
-            "lacking": list(self.lacking),
-            "unreadable": list(self.log.unreadable),
-            "short": list(self.log.short),
         }
 
 
@@ -245,7 +242,7 @@ def morning(
             f"that a thruster drove: the current is {(came_up.time - legs[-1].leg.end) / HOUR:.1f} "
             "h older than the last fix"
         )
-    vehicle = told("vehicle", lambda: vehicle_of_log(deployment, store))
+    vehicle = told("vehicle", lambda: deployment.vehicle_of(store))
     tells: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
         "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle,
@@ -308,11 +305,18 @@ def morning(
             FORECAST, lambda: _forecast(deployment, store, takes, left, fix, expected)
         )  # fmt: skip
         if expected is not None and answer is not None:
-            tells["surfacings"], tells["plan"], known = answer
+            tells["surfacings"], tells["plan"], water = answer
             tells["changes"] = expected.changes
             if deployment.goto:
                 say("routes")
-                tells["routes"] = told("routes", lambda: _routes(answer[0].request, known, say))
+                asked, (first, *_) = answer[0].request, answer[0].request.mission.segments
+                assert isinstance(first, Waypoint)
+                nearest = dataclasses.replace(first, targets=first.targets[:1])
+                mission = dataclasses.replace(asked.mission, segments=(nearest,))
+                asked = dataclasses.replace(asked, mission=mission)
+                tells["routes"] = told(  # `twin route` flies the ways, too
+                    "routes", lambda: plan_routes(asked, water, fly_them=False, say=say)
+                )
             if expected.guessed:
                 lacking.append(
                     "where it goes: nobody says it, so the ellipses hold only if it goes on as in "
@@ -330,11 +334,6 @@ def morning(
     return Morning(**tells, lacking=tuple(lacking))
 
 
-def vehicle_of_log(deployment: WatchedDeployment, store: Path) -> Vehicle:
-    """The vehicle of a deployment: its settings', or that of the kind of its log."""
-    return deployment.own_vehicle() or start_vehicle(store)
-
-
 def _forecast(
     deployment: WatchedDeployment,
     store: Path,
@@ -344,29 +343,19 @@ def _forecast(
     plan: ExpectedPlan,
 ) -> tuple[Forecast, str, Known]:
     """The next surfacings from the last fix on, what it is taken to do in words, and the water."""
-    known = known_from_logs(store, str(vehicle.path) if identified(vehicle) else None)
-    start = float(round(fix.time))
-    stale = known.check_begin(fix.latitude, fix.longitude, start)
-    begin = utc_text(moment_of(start))
+    begin = utc_text(moment_of(float(round(fix.time))))
+    place, water, stale = begun(
+        Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),
+        known_from_logs(store, str(vehicle.path) if identified(vehicle) else None),
+    )
     request = Request(
         vehicle=vehicle,
         mission=plan.mission,
-        place=Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),
+        place=place,
         hours=deployment.hours,
         members=deployment.members,
         energy_left_kwh=left if left and left > 0.0 else None,
         field=parse_field(deployment.field) if deployment.current else None,
     )
     said = ". ".join([plan.words, *request.notes(), *([stale] if stale else [])])
-    water = known.at(start)
     return forecast(request, water), said, water
-
-
-def _routes(request: Request, water: Known, say: Callable[[str], object]) -> RoutePlan:
-    """Ways to the next place, by the polar that the twin flew; `twin route` flies the ways, too."""
-    first = request.mission.segments[0]
-    assert isinstance(first, Waypoint)
-    next_one = dataclasses.replace(first, targets=first.targets[:1])
-    mission = dataclasses.replace(request.mission, segments=(next_one,))
-    asked = dataclasses.replace(request, mission=mission)
-    return plan_routes(asked, water, fly_them=False, say=say)

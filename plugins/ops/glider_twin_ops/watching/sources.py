@@ -9,10 +9,12 @@ away, and the next pass asks for it again.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import datetime
 import io
+import math
 import re
 import urllib.error
 import urllib.request
@@ -44,15 +46,14 @@ DAY = datetime.timedelta(days=1)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SurfaceDialogue:
-    """The last of what one vehicle said at the surface."""
+    """The last of what one vehicle said at the surface; times are [s] unix."""
 
     vehicle: str
     time: float
-    """[s] unix, by its clock or by that of who heard it"""
+    """By its clock or by that of who heard it"""
     fix: tuple[float, float] | None
     """Latitude, longitude [degree]"""
     fix_time: float | None
-    """[s] unix"""
     sensors: Mapping[str, tuple[float, str]]
     """Value and unit by name"""
     why: str
@@ -158,23 +159,22 @@ def newest_dialogue(
     """
     if not folder.is_dir():
         return None
-    names = [one for one in (folder.rglob("*") if recursive else folder.iterdir())
-             if not one.name.startswith(".")]  # fmt: skip
-    last = None if until is None else until.timestamp()
+    every = sorted(folder.rglob("*") if recursive else folder.iterdir())
+    names = [one for one in every if not one.name.startswith(".")]
+    last = math.inf if until is None else until.timestamp()
     known: list[SurfaceDialogue] = []
     for source in SOURCES.values():
         if source.dialogues and (not kind or kind in source.logs):
             fits = re.compile(source.dialogues, re.IGNORECASE).fullmatch
             read: Dialogues = resolve(source.read_dialogues)
-            for path in sorted(one for one in names if fits(one.name)):
+            for path in (one for one in names if fits(one.name)):
                 try:
-                    found = read([path])
+                    known += read([path])
                 except OF_THE_MACHINE:
                     raise
                 except Exception:
                     continue  # a page without a dialogue says less; without it there is none
-                known += [one for one in found if last is None or one.time <= last]
-    return max(known, key=lambda one: one.time, default=None)
+    return max((d for d in known if d.time <= last), key=lambda one: one.time, default=None)
 
 
 SLOCUM = Source(
@@ -185,7 +185,6 @@ SLOCUM = Source(
     dialogues=r".+\.log",
     read_dialogues="glider_twin_ops.watching.dialogues:read_dialogues",
 )
-"""Teledyne's Slocum gliders."""
 
 SEAGLIDER = Source(
     name="seaglider",
@@ -194,14 +193,12 @@ SEAGLIDER = Source(
     dialogues=r"comm(?:_\w+)?\.log",
     read_dialogues="glider_twin_ops.watching.dialogues:read_calls",
 )
-"""Seagliders and their basestation."""
 
 SEAEXPLORER = Source(
     name="seaexplorer",
     says="folder of .gli and .pld1 files, a cycle each, plain or gzip",
     logs=("seaexplorer",),
 )
-"""Alseamar's SeaExplorer gliders."""
 
 LRAUV = Source(
     name="lrauv",
@@ -216,7 +213,6 @@ NETCDF = Source(
     says="folder with a netCDF file that grows, or with a profile a file: OG1.0, NGDAC, Spray",
     logs=("og1", "ngdac", "spray"),
 )
-"""Files of one deployment, or one that grows."""
 
 TABLES = Source(
     name="tables",
@@ -233,7 +229,6 @@ ERDDAP = Source(
     address=r"https?://[^?#]+/tabledap/[^/?#]+/?$",
     fetch="glider_twin_ops.watching.sources:fetch_days",
 )
-"""Data sets of a server."""
 
 
 def fetch_days(address: str, folder: Path) -> None:
@@ -275,18 +270,14 @@ def fetch_days(address: str, folder: Path) -> None:
 def _range(url: str, address: str) -> tuple[datetime.date, datetime.date]:
     """First and last day of a data set, by what the server says of its variable time."""
     rows = csv.reader(io.StringIO(_answer(url, address).decode("utf-8", "replace")))
-    for row in rows:
-        if row[:3] == ["attribute", "time", "actual_range"]:
-            try:
-                begin, end = (float(word) for word in re.split(r"\s*,\s*", row[-1]))
-                return _day(begin), _day(end)
-            except (ValueError, OverflowError, OSError):
-                break
+    spans = (row[-1] for row in rows if row[:3] == ["attribute", "time", "actual_range"])
+    with contextlib.suppress(ValueError, OverflowError, OSError):
+        begin, end = (
+            datetime.datetime.fromtimestamp(float(word), datetime.UTC).date()
+            for word in re.split(r"\s*,\s*", next(spans, ""))
+        )
+        return begin, end
     raise InputError(f"{address} does not say from when to when its variable time reaches")
-
-
-def _day(seconds: float) -> datetime.date:
-    return datetime.datetime.fromtimestamp(seconds, datetime.UTC).date()
 
 
 def _answer(url: str, address: str, *, lacking: bytes | None = None) -> bytes:

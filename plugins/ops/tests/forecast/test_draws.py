@@ -65,8 +65,7 @@ def test_each_dive_adds_something_of_its_own(filter_):
 def test_the_error_of_a_field_is_what_fixes_have_told_of_it(filter_, told):
     rng = np.random.default_rng(3)
     water = draw_water(filter_, 36e3, MEMBERS, rng, 1e9)
-    field = (0.02, 0.05)
-    drawn = draw_field_error(water, filter_, field, 0.1, rng, told=told)
+    drawn = draw_field_error(water, filter_, (0.02, 0.05), 0.1, rng, told=told)
     start = drawn.current[1:, 0]
     if told:  # the field lacks most of the 0.08 m/s that the fixes showed
         assert 0.03 < start[:, 0].mean() < 0.08

@@ -66,23 +66,27 @@ CHI_HALF, CHI_NINETY = 2.0 * np.log(2.0), 2.0 * np.log(10.0)
 """Quantiles of chi-squared with two degrees of freedom"""
 
 
-def goes_to(place, **settings):
-    usual = {"depth": 50.0, "pitch_deg": 26.0, "surface_after_s": 1500.0, "radius": 500.0}
+def goes_to(place="37,-122.4", **settings):
+    usual = {"depth": 50.0, "pitch_deg": 26.0, "surface_after_s": 1500.0, "radius": 100.0}
     return mission_to(place, **usual | settings)
 
 
-def to_north(**settings):
-    return goes_to("37,-122.4", **{"radius": 100.0} | settings)
-
-
 def asked(**changes):
-    usual = {"vehicle": load_vehicle("glider"), "mission": to_north(), "place": PLACE,
+    usual = {"vehicle": load_vehicle("glider"), "mission": goes_to(), "place": PLACE,
              "hours": 1.0, "members": 24}  # fmt: skip
     return Request(**{**usual, **changes})
 
 
 def prior():
     return known_without_logs(36.8, UNIX)
+
+
+def drawn(known, count=24, **rngs):
+    """Courses of the water by the filter, and by all models with the deviation at the start."""
+    one = draw_water(
+        known.filter_, 3600.0, count, np.random.default_rng(rngs.get("first", 0)), 7200.0
+    )
+    return one, *draw_models(one, known.pool, np.random.default_rng(rngs.get("then", 0)))
 
 
 @pytest.fixture(scope="module")
@@ -94,17 +98,15 @@ def steps():
 
 
 def test_the_mean_comes_first_and_all_members_last(steps):
-    assert steps[0].flown == 1
-    assert not steps[0].complete
-    assert steps[-1].flown == 24
-    assert steps[-1].complete
+    ends = steps[0], steps[-1]
+    assert [(one.flown, one.complete) for one in ends] == [(1, False), (24, True)]
     assert [one.number for one in steps[-1].surfacings] == [1, 2]
 
 
 def test_the_first_member_is_the_nominal_flight(steps):
     run = twin.simulate(
         Scenario(
-            mission=dataclasses.replace(to_north(), duration_s=3600.0),
+            mission=dataclasses.replace(goes_to(), duration_s=3600.0),
             start={"latitude": 36.8, "longitude": -122.4, "time": PLACE.time},
             sample_period=10.0,
         )
@@ -120,11 +122,8 @@ def test_ellipses_grow_with_time_and_hold_the_members(steps):
     first, second = steps[-1].surfacings
     assert second.ellipse(NINETY).semi_major_m > first.ellipse(NINETY).semi_major_m
     assert first.ellipse(HALF).semi_major_m < first.ellipse(NINETY).semi_major_m
-    known = prior()
-    drawn = draw_water(known.filter_, 3600.0, 24, np.random.default_rng(0), 7200.0)
-    _, deviation = draw_models(drawn, known.pool, np.random.default_rng(0))
     ellipse = first.ellipse(NINETY)
-    expected = np.sqrt(prediction_quantile(0.9, 24)) * deviation * first.time_s
+    expected = np.sqrt(prediction_quantile(0.9, 24)) * drawn(prior())[2] * first.time_s
     radius = np.sqrt(ellipse.semi_major_m * ellipse.semi_minor_m)
     assert radius == pytest.approx(expected, rel=0.35)
 
@@ -199,10 +198,9 @@ def test_a_surfacing_around_the_horizon_is_told_of_all_members_or_not_at_all():
 
 
 def test_members_fly_on_until_the_late_ones_are_up():
-    drawn = members_of(asked(hours=0.5, members=12), prior())
-    climb = 50.0 / 0.2
-    assert {one.duration > 1800.0 + climb for one in drawn.scenarios} == {True}
-    last = drawn.scenarios[-1]
+    scenarios = members_of(asked(hours=0.5, members=12), prior()).scenarios
+    climb, last = 50.0 / 0.2, scenarios[-1]
+    assert all(one.duration > 1800.0 + climb for one in scenarios)
     assert len(last.current.north) * last.current.interval > last.duration  # drawn to the end, too
 
 
@@ -252,28 +250,28 @@ def test_the_first_member_s_end_is_compared_with_mujoco_s(short):
     assert said["unstable"] == ""
 
 
-def test_whether_two_engines_differ_as_usual_is_said():
-    def text(position, speed, hours=6.0):
-        return EndsApart(
-            time_s=3600.0 * hours, position_m=position, speed_m_s=speed, unstable=""
-        ).text
-
-    assert text(2.0, 1e-5).endswith("after 6.00 h: usual")
-    assert text(2.0, 0.041).endswith("2 m and 41 mm/s from it after 6.00 h: usual, its speed "
-                                     "differs most while it turns")  # fmt: skip
-    assert "more than the 10 m that are usual; --engine mujoco" in text(11.0, 0.0)
-    assert "usual" in text(19.0, 0.0, hours=12.0)
-    assert "more than" not in text(19.0, 0.0, hours=12.0)
+@pytest.mark.parametrize(
+    ("position", "speed", "hours", "says"),
+    [
+        (2.0, 1e-5, 6.0, "after 6.00 h: usual"),
+        (2.0, 0.041, 6.0, "2 m and 41 mm/s from it after 6.00 h: usual, its speed differs most "
+         "while it turns"),
+        (11.0, 0.0, 6.0, "more than the 10 m that are usual; --engine mujoco flies all"),
+        (19.0, 0.0, 12.0, "after 12.00 h: usual"),
+    ],
+)  # fmt: skip
+def test_whether_two_engines_differ_as_usual_is_said(position, speed, hours, says):
+    found = EndsApart(time_s=3600.0 * hours, position_m=position, speed_m_s=speed, unstable="")
+    assert found.text.endswith(says)
 
 
 def test_a_bound_on_another_day_has_its_day(steps):
-    found = dataclasses.replace(steps[-1], request=asked(
-        place=dataclasses.replace(PLACE, time="2026-11-22T23:40:00")
-    ))  # fmt: skip
-    one = dataclasses.replace(found.surfacings[0], time_s=600.0, early_s=0.0, late_s=1800.0)
-    assert forecast_row(found, one)["5 to 95 %"] == "23:40 to 11-23 00:10"
-    one = dataclasses.replace(one, time_s=1800.0, late_s=2400.0)
-    assert forecast_row(found, one)["5 to 95 %"] == "11-22 23:40 to 00:20"
+    late = asked(place=dataclasses.replace(PLACE, time="2026-11-22T23:40:00"))
+    found = dataclasses.replace(steps[-1], request=late)
+    for time, last, says in ((600.0, 1800.0, "23:40 to 11-23 00:10"),
+                             (1800.0, 2400.0, "11-22 23:40 to 00:20")):  # fmt: skip
+        one = dataclasses.replace(found.surfacings[0], time_s=time, early_s=0.0, late_s=last)
+        assert forecast_row(found, one)["5 to 95 %"] == says
 
 
 def test_warnings_of_the_flight_beside_lanes_do_not_reach_them(monkeypatch):
@@ -320,39 +318,33 @@ def test_members_fly_twice_the_vehicle_file_s_step(engine):
 
 def test_a_field_carries_the_members_and_its_error_spreads_them():
     request = asked(field=Uniform(north=0.0, east=0.3), field_error=0.05, hours=0.5)
-    drawn = members_of(request, prior())
-    currents = np.array([s.current.velocity(900.0, 0.0, 0.0, 10.0)[:2] for s in drawn.scenarios])
+    found = members_of(request, prior())
+    currents = np.array([s.current.velocity(900.0, 0.0, 0.0, 10.0)[:2] for s in found.scenarios])
     assert currents[0] == pytest.approx([0.0, 0.3], abs=1e-9)
     assert currents[1:, 1].std() == pytest.approx(0.05, rel=0.4)
-    assert "field" in drawn.spread["current"]
+    assert "field" in found.spread["current"]
 
 
 def test_what_is_said_to_be_drawn_is_what_is_drawn():
     known = prior()
-    rng = np.random.default_rng(2)
-    drawn = draw_water(known.filter_, 3600.0, 4000, rng, 7200.0)
-    drawn, _ = draw_models(drawn, known.pool, rng)
+    _, water, _ = drawn(known, 4000, first=2, then=3)
     said = members_of(asked(members=10), known).spread
     deviation = float(re.search(r"known to ([0-9.]+) m/s", said["current"])[1])
-    assert drawn.current[1:, 0].std() == pytest.approx(deviation, rel=0.03)
+    assert water.current[1:, 0].std() == pytest.approx(deviation, rel=0.03)
     compass = float(re.search(r"\+-([0-9.]+) degree", said["compass"])[1])
-    assert np.degrees(drawn.compass[1:]).std() == pytest.approx(compass, rel=0.05)
+    assert np.degrees(water.compass[1:]).std() == pytest.approx(compass, rel=0.05)
     assert "+-6.0 %" in said["speed"]  # and not the scatter of ten members
 
 
 def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path):
-    values = np.zeros((1, 2, 2))
     axes = {"time": [np.datetime64("2026-11-20", "ns")], "latitude": [36.0, 38.0],
             "longitude": [-124.0, -121.0]}  # fmt: skip
-    data = xr.Dataset({name: (tuple(axes), values) for name in ("uo", "vo")}, axes)
-    for name in ("uo", "vo"):
-        data[name].attrs["units"] = "m/s"
-    data.to_netcdf(tmp_path / "now.nc")
-    known = prior()
+    still = tuple(axes), np.zeros((1, 2, 2)), {"units": "m/s"}
+    xr.Dataset({"uo": still, "vo": still}, axes).to_netcdf(tmp_path / "now.nc")
     with pytest.raises(CurrentError, match=r"begins at 2026-11-22T12.*grid:FILE,hold=216000"):
-        members_of(asked(field=parse_current(f"grid:{tmp_path}/now.nc")), known)
+        members_of(asked(field=parse_current(f"grid:{tmp_path}/now.nc")), prior())
     field = parse_current(f"grid:{tmp_path}/now.nc,hold=216000")
-    assert len(members_of(asked(field=field), known).scenarios) == 24
+    assert len(members_of(asked(field=field), prior()).scenarios) == 24
 
 
 def test_geojson_holds_points_ellipses_and_the_track(steps):
@@ -441,7 +433,7 @@ def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path):
     assert known.last_seen.depth == pytest.approx(depth, abs=0.5)
     assert known.last_seen.rise == pytest.approx(depth / flight.depth * flight.leg, rel=0.1)
     place, known, _ = begun(None, known)
-    mission = goes_to("49.9,-58", surface_after_s=600.0, radius=100.0)
+    mission = goes_to("49.9,-58", surface_after_s=600.0)
     found = forecast(asked(place=place, mission=mission, hours=2.5), known)
     first = found.surfacings[0]
     start = unix_seconds(str(place.time))
@@ -459,19 +451,13 @@ def test_members_take_the_model_that_the_dives_speak_for():
     rng = np.random.default_rng(3)
     for k in range(40):
         side = 0.3 if (k // 4) % 2 else -0.3  # four dives each way
-        current = np.array([side, 0.1]) + 0.005 * rng.standard_normal(2)
-        leg = Leg(
-            start=UNIX + 9e3 * k,
-            duration=7.2e3,
-            over_ground=tuple(7.2e3 * current),
-            through_water=(0.0, 0.0),
-        )
-        known.pool.learn(leg)
+        moved = 7.2e3 * (np.array([side, 0.1]) + 0.005 * rng.standard_normal(2))
+        leg = {"duration": 7.2e3, "over_ground": tuple(moved), "through_water": (0.0, 0.0)}
+        known.pool.learn(Leg(start=UNIX + 9e3 * k, **leg))
     weights = known.pool.pool.weights
     assert weights["persistence"] > 0.5
-    drawn = draw_water(known.filter_, 3600.0, 400, np.random.default_rng(4), 7200.0)
-    mixed, deviation = draw_models(drawn, known.pool, np.random.default_rng(5))
-    changed = (mixed.current != drawn.current).any(axis=(1, 2))
+    water, mixed, deviation = drawn(known, 400, first=4, then=5)
+    changed = (mixed.current != water.current).any(axis=(1, 2))
     assert changed[1:].mean() == pytest.approx(1.0 - weights["filter"], abs=0.08)
     near = np.abs(mixed.current[changed][1:, 0] - [0.3, 0.1]).max(axis=1) < 0.1
     assert near.mean() > 0.4
@@ -499,18 +485,20 @@ def test_a_log_s_own_kind_of_vehicle_is_flown_where_none_is_named(store):
 
 def test_logs_of_another_time_or_place_are_not_taken(store):
     known = known_from_logs(store)
-    latitude, longitude = known.place
+    (latitude, longitude), day = known.place, 86400.0
     assert known.check_begin(latitude, longitude, known.time + 3600.0) == ""
-    assert "3.0 days before" in known.check_begin(latitude, longitude, known.time + 3 * 86400.0)
+    assert "3.0 days before" in known.check_begin(latitude, longitude, known.time + 3 * day)
     assert "45 km from" in known.check_begin(latitude + 0.4, longitude, known.time + 3600.0)
-    with pytest.raises(InputError, match="do not describe this water"):
-        known.check_begin(latitude, longitude, known.time + 3650 * 86400.0)
-    with pytest.raises(InputError, match="do not describe this water"):
-        known.check_begin(36.8, -122.4, known.time + 3600.0)
+    for place, later in ((known.place, 3650 * day), ((36.8, -122.4), 3600.0)):
+        with pytest.raises(InputError, match="do not describe this water"):
+            known.check_begin(*place, known.time + later)
 
 
 def test_a_target_at_the_start_or_beyond_reach_is_named():
-    here, far = (asked(mission=goes_to(one)).notes() for one in ("36.801,-122.4", "36.8,-119.4"))
+    here, far = (
+        asked(mission=goes_to(one, radius=500.0)).notes()
+        for one in ("36.801,-122.4", "36.8,-119.4")
+    )
     assert "already within 500 m of target 1" in here[0]
     assert asked().notes() == ()  # 22 km in an hour: the way to it is flown
     assert "268 km away, farther than anything goes in a day:" in far[0]
@@ -519,7 +507,7 @@ def test_a_target_at_the_start_or_beyond_reach_is_named():
 
 
 def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path):
-    near = goes_to("36.803,-122.4", radius=100)
+    near = goes_to("36.803,-122.4")
     found = forecast(asked(mission=near, hours=2.0), prior())
     (one,) = found.surfacings
     assert found.over_s == pytest.approx(one.time_s, abs=120.0)
@@ -533,31 +521,27 @@ def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path):
     assert f"24 members tell the bounds of the times to +-{', '.join(off)} min" in (page(steps[-1]))
 
 
-def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of(capsys):
-    deep = to_north(depth=300.0)
-    (said,) = asked(vehicle=load_vehicle("slocum-200"), mission=deep).notes()
-    assert "dives to 300 m, and slocum-200 is built for 200 m" in said
-    for name, depth, warned in (
-        ("slocum-1000", 300.0, False), ("glider", 1500.0, False), ("glider", 5000.0, True),
+def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of():
+    for name, depth, says in (
+        ("slocum-200", 300.0, "dives to 300 m, and slocum-200 is built for 200 m"),
+        ("slocum-1000", 300.0, ""), ("glider", 1500.0, ""), ("glider", 5000.0, 'e="rated_depth"'),
     ):  # fmt: skip
-        notes = asked(vehicle=load_vehicle(name), mission=to_north(depth=depth)).notes()
-        assert len(notes) == warned, (name, depth)
-    assert 'name="rated_depth"' in notes[0]
+        notes = asked(vehicle=load_vehicle(name), mission=goes_to(depth=depth)).notes()
+        assert len(notes) == bool(says), (name, depth)
+        assert says in "".join(notes)
     xml = load_vehicle("glider").xml.replace(
         "</custom>", '<numeric name="rated_depth" data="6000"/></custom>'
     )
     own = parse_vehicle(xml, Path("mine.xml"))
-    assert asked(vehicle=own, mission=to_north(depth=5000.0)).notes() == ()
+    assert asked(vehicle=own, mission=goes_to(depth=5000.0)).notes() == ()
     with pytest.raises(VehicleError, match="rated_depth"):
         load_vehicle("spray").replace(rated_depth=0.0)
 
 
 def test_logs_without_fixes_are_refused(store):
     with xr.open_zarr(store) as dataset:
-        lost = dataset.load().copy()
-    lost["displacement_north"] = lost["displacement_north"] * np.nan
-    path = store.parent / "lost.zarr"
-    write_store(lost, path, overwrite=True)
+        lost = dataset.load().assign(displacement_north=dataset["displacement_north"] * np.nan)
+    path = write_store(lost, store.parent / "lost.zarr")
     with pytest.raises(StoreError, match="GPS fixes at both ends"):
         known_from_logs(path)
 
@@ -618,30 +602,33 @@ def test_an_interruption_says_how_many_members_the_folder_holds(
     assert "http-equiv" not in text
 
 
+THERE = "--from 36.8,-122.4,2026-11-22"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--from", "36.8,-122.4,2026-11-22"], "give --goto"),
-        (["--goto", "37,-122"], "give --from"),
-        (["--from", "36.8,-122.4", "--goto", "37,-122"], "the time is missing"),
-        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37 -122"], "write LAT,LON"),
-        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--members", "9"], "from 10"),
-        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "modle"], "model"),
-        (["--from", "36.8,-122.4,2026-11-22", "--goto", "37,-122", "--way", "log"], "for --logs"),
-        (["--from", "36.8,-122.4,2026-11-22", "--mission", "field", "--depth", "9"], "for --goto"),
-        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--current-error", "1"], "for --current"),
-        (["--from", "1,2,2026-11-22", "--goto", "3,4", "--engine", "lane"], "lanes"),
+        (THERE, "give --goto"),
+        ("--goto 37,-122", "give --from"),
+        ("--from 36.8,-122.4 --goto 37,-122", "the time is missing"),
+        (f"{THERE} --goto 37;-122", "write LAT,LON"),
+        (f"{THERE} --goto 37,-122 --members 9", "from 10"),
+        (f"{THERE} --goto 37,-122 --way modle", "model"),
+        (f"{THERE} --goto 37,-122 --way log", "for --logs"),
+        (f"{THERE} --mission field --depth 9", "for --goto"),
+        (f"{THERE} --goto 37,-122 --current-error 1", "for --current"),
+        (f"{THERE} --goto 37,-122 --engine lane", "lanes"),
     ],
 )
 def test_what_cannot_be_forecast_is_refused_in_a_line(words, message, capsys):
-    assert PROGRAM.main(["forecast", *words]) == 2
+    assert PROGRAM.main(["forecast", *words.split()]) == 2
     assert message in capsys.readouterr().err
 
 
 def test_a_mission_by_the_sea_floor_is_refused():
-    segment = dataclasses.replace(to_north().segments[0], min_altitude_m=10.0)
+    segment = dataclasses.replace(goes_to().segments[0], min_altitude_m=10.0)
     with pytest.raises(MissionError, match="no sea floor"):
-        asked(mission=dataclasses.replace(to_north(), segments=(segment,)))
+        asked(mission=dataclasses.replace(goes_to(), segments=(segment,)))
 
 
 SMALLEST = """

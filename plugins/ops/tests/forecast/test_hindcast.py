@@ -1,44 +1,71 @@
-"""A hindcast: what was known before a dive, scored beside persistence, on logs of a tidal sea."""
+"""A hindcast: what was known before a dive, scored beside persistence, on logs of a tidal sea.
+
+A forecast field improves it as far as it is right, and not more.
+"""
 
 import dataclasses
 import json
+import math
 import re
 import shutil
 
 import numpy as np
 import pytest
-from logs import SHARED, stored
+import xarray as xr
+from logs import stored
 
-from factory.samples import START, Flight
+from factory.samples import LATITUDE, LONGITUDE, START, Flight
 from factory.samples.gliders import write_slocum
 from glider_twin_ops.forecast import hindcast, legs_of, scores_of, walk
+from glider_twin_ops.forecast.hindcast import field_mean
 from glider_twin_ops.forecast.pool import FILTER
 from glider_twin_ops.forecast.walk import METHODS
+from twin import Series
 from twin.__main__ import PROGRAM
-from twin.errors import InputError, StoreError
+from twin.errors import CurrentError, InputError, StoreError
 from twin.navigation.current import Reaches
 from twin.records import LogStore
+from twin.water.current import parse_field
 
-TIDE, PERIOD = 0.25, 12.4206012 * 3600.0
-"""[m/s] northward, [s]"""
+TIDE, PERIOD = 0.25, 12.4206012
+"""[m/s] northward, [h]"""
+STEP, HOURS = 900.0, 60
+
+
+def flow(parts, time):
+    """North, east [m/s] at a unix time, (2, time), of parts: [m/s], [h], phase of the northward
+    one, and how much of it is eastward."""
+    rows = [
+        size * np.cos(2.0 * np.pi * (np.asarray(time) - START) / (3600.0 * period) + phase)
+        for size, period, phase, _ in parts
+    ]
+    return np.stack([sum(rows), sum(p[3] * row for p, row in zip(parts, rows, strict=True))])
 
 
 @dataclasses.dataclass(frozen=True)
-class TidalFlight(Flight):
-    """In a tide along the meridian instead of a steady current."""
+class Drifting(Flight):
+    """In a current of such parts beside a steady one."""
+
+    parts: tuple = ()
 
     def state(self, time):
         found = super().state(time)
-        turn = 2.0 * np.pi / PERIOD
-        moved = TIDE / turn * np.sin(turn * (np.asarray(time) - START))
-        return {**found, "north": found["north"] + moved}
+        for size, period, phase, east in self.parts:
+            turn = 2.0 * np.pi / (3600.0 * period)
+            way = size / turn * (np.sin(turn * (np.asarray(time) - START) + phase) - np.sin(phase))
+            found |= {"north": found["north"] + way, "east": found["east"] + east * way}
+        return found
+
+
+def drifting(folder, **flight):
+    files = write_slocum(folder, Drifting(depth=500.0, step=20.0, north=0.0, **flight))
+    return stored(folder / "flown.zarr", "slocum", files, period=20.0)
 
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tide")
-    flight = TidalFlight(dives=24, depth=500.0, step=20.0, north=0.0, east=0.03, surface=900.0)
-    return stored(folder / "tide.zarr", "slocum", write_slocum(folder, flight), period=20.0)
+    tide = ((TIDE, PERIOD, 0.0, 0.0),)
+    return drifting(tmp_path_factory.mktemp("tide"), dives=24, east=0.03, surface=900.0, parts=tide)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +155,7 @@ def test_the_current_of_a_dive_is_the_tide_s(store):
         legs = legs_of(logs, logs.deployments[0])
     assert {one.method for one in legs} == {"depth rate and pitch"}
     middle = np.array([one.leg.start + 0.5 * one.leg.duration for one in legs])
-    tide = TIDE * np.cos(2.0 * np.pi / PERIOD * (middle - START))
+    tide = TIDE * np.cos(2.0 * np.pi / (3600.0 * PERIOD) * (middle - START))
     seen = np.array([one.leg.current[0] for one in legs])
     np.testing.assert_allclose(seen, tide, atol=0.05)  # the angle of attack is taken as 3 degree
 
@@ -222,29 +249,28 @@ def test_members_know_nothing_of_what_comes_after(store, tmp_path):
     whole = hindcast([store], train_fraction=0.9, members=10).deployments[0].surfacings[-1]
     with LogStore(store) as logs:
         legs = legs_of(logs, logs.deployments[0])
-    flights = {}
+    told = []
 
     def flown(before, one, pool, ways, duration, reach):
-        flights[one.mission] = len(before), pool.filters[FILTER].time, duration
+        told.append((len(before), pool.filters[FILTER].time))
         return np.zeros(2), np.eye(2)
 
     walk(legs, train=len(legs) - 1, flown=flown)
-    (told,) = flights.values()
-    assert told[:2] == (len(legs) - 1, legs[-1].leg.start)
+    assert told == [(len(legs) - 1, legs[-1].leg.start)]
     assert whole.members.missed["forecast"] != whole.surfacing.missed["forecast"]
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--members", "3"], "members = 3 must be from 10"),
-        (["--engine", "mujoco"], "--engine is for --members"),
-        (["--train-fraction", "1"], "must be from 0 to below 1"),
-        (["--train-fraction", "-0.1"], "must be from 0 to below 1"),
+        ("--members 3", "members = 3 must be from 10"),
+        ("--engine mujoco", "--engine is for --members"),
+        ("--train-fraction 1", "must be from 0 to below 1"),
+        ("--train-fraction -0.1", "must be from 0 to below 1"),
     ],
 )
 def test_what_leaves_nothing_to_score_is_refused(store, words, message, capsys):
-    assert PROGRAM.main(["hindcast", str(store), *words]) == 2
+    assert PROGRAM.main(["hindcast", str(store), *words.split()]) == 2
     assert message in capsys.readouterr().err
 
 
@@ -257,15 +283,114 @@ def test_what_cannot_be_forecast_is_told(tmp_path):
         hindcast([tmp_path / "mute.zarr"])
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="shared data are absent")
-def test_a_satellite_log_of_the_shelf_off_florida(tmp_path):
-    pytest.importorskip("dbdreader")
-    folder = SHARED / "slocum_seus_2016"
-    files = sorted((folder / "ramses-20160909T2028").glob("*.sbd"))
-    stored(tmp_path / "ramses.zarr", "slocum", files, cache=folder / "cache", period=20.0)
-    found = hindcast([tmp_path / "ramses.zarr"])
-    for scores in (found.surfacing, found.current):
-        assert scores.segments >= 100
-        assert scores.ratio < 0.6
-        assert 0.83 <= scores.coverage_90 <= 0.97
-        assert 0.38 <= scores.coverage_50 <= 0.62
+# --- a forecast field -----------------------------------------------------------------------------
+
+PARTS = ((0.16, 5.3, 0.2, 1.0), (0.14, 9.1, 1.9, -0.7), (0.12, 19.0, 4.0, 0.4))
+"""Of the true current"""
+ERRORS = ((0.05, 6.7, 2.0, -0.5), (0.04, 13.0, 0.5, 1.0))
+"""Of the field's error"""
+BIAS = (0.04, -0.03)
+"""m/s, of the field"""
+
+
+@pytest.fixture(scope="module")
+def drifted(tmp_path_factory):
+    """In a current that neither persists nor is tidal."""
+    return drifting(
+        tmp_path_factory.mktemp("drift"), dives=30, east=0.0, surface=600.0, parts=PARTS
+    )
+
+
+@pytest.fixture(scope="module")
+def alone(drifted):
+    return hindcast([drifted])
+
+
+def series(alone, parts, bias=(0.0, 0.0)):
+    """A field from the first fix of the drifted on."""
+    time = alone.deployments[0].legs[0].leg.start + STEP * np.arange(3600.0 * HOURS / STEP)
+    north, east = flow(parts, time) + np.array(bias)[:, None]
+    return Series(interval=STEP, north=tuple(north), east=tuple(east))
+
+
+def test_the_truth_with_an_error_improves_the_forecast(drifted, alone):
+    found = hindcast([drifted], current=series(alone, PARTS + ERRORS, BIAS))
+    assert found.current.mean["forecast"] < 0.6 * alone.current.mean["forecast"]
+    assert found.surfacing.mean["forecast"] < alone.surfacing.mean["forecast"]
+    assert found.current.mean["persistence"] == alone.current.mean["persistence"]
+    weights = found.deployments[0].walked.pool.pool.weights
+    assert weights["field"] + weights["filter beside the field"] > 0.9
+    assert found.current.coverage_90 > 0.7
+
+
+def test_a_field_that_is_noise_is_not_believed(drifted, alone):
+    noise = np.random.default_rng(4).normal(0.0, 0.25, (2, HOURS))
+    strange = Series(interval=3600.0, north=tuple(noise[0]), east=tuple(noise[1]))
+    found = hindcast([drifted], current=strange)
+    weights = found.deployments[0].walked.pool.pool.weights
+    assert weights["field"] + weights["filter beside the field"] < 0.3
+    assert found.current.mean["forecast"] < 1.15 * alone.current.mean["forecast"]
+
+
+def test_the_truth_is_taken_as_it_is(drifted, alone):
+    found = hindcast([drifted], current=series(alone, PARTS))
+    assert found.current.mean["forecast"] < 0.3 * found.current.mean["persistence"]
+
+
+def test_a_surfacing_s_field_is_read_along_the_expected_way(drifted, alone):
+    """What a dive's end will be is not known when it begins: its field is that of the way ahead."""
+    with LogStore(drifted) as logs:
+        rng, legs, asked = np.random.default_rng(6), [], []
+        for one in alone.deployments[0].legs:  # no dive repeats the one before
+            way = tuple(one.leg.through_water + rng.normal(0.0, 50.0, 2))
+            legs.append(
+                dataclasses.replace(one, leg=dataclasses.replace(one.leg, through_water=way))
+            )
+
+        def spy(one, alike, way, duration):
+            asked.append((one.leg, alike.leg, tuple(way)))
+            return mean(one, alike, way, duration)
+
+        mean = field_mean(logs, legs, series(alone, PARTS))
+        walk(legs, field=spy)
+    ahead = [(leg, way) for leg, alike, way in asked if leg.start != alike.start]
+    assert len(ahead) == len(legs) - 1
+    assert all(math.dist(way, leg.through_water) > 0.01 for leg, way in ahead)
+
+
+def gridded(folder, hours):
+    """The field as a file that begins with the deployment and lasts so long."""
+    time = START + np.arange(0.0, 3600.0 * hours, STEP)
+    velocity = flow(PARTS + ERRORS, time) + np.array(BIAS)[:, None]
+    axes = ("time", "depth", "latitude", "longitude")
+    data = xr.Dataset(
+        {
+            name: (axes, np.broadcast_to(v[:, None, None, None], (len(time), 2, 3, 3)),
+                   {"units": "m s-1", "standard_name": f"{word}_sea_water_velocity"})
+            for name, word, v in (
+                ("vo", "northward", velocity[0]), ("uo", "eastward", velocity[1]),
+            )
+        },
+        {
+            "time": (time * 1e9).astype("datetime64[ns]"),
+            "depth": ("depth", [0.0, 600.0], {"units": "m", "positive": "down"}),
+            "latitude": ("latitude", LATITUDE + np.array([-2.0, 0.0, 2.0]),
+                         {"units": "degrees_north"}),
+            "longitude": ("longitude", LONGITUDE + np.array([-3.0, 0.0, 3.0]),
+                          {"units": "degrees_east"}),
+        },
+    )  # fmt: skip
+    data.to_netcdf(folder / "field.nc")
+    return folder / "field.nc"
+
+
+def test_the_command_takes_a_file(drifted, alone, tmp_path, capsys):
+    words = ["hindcast", str(drifted), "--json", "--current", str(gridded(tmp_path, 80.0))]
+    assert PROGRAM.main(words) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["current"]["mean_m_per_h"]["forecast"] < 0.6 * alone.current.mean["forecast"]
+
+
+def test_a_file_that_ends_too_early_is_refused(drifted, tmp_path):
+    with pytest.raises(CurrentError, match="time"):
+        hindcast([drifted], current=parse_field(str(gridded(tmp_path, 20.0))))

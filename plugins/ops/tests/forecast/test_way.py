@@ -1,35 +1,39 @@
-"""The way to waypoints and the time of the next surfacing, as a pilot expects them."""
+"""The way to waypoints and the time of the next surfacing, as a pilot expects them.
+
+When members come up: stays at the surface, and dives that last longer than they were flown.
+"""
 
 import itertools
 import math
 
 import numpy as np
 import pytest
+from logs import part, stored
 
-from glider_twin_ops.forecast import LoggedLeg
+from factory.samples import START, Flight
+from factory.samples.gliders import gps_columns, write_slocum
+from glider_twin_ops.forecast import LoggedLeg, known_from_logs
 from glider_twin_ops.forecast.expected_dive import (
+    Rhythm,
     SurfacingSchedule,
     WayPool,
     guided_way,
     middle,
     plain_velocity,
 )
-from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, usual_duration
+from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, dive_times, usual_duration
+from glider_twin_ops.forecast.member_flights import MemberFlight
 from twin.navigation.current import Leg
+from twin.records import LogStore
+from twin.records.coordinates import utc_minute
 
 HOUR = 3600.0
 
 
-def leg(way, *, start=0.0, duration=HOUR, targets=(), believed=None, onboard=None):
-    return LoggedLeg(
-        mission=0,
-        leg=Leg(start=start, duration=duration, over_ground=way, through_water=way),
-        method=REPORTED,
-        begin=(31.0, -80.0),
-        onboard=onboard,
-        targets=targets,
-        believed=believed,
-    )
+def leg(way, *, start=0.0, onboard=None, **sent):
+    flown = Leg(start=start, duration=HOUR, over_ground=way, through_water=way)
+    said = {"method": REPORTED, "begin": (31.0, -80.0), "onboard": onboard}
+    return LoggedLeg(mission=0, leg=flown, **said, **sent)
 
 
 def flown(targets, speed, believed, duration, step=1.0):
@@ -105,37 +109,146 @@ def test_a_vehicle_that_steers_against_a_current_shows_it_in_its_own_track(recko
     assert north == pytest.approx(-0.12 if reckons else 0.0, abs=0.02)
 
 
-def dives(ends, gap):
-    """Dives that begin so long after the end before."""
-    both = zip(itertools.pairwise(ends), gap, strict=False)
-    return [DiveTime(end + wait, after, wait) for (end, after), wait in both]
+def expected(known, begin):
+    """Duration of a dive after these."""
+    schedule = SurfacingSchedule()
+    for dive in known:
+        schedule.learn(dive)
+    return schedule.expect(begin)
 
 
 def test_a_surfacing_by_the_clock_is_foretold_by_the_clock():
     rng = np.random.default_rng(1)
     ends = 1.6e9 - 1.6e9 % (4.0 * HOUR) + 4.0 * HOUR * np.arange(20) + rng.uniform(0, 60, 20)
-    gaps = rng.uniform(600.0, 5400.0, 20)  # late starts make short dives
-    schedule = SurfacingSchedule()
-    known = dives(ends, gaps)
-    for dive in known[:-1]:
-        schedule.learn(dive)
-    begin, end, _ = known[-1]
-    assert begin + middle(schedule.expect(begin)) == pytest.approx(end, abs=120.0)
-    assert abs(usual_duration(known[:-1]) - (end - begin)) > 300.0
+    *known, (begin, end, _) = [  # late starts make short dives
+        DiveTime(before + wait, after, wait)
+        for (before, after), wait in zip(
+            itertools.pairwise(ends), rng.uniform(600.0, 5400.0, 20), strict=False
+        )
+    ]
+    assert begin + middle(expected(known, begin)) == pytest.approx(end, abs=120.0)
+    assert abs(usual_duration(known) - (end - begin)) > 300.0
 
 
 def test_a_dive_that_lasts_as_long_whenever_it_begins_is_foretold_to_last_so():
-    rng = np.random.default_rng(2)
-    schedule, time = SurfacingSchedule(), 0.0
+    rng, known, time = np.random.default_rng(2), [], 0.0
     for _ in range(20):
         begin = time + rng.uniform(600.0, 9000.0)
         time = begin + 5400.0 + rng.uniform(-60.0, 60.0)
-        schedule.learn(DiveTime(begin, time, math.nan))
-    assert middle(schedule.expect(time + 3000.0)) == pytest.approx(5400.0, abs=150.0)
+        known.append(DiveTime(begin, time, math.nan))
+    assert middle(expected(known, time + 3000.0)) == pytest.approx(5400.0, abs=150.0)
 
 
 def test_a_clock_much_longer_than_the_dives_says_nothing():
-    schedule = SurfacingSchedule()
-    for k in range(5):
-        schedule.learn(DiveTime(1000.0 * k, 1000.0 * k + 700.0, 300.0))
-    assert not {"every 1 h", "every 4 h"} & {*schedule.expect(6000.0).names}
+    known = [DiveTime(1000.0 * k, 1000.0 * k + 700.0, 300.0) for k in range(5)]
+    assert not {"every 1 h", "every 4 h"} & {*expected(known, 6000.0).names}
+
+
+# --- stays and late dives -------------------------------------------------------------------------
+
+FLIGHT = Flight(dives=9, depth=1000.0, surface=5400.0, step=20.0)
+"""Dives of 3.2 h, with 1.5 h at the surface before each"""
+
+
+def rhythm(stays, lasts):
+    """Of dives that follow each other after these stays [s]."""
+    dives, at, schedule = [], 0.0, SurfacingSchedule()
+    for stay, last in zip(stays, lasts, strict=True):
+        dives.append(DiveTime(at + stay, at + stay + last, stay))
+        at = dives[-1].end
+        schedule.learn(dives[-1])
+    return Rhythm.of(schedule, dives)
+
+
+def test_stays_are_those_of_the_log_and_a_gap_is_none():
+    found = rhythm([0.0, 600.0, 900.0, 30.0 * HOUR, 700.0], [2.0 * HOUR] * 5)
+    assert sorted(found.stays) == [600.0, 700.0, 900.0]
+    drawn = found.draw(5000, 4, 0.0, np.random.default_rng(0))
+    assert drawn.stays[0].tolist() == [700.0] * 4
+    assert drawn.late[0] == 0.0
+    # of three known ones each of the four places between and beside them is as likely
+    parts = np.histogram(drawn.stays[1:], [0.0, 600.0, 700.0, 900.0, np.inf])[0] / drawn.stays.size
+    assert parts == pytest.approx([0.25] * 4, abs=0.02)
+    assert "12 min at the surface (10 to 15 so far)" in found.words
+    assert rhythm([0.0, 600.0], [HOUR, HOUR]) is None
+
+
+def silent(folder, begin, end):
+    """A store of a log without its samples and fixes between two times [s] unix."""
+    rows, fixes = FLIGHT.time, gps_columns(FLIGHT)
+    kept, seen = ((time < begin) | (time > end) for time in (rows, fixes["time"]))
+    files = write_slocum(folder, FLIGHT, rows=kept, gps=part(fixes, seen))
+    stored(folder / "log.zarr", "slocum", files)
+    return folder / "log.zarr"
+
+
+def test_a_hole_of_a_dive_and_a_half_is_no_stay(tmp_path):
+    """Half a file and a whole one did not come."""
+    begin, end = FLIGHT.dive_times(4)[0] + FLIGHT.leg, FLIGHT.dive_times(5)[1] + 300.0
+    store = silent(tmp_path, begin, end)
+    with LogStore(store) as logs:
+        found = dive_times(logs, "unit1")
+    assert [round((one.begin - START) / FLIGHT.cycle, 1) for one in found.dives] == pytest.approx(
+        [(one * FLIGHT.cycle + FLIGHT.surface) / FLIGHT.cycle for one in (0, 1, 2, 3, 6, 7, 8)],
+        abs=0.1,
+    )
+    assert [one.stay for one in found.dives] == pytest.approx(
+        [np.nan, *[FLIGHT.surface] * 3, np.nan, *[FLIGHT.surface] * 2], abs=60.0, nan_ok=True
+    )
+    assert np.array(found.holes) == pytest.approx(np.array([[begin, end]]), abs=60.0)
+    assert f"1 hole of an hour or more: {utc_minute(found.holes[0][0])} to " in found.silent
+    known = known_from_logs(store)
+    assert known.silent == found.silent
+    assert known.rhythm.stays == pytest.approx([FLIGHT.surface] * 5, abs=60.0)
+
+
+def test_a_silence_in_which_no_usual_dive_fits_is_a_stay(tmp_path):
+    begin, end = FLIGHT.dive_times(4)[1] + 60.0, FLIGHT.dive_times(5)[0] - 60.0
+    store = silent(tmp_path, begin, end)
+    with LogStore(store) as logs:
+        found = dive_times(logs, "unit1")
+    assert end - begin > HOUR
+    assert len(found.dives) == FLIGHT.dives
+    assert found.dives[5].stay == pytest.approx(FLIGHT.surface, abs=60.0)
+    assert (found.holes, found.silent) == ((), "")
+
+
+def test_what_it_has_been_at_the_surface_already_is_taken_off_the_first_stay():
+    found = rhythm([600.0] * 6, [2.0 * HOUR] * 6)
+    drawn = found.draw(5, 2, 240.0, np.random.default_rng(0))
+    assert np.allclose(drawn.stays, [360.0, 600.0])
+    # a dive ago it was another stay
+    assert (found.draw(5, 2, 2.2 * HOUR, np.random.default_rng(0)).stays == 600.0).all()
+
+
+def test_dives_that_keep_the_time_are_drawn_closer_than_those_that_do_not():
+    rng = np.random.default_rng(1)
+    steady = rhythm([600.0] * 12, [2.0 * HOUR] * 12)
+    loose = rhythm([600.0] * 12, list(HOUR * rng.uniform(1.0, 3.0, 12)))
+    spread = [
+        np.ptp(np.quantile(one.draw(2000, 1, 0.0, rng).late, [0.05, 0.95]))
+        for one in (steady, loose)
+    ]
+    assert spread[0] < 0.2 < spread[1]
+
+
+def test_a_member_drifts_at_the_surface_and_goes_on_along_its_way():
+    time = np.array([1000.0, 3000.0])
+    place = np.array([[300.0, 0.0], [300.0, 800.0]])
+    flight = MemberFlight(
+        time=time, place=place, energy=np.ones(2), track=np.array([[0.0, 0.0], [150.0, 0.0]]),
+        times=np.array([0.0, 500.0]), duration=4000.0, taken=2.0, end=np.zeros(6),
+    )  # fmt: skip
+    stays, drift = np.array([100.0, 200.0, 50.0]), np.array([0.5, -0.2])
+    found = flight.delayed(stays, 0.1, drift)
+    assert found.time == pytest.approx([1000.0 + 100.0 + 100.0, 3000.0 + 300.0 + 100.0 + 200.0])
+    first = [300.0 + 50.0 + 30.0, -20.0]
+    assert found.place[0] == pytest.approx(first)
+    assert found.place[1] == pytest.approx([first[0] + 100.0, first[1] - 40.0 + 800.0 + 80.0])
+    # it begins where it is, and dives where it has drifted to
+    assert found.times == pytest.approx([0.0, 100.0, 600.0])
+    assert found.track == pytest.approx(np.array([[0.0, 0.0], [50.0, -20.0], [200.0, -20.0]]))
+    assert (found.duration, found.taken) == (flight.duration, flight.taken)
+    same = flight.delayed(np.zeros(3), 0.0, np.zeros(2))
+    assert (same.time == time).all()
+    assert (same.place == place).all()

@@ -8,11 +8,11 @@ import pytest
 
 import twin
 from glider_twin_ops.health import CHANNELS, DeploymentHealth, KindVerdict
-from glider_twin_ops.health.assessment import _loud, flown_signatures, remarks_of, rings
+from glider_twin_ops.health.assessment import flown_signatures, remarks_of
 from glider_twin_ops.health.channels import NAMES, NOISE, PLACE
 from glider_twin_ops.health.deployment_dives import changes_of
 from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
-from glider_twin_ops.health.judgement import STEP, follow
+from glider_twin_ops.health.judgement import STEP, follow, rings
 from glider_twin_ops.health.signatures import usual_dive
 
 DIVES = 20
@@ -198,7 +198,7 @@ def test_an_alarm_says_since_when_a_thruster_drove_it(noise):
     assert "thruster" not in dataclasses.replace(health, driven=(1, 3)).verdict()
 
 
-def test_a_channel_far_off_its_level_in_the_last_dive_is_told(noise):
-    (said,) = _loud(range(40), follow(loud(noise)))
-    assert said.startswith(f"In dive 39 {CHANNELS[3].name} was ")
-    assert _loud(range(40), follow(noise(0, 40))) == []
+def test_a_channel_far_off_its_level_in_the_last_dive_is_told(slocum, noise):
+    (said,) = slocum.judge(loud(noise)).remarks
+    assert said.startswith(f"In dive 40 {CHANNELS[3].name} was ")
+    assert slocum.judge(noise(0, 40)).remarks == ()

@@ -117,17 +117,14 @@ def test_a_wrong_speed_and_a_tide_are_no_iron(glider, noise, cause):
     headings = 70.0 * (np.arange(DIVES) // 4)
     ways = ways_on(headings)
     north, east = ways.T
+    phase = TIDES[0] * 86400.0 * DAYS
+    off = np.deg2rad(15.0) * np.sin(np.deg2rad(headings)) * (np.arange(DIVES) >= 10)
     sound = noise(5, DIVES)
-    current = sound[:, [PLACE["current_north"], PLACE["current_east"]]]
-    if cause == "speed":
-        current += 0.15 * ways
-    elif cause == "tide":
-        phase = TIDES[0] * 86400.0 * DAYS
-        current += 0.08 * np.column_stack([np.cos(phase), np.sin(phase)])
-    else:
-        off = np.deg2rad(15.0) * np.sin(np.deg2rad(headings)) * (np.arange(DIVES) >= 10)
-        current += np.column_stack([off * east, -off * north])
-    sound[:, [PLACE["current_north"], PLACE["current_east"]]] = current
+    sound[:, [PLACE["current_north"], PLACE["current_east"]]] += {
+        "speed": 0.15 * ways,
+        "tide": 0.08 * np.column_stack([np.cos(phase), np.sin(phase)]),
+        "iron": np.column_stack([off * east, -off * north]),
+    }[cause]
     found, probability = odds(glider, sound, ways)
     if cause == "iron":
         assert probability["compass_iron"] > 0.8

@@ -6,11 +6,10 @@ import gsw
 import numpy as np
 import pytest
 
-from glider_twin_ops.health.assessment import rings
 from glider_twin_ops.health.channels import NAMES, NOISE, WALK
 from glider_twin_ops.health.deployment_dives import values_of
 from glider_twin_ops.health.dive_channels import DiveSignals, channels_of
-from glider_twin_ops.health.judgement import follow, judge, threshold_of
+from glider_twin_ops.health.judgement import follow, judge, rings, threshold_of
 from glider_twin_ops.health.signatures import confusable
 from twin.errors import InputError
 from twin.faults import FAULTS

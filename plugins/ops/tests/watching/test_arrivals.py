@@ -24,9 +24,8 @@ from factory.samples.gliders import (
 )
 from glider_twin_ops.pages.morning_page import PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass, watch_pass
-from glider_twin_ops.watching.events import EVENTS, noticed, write_events
 from glider_twin_ops.watching.log_of_files import DIGEST, LOG, content_of, log_of_files
-from glider_twin_ops.watching.watch_pass import BELIEFS
+from glider_twin_ops.watching.watch_pass import BELIEFS, EVENTS, noticed, write_events
 from twin.__main__ import PROGRAM
 from twin.errors import WriteError
 from twin.records import write_store

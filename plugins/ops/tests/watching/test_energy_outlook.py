@@ -36,21 +36,20 @@ def found():
     return forecast(request, known_without_logs(40.0, UNIX).at(UNIX))
 
 
-def used(payload=0.5):
+def used():
     vehicle = load_vehicle("slocum-200")
     charge = WATTS * HOURS / VOLTAGE
+    dive = {"hours": HOURS, "measured": charge, "modelled": charge}
     return EnergyUse(
         vehicle=vehicle, consumption=Consumption.of(vehicle), voltage=VOLTAGE, hours=20.0,
         charge=10.0 * charge, equations=0, resets=0,
-        terms=(
-            EnergyTerm(name="payload", value=0.5, deviation=0.1, unit="W",
-                       energy=payload * 20.0 * 3600.0),
-            EnergyTerm(name="thruster", value=1.0, deviation=0.1, unit="1",
-                       energy=0.25 * 20.0 * 3600.0),
+        terms=tuple(
+            EnergyTerm(name=name, value=value, deviation=0.1, unit=unit, energy=watts * 72e3)
+            for name, value, unit, watts in (
+                ("payload", 0.5, "W", 0.5), ("thruster", 1.0, "1", 0.25),
+            )
         ),
-        dives=tuple(
-            DiveCharge(mission=k, hours=HOURS, measured=charge, modelled=charge) for k in range(10)
-        ),
+        dives=tuple(DiveCharge(mission=k, **dive) for k in range(10)),
     )  # fmt: skip
 
 
@@ -93,9 +92,8 @@ def test_the_table_has_the_plan_and_each_change(found):
 def test_a_change_that_cannot_be_flown_is_said(found):
     mission = found.request.mission
     steep = dataclasses.replace(mission.segments[0], pitch_deg=50.0)
-    request = dataclasses.replace(
-        found.request, mission=dataclasses.replace(mission, segments=(steep,))
-    )
+    mission = dataclasses.replace(mission, segments=(steep,))
+    request = dataclasses.replace(found.request, mission=mission)
     told = outlook(dataclasses.replace(found, request=request), None)
     assert "6 degree steeper" not in [one.what for one in told.rows]
     assert any("6 degree steeper" in said for said in told.lacking)

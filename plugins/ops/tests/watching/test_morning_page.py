@@ -13,7 +13,7 @@ from matplotlib.text import Annotation
 
 from factory.samples import Flight
 from factory.samples.gliders import write_slocum
-from glider_twin_ops.pages.morning_figures import CLOSE, track_figure
+from glider_twin_ops.pages.figures import CLOSE, track_figure
 from glider_twin_ops.pages.morning_page import SHOWN
 from glider_twin_ops.watching import one_pass
 from glider_twin_ops.watching.morning import Morning
