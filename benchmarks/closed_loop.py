@@ -12,14 +12,16 @@ flies spirals before the box, from which the gyros tell the compass' deviation.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import json
 import math
+import sys
+from json import dumps
+from typing import Literal
 
 import numpy as np
 
 import twin
+from benchmarks import command
 from twin.errors import unknown_name
 from twin.mission.segments import Spiral, Waypoint
 from twin.navigation.dead_reckoning import AttitudeSeries, integrate, rotate_to_ned
@@ -144,36 +146,40 @@ def fly(
     )
 
 
-def main() -> None:
-    """Fly and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--side", type=float, default=2000.0, help="[m] of the box")
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first round")
-    parser.add_argument("--estimator", default="ekf")
-    parser.add_argument("--swing", type=int, default=0, help="yos in spirals before, each way")
-    parser.add_argument("--sensors", choices=tuple(GOALS), help="one suite; default: both")
-    changed = parser.add_mutually_exclusive_group()
-    changed.add_argument("--without", metavar="NAME", help="a device that is made ideal")
-    changed.add_argument("--only", metavar="NAME", help="the one device that is not made ideal")
-    parser.add_argument("--json", action="store_true", help="print every round")
-    options = parser.parse_args()
-    for sensors in [options.sensors] if options.sensors else GOALS:
-        suite = suite_of(sensors, options.without, options.only)
-        seeds = range(options.first, options.first + options.seeds)
-        rounds = [
-            fly(options.side, suite, seed, options.estimator, options.swing) for seed in seeds
-        ]
-        if options.json:
-            print(json.dumps({sensors: [dataclasses.asdict(one) for one in rounds]}), flush=True)
+def main(
+    *,
+    side: float = 2000.0,
+    seeds: int = 20,
+    first: int = 0,
+    estimator: str = "ekf",
+    swing: int = 0,
+    sensors: Literal["ideal", "field"] | None = None,
+    without: str | None = None,
+    only: str | None = None,
+    json: bool = False,
+) -> None:
+    """Fly and print.
+
+    Args:
+      side: [m] of the box.
+      first: seed of the first round.
+      swing: yos in spirals before, each way.
+      sensors: one suite; both if not given.
+      without: a device that is made ideal.
+      only: the one device that is not made ideal.
+      json: print every round.
+    """
+    for name in [sensors] if sensors else GOALS:
+        suite = suite_of(name, without, only)
+        rounds = [fly(side, suite, seed, estimator, swing) for seed in range(first, first + seeds)]
+        if json:
+            print(dumps({name: [dataclasses.asdict(one) for one in rounds]}), flush=True)
             continue
         percent = np.array([one.percent for one in rounds])
         floor = np.array([one.floor_percent for one in rounds])
         print(
-            f"{sensors}: back within {percent.mean():.3f} % of the way (mean of {len(rounds)} "
-            f"seeds; worst {percent.max():.3f} %, goal {GOALS[sensors]:g} %), floor of the "
+            f"{name}: back within {percent.mean():.3f} % of the way (mean of {len(rounds)} "
+            f"seeds; worst {percent.max():.3f} %, goal {GOALS[name]:g} %), floor of the "
             f"attitude {floor.mean():.3f} % (worst {floor.max():.3f} %), "
             f"{sum(one.arrived for one in rounds)} of {len(rounds)} arrived",
             flush=True,
@@ -181,4 +187,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

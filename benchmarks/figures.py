@@ -14,8 +14,10 @@ from __future__ import annotations
 import json
 import re
 import runpy
+import statistics
 import sys
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,19 @@ def measured(benchmark: str, **figures: float | list[float]) -> None:
         spread = [float(f"{one:.4g}") for one in sorted({min(runs), max(runs)})]
         kept["measured"][key] = {"runs": spread, "date": time.strftime("%Y-%m")}
     save(kept)
+
+
+def medians(ways: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, float]:
+    """Median of what each way measures; the ways take turns, so that all meet the same machine."""
+    found = [{name: measure() for name, measure in ways.items()} for _ in range(rounds)]
+    return {name: statistics.median(one[name] for one in found) for name in ways}
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """[s] that a call takes."""
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun
 
 
 def load() -> dict[str, Any]:

@@ -11,15 +11,16 @@ machine's speed drifts). `share` is limit / seconds.
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 import time
 from collections.abc import Callable
 
 import torch
 from torch import Tensor, nn
 
+from benchmarks import command
 from benchmarks.figures import measured
+from benchmarks.figures import seconds as taken
 from learn.networks.elman import ContextDelay
 
 SAMPLES = 80_000
@@ -105,67 +106,47 @@ def product_rate(seconds: float = 0.3) -> float:
 
 def best_seconds(model: nn.Module, x: Tensor, repeats: int) -> float:
     """Shortest of `repeats` gradients after one to warm up."""
-    best = float("inf")
-    for repeat in range(repeats + 1):
+    found = []
+    for _ in range(repeats + 1):
         model.zero_grad()
-        start = time.perf_counter()
-        model(x).square().mean().backward()
-        if repeat:
-            best = min(best, time.perf_counter() - start)
-    return best
+        found.append(taken(lambda: model(x).square().mean().backward()))
+    return min(found[1:])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--json", action="store_true", help="one JSON object")
-    parser.add_argument("--sequences", type=int, default=16, help="sequences side by side")
-    parser.add_argument("--repeats", type=int, default=5, help="gradients per contender")
-    parser.add_argument("--threads", type=int, default=1, help="torch threads")
-    options = parser.parse_args()
-    torch.set_num_threads(options.threads)
+def main(*, json: bool = False, sequences: int = 16, repeats: int = 5, threads: int = 1) -> None:
+    """Print the seconds of each layer beside their limit.
+
+    Args:
+      sequences: side by side.
+      repeats: gradients of the layer under test.
+      threads: of torch.
+    """
+    torch.set_num_threads(threads)
     torch.manual_seed(0)
-    batch = options.sequences
-    x = torch.randn(SAMPLES // batch, batch, INPUTS)
+    x = torch.randn(SAMPLES // sequences, sequences, INPUTS)
     contenders: dict[str, tuple[Callable[[], nn.Module], Tensor, float, int]] = {
         "naive autograd": (lambda: Stack(naive=True), x, operations(1, DELAYS), 1),
         "torch.nn.RNN (one delay)": (lambda: Torch(nn.RNN), x, operations(1, 1), 2),
         "torch.nn.LSTM": (lambda: Torch(nn.LSTM), x, operations(4, 1), 2),
         "context delay": (
-            Stack,
-            x.transpose(1, 2).contiguous(),
-            operations(1, DELAYS),
-            options.repeats,
+            Stack, x.transpose(1, 2).contiguous(), operations(1, DELAYS), repeats
         ),
-    }
+    }  # fmt: skip
     rate, seconds = product_rate(), {}
-    for name, (build, data, _, repeats) in contenders.items():
-        seconds[name] = best_seconds(build(), data, repeats)
+    for name, (build, data, _, times) in contenders.items():
+        seconds[name] = best_seconds(build(), data, times)
         rate = max(rate, product_rate())
-    rows = []
-    for name, (_, _, count, _) in contenders.items():
-        limit = count / rate
-        rows.append(
-            {
-                "layer": name,
-                "seconds": seconds[name],
-                "limit": limit,
-                "share": limit / seconds[name],
-            }
-        )
-    shares = {str(row["layer"]): float(row["share"]) for row in rows}
-    measured("layer_speed", context_delay=shares["context delay"])
-    if options.json:
-        figures = {"samples": SAMPLES, "sequences": batch, "threads": options.threads}
-        print(json.dumps({**figures, "product_gflops": rate / 1e9, "rows": rows}))
-        return
-    print(
-        f"{SAMPLES} samples as {batch} sequences, {options.threads} thread(s), matrix products "
-        f"{rate / 1e9:.1f} GFLOP/s"
-    )
-    print(f"{'layer':28s} {'seconds':>9s} {'limit':>9s} {'share':>6s}")
-    for row in rows:
-        print(f"{row['layer']:28s} {row['seconds']:9.3f} {row['limit']:9.3f} {row['share']:6.2f}")
+    limits = {name: count / rate for name, (_, _, count, _) in contenders.items()}
+    rows = [
+        {"layer": name, "seconds": s, "limit": limits[name], "share": limits[name] / s}
+        for name, s in seconds.items()
+    ]
+    measured("layer_speed", context_delay=limits["context delay"] / seconds["context delay"])
+    figures = {"samples": SAMPLES, "sequences": sequences, "threads": threads}
+    command.say({**figures, "product_gflops": rate / 1e9, "rows": rows}, rows, json=json)
+    if not json:
+        print(f"{figures}, matrix products {rate / 1e9:.1f} GFLOP/s")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -9,15 +9,17 @@ with the shipped vehicle of its kind: nothing is tuned on what follows. Printed 
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import json
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks import command
+from benchmarks.command import Positional
 from glider_twin_ops.forecast import legs_of
 from glider_twin_ops.pages.morning_page import LATEST, PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass
@@ -106,23 +108,21 @@ def _short(said: str) -> str:
     return ", ".join(said.partition("it came up ")[2].split(", ")[1:3])
 
 
-def main() -> None:
-    """Print a table in Markdown; the pages stay in --out."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="of deployments; default: all")
-    parser.add_argument("--out", type=Path, help="folder for the deployments with their pages")
-    options = parser.parse_args()
-    head = False
+def main(
+    folder: Positional[Path], names: Positional[tuple[str, ...]] = (), *, out: Path | None = None
+) -> None:
+    """Print a table in Markdown; the pages stay in --out.
+
+    Args:
+      names: of deployments; all if not given.
+    """
+    rows = []
     with tempfile.TemporaryDirectory() as temporary:
-        for name in options.names or DEPLOYMENTS:
-            place = (options.out or Path(temporary)) / name.replace(" ", "-")
-            for row in mornings(name, options.folder.resolve(), place):
-                if not head:
-                    print(f"| {' | '.join(row)} |\n|{'---|' * len(row)}", flush=True)
-                    head = True
-                print(f"| {' | '.join(row.values())} |", flush=True)
+        for name in names or DEPLOYMENTS:
+            place = (out or Path(temporary)) / name.replace(" ", "-")
+            rows += mornings(name, folder.resolve(), place)
+    print(command.markdown(list(rows[0]), [list(row.values()) for row in rows]))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -11,15 +11,16 @@ time [us] that a step of the lanes takes, of all threads together.
 
 from __future__ import annotations
 
-import argparse
-import statistics
+import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
 import gymnasium
 import numpy as np
 
-from benchmarks.figures import measured
+from benchmarks import command
+from benchmarks.figures import measured, medians
 from twin.control import ALL_TASKS, GliderVectorEnv
 from twin.control.many import ManyPhysics
 from twin.control.registry import environment_id
@@ -40,7 +41,7 @@ def rate(
     return calls * per_call / (clock() - processor)
 
 
-def measure(task: str, vehicles: int, lanes: int) -> tuple[float, ...]:
+def measure(task: str, vehicles: int, lanes: int) -> dict[str, float]:
     """Vector environment, bare batch, single environment, and lanes by wall and by processor time
     [steps per second]."""
     many = gymnasium.make_vec(environment_id(task), num_envs=vehicles)
@@ -64,24 +65,20 @@ def measure(task: str, vehicles: int, lanes: int) -> tuple[float, ...]:
     def in_lanes() -> None:
         fossen.step(commands[next(turn) % 16])
 
-    rates: list[list[float]] = [[], [], [], [], []]
-    for _ in range(ROUNDS):
-        rates[0].append(rate(lambda: many.step(actions[next(turn) % 16]), vehicles))
-        rates[1].append(rate(lambda: batch.step(nstep=substeps), vehicles))
-        rates[2].append(rate(single, 1))
-        rates[3].append(rate(in_lanes, lanes))
-        rates[4].append(rate(in_lanes, lanes, time.process_time))
-    return tuple(statistics.median(values) for values in rates)
+    clocks = {
+        "vector": partial(rate, lambda: many.step(actions[next(turn) % 16]), vehicles),
+        "bare": partial(rate, lambda: batch.step(nstep=substeps), vehicles),
+        "single": partial(rate, single, 1),
+        "lanes": partial(rate, in_lanes, lanes),
+        "processor": partial(rate, in_lanes, lanes, time.process_time),
+    }
+    return medians(clocks, ROUNDS)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--vehicles", type=int, default=512)
-    parser.add_argument("--lanes", type=int, default=4096)
-    options = parser.parse_args()
+def main(*, vehicles: int = 512, lanes: int = 4096) -> None:
+    """Print a row a task."""
     print(
-        f"environment steps per second, {options.vehicles} vehicles, {options.lanes} in lanes, "
-        "control period 0.5 s"
+        f"environment steps per second, {vehicles} vehicles, {lanes} in lanes, control period 0.5 s"
     )
     print(
         f"{'task':12s} {'vector':>9s} {'bare batch':>11s} {'part':>6s} {'single':>8s} "
@@ -89,15 +86,16 @@ def main() -> None:
     )
     found = []
     for task in ALL_TASKS:
-        vector, bare, single, lanes, processor = measure(task, options.vehicles, options.lanes)
-        found.append((vector, vector / bare, vector / single, lanes))
+        one = measure(task, vehicles, lanes)
+        vector, part, times = (one["vector"] / by for by in (1.0, one["bare"], one["single"]))
+        found.append((vector, part, times, one["lanes"]))
         print(
-            f"{task:12s} {vector:9.0f} {bare:11.0f} {vector / bare:6.2f} {single:8.0f} "
-            f"{vector / single:6.1f} {lanes:9.0f} {1e6 / processor:6.2f}"
+            f"{task:12s} {vector:9.0f} {one['bare']:11.0f} {part:6.2f} {one['single']:8.0f} "
+            f"{times:6.1f} {one['lanes']:9.0f} {1e6 / one['processor']:6.2f}"
         )
-    steps, part, times, in_lanes = (list(column) for column in zip(*found, strict=True))
-    measured("vector_env", steps=steps, part=part, times=times, lanes=in_lanes)
+    steps, parts, ratios, in_lanes = (list(column) for column in zip(*found, strict=True))
+    measured("vector_env", steps=steps, part=parts, times=ratios, lanes=in_lanes)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

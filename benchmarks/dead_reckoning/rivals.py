@@ -2,7 +2,7 @@
 
 A method of one's own is a file with
 
-    LABELS = "none"        # what it adapts on in a test mission's first dives: `rival.LABELS`
+    LABELS = "none"        # what it adapts on in a test mission's first dives: `predictions.LABELS`
     TRAINED = True         # False: it reads no training store, and there need be none
     def predict(train, test, seed, seconds):
         "Path of the training and of the test store -> predictions by dives adapted on."
@@ -22,8 +22,15 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.dead_reckoning.predictions import INTERVAL, VELOCITIES, Predicted
-from benchmarks.dead_reckoning.rival import ALL_DIVES, LABELS, Rival, table
+from benchmarks.dead_reckoning.predictions import (
+    ALL_DIVES,
+    INTERVAL,
+    LABELS,
+    VELOCITIES,
+    Predicted,
+    Rival,
+    table,
+)
 from benchmarks.dead_reckoning.tiers import DIVES
 from twin.errors import InputError, StoreError, unknown_name
 

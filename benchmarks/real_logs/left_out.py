@@ -147,7 +147,7 @@ def run(job: LeftOutJob) -> list[Method]:
     put("ridge on the twin", "twin", "trained on the other deployment", regressed)
     if job.networks is not None:
         first = job.networks[ON_TWIN]
-        zero = mean_of([one.predictor() for one in first], tests)
+        zero = mean_of(first, tests)
         put("network on the twin, zero shot", "network", "trained on simulation only", zero)
         tuned = [
             fit_member(job.train, ON_TWIN, member, TUNED, seed=job.seed, start=start)

@@ -60,25 +60,16 @@ class Through:
 class Dived(Protocol):
     """What the depth of a dive is fitted to, each (time,); a `Log` is one."""
 
-    @property
-    def period(self) -> float:
-        """[s]"""
-
-    @property
-    def depth(self) -> Array:
-        """[m]"""
-
-    @property
-    def depth_rate(self) -> Array:
-        """[m/s] downward"""
-
-    @property
-    def pump(self) -> Array:
-        """[cm3]"""
-
-    @property
-    def use(self) -> Mask:
-        """Which samples are compared."""
+    period: float
+    """[s]"""
+    depth: Array
+    """[m]"""
+    depth_rate: Array
+    """[m/s] downward"""
+    pump: Array
+    """[cm3]"""
+    use: Mask
+    """Which samples are compared."""
 
 
 def kinematic(log: Log, pitch: Array, attack: float = ATTACK) -> Through:

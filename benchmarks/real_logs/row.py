@@ -77,18 +77,14 @@ def table(rows: Sequence[Row]) -> list[dict[str, object]]:
     winners = best(rows)
     return [
         {
-            "data": row.data,
-            "method": row.method,
-            "": row.kind,
+            "data": row.data, "method": row.method, "": row.kind,
             row.unit: row.value if math.isfinite(row.value) else None,
             "95 %": f"{row.low:.3g} to {row.high:.3g}" if math.isfinite(row.low) else "",
             "best": "*" if any(row is one for one in winners) else "",
-            "samples": row.samples or None,
-            "dives": row.dives or None,
-            "note": row.note,
+            "samples": row.samples or None, "dives": row.dives or None, "note": row.note,
         }
         for row in rows
-    ]
+    ]  # fmt: skip
 
 
 def rmse_interval(dives: Sequence[Array]) -> Interval:
@@ -206,21 +202,10 @@ def _rows(
     rows = []
     for one in common(methods) if methods else []:
         value, (low, high), samples, note = figures(list(one.errors.values()))
-        rows.append(
-            Row(
-                task=task,
-                data=data,
-                method=one.name,
-                kind=one.kind,
-                value=value,
-                low=low,
-                high=high,
-                unit=unit,
-                samples=samples,
-                dives=len(one.errors),
-                note=f"{one.note}; {note}",
-            )
-        )
+        rows.append(Row(
+            task=task, data=data, method=one.name, kind=one.kind, value=value, low=low, high=high,
+            unit=unit, samples=samples, dives=len(one.errors), note=f"{one.note}; {note}",
+        ))  # fmt: skip
     return rows
 
 
@@ -234,14 +219,9 @@ def published_rows(task: str, deployment: str) -> list[Row]:
     """Rows of a task and a deployment, which is known by the beginning of its name."""
     return [
         Row(
-            task=task,
-            data=deployment,
-            method=f"{entry['method']}, on other samples",
-            kind="published",
-            value=entry["value"],
-            unit=entry["unit"],
-            note=entry["source"],
+            task=task, data=deployment, method=f"{entry['method']}, on other samples",
+            kind="published", value=entry["value"], unit=entry["unit"], note=entry["source"],
         )
         for entry in figures()
         if entry["task"] == task and deployment.lower().startswith(entry["deployment"])
-    ]
+    ]  # fmt: skip

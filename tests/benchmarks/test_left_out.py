@@ -13,7 +13,7 @@ from benchmarks.real_logs import left_out
 from benchmarks.real_logs.left_out import Labelled
 from benchmarks.real_logs.row import Method, Row, pooled_draws, rmse
 from benchmarks.real_logs.source import Deployment, imported
-from benchmarks.real_logs.surge_networks import INPUTS, TUNED, Pretrained, Weights, fit_network
+from benchmarks.real_logs.surge_networks import INPUTS, TUNED, Pretrained, fit_network
 
 FLIGHTS = {"one": Flight(dives=5, depth=90.0), "two": Flight(dives=5, depth=90.0, speed=0.3)}
 
@@ -71,7 +71,7 @@ def test_velocities_of_the_deployment_that_is_scored_teach_nothing(
     dives = [dive for one in labelled for dive in one.dives]
     short = dataclasses.replace(TUNED, epochs=2, validations=1)
     first = fit_network(dives, dives[:1], INPUTS[left_out.ON_TWIN], short, seed=0)
-    networks: Pretrained = {left_out.ON_TWIN: [Weights.of(first)] * 3}
+    networks: Pretrained = {left_out.ON_TWIN: [first] * 3}
     job, other = left_out.jobs(labelled, networks)
     before = predicted(job)
     assert len(before) == 5

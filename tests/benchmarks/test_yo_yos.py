@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from logs import SHARED, Flight, write_mat
 
+from benchmarks import command
 from benchmarks.real_logs import yo_yos
 from factory.importing import import_logs
 from twin.errors import InputError
@@ -52,13 +53,13 @@ def test_the_command_prints_logs_and_twin(
     dataset, _ = import_logs("lrauv", [write_mat(tmp_path / "log.mat", flight)])
     write_store(dataset, tmp_path / "shore.zarr")
     words = [str(tmp_path / "shore.zarr"), "--vehicle", "tethys", "--pitch", "12", "18", "--json"]
-    assert yo_yos.main(words) == 0
+    assert command.run(yo_yos.main, words) == 0
     answer = json.loads(capsys.readouterr().out)
     logs, gentle, steep = answer["rows"]
     assert logs["down [m/s]"] == pytest.approx(math.sin(math.radians(15.0)), rel=0.1)
     assert gentle["down [m/s]"] < logs["down [m/s]"] < steep["down [m/s]"]
     assert 12.0 < answer["matching_pitch_deg"]["down"] < 18.0
-    assert yo_yos.main([str(tmp_path / "none.zarr")]) == 2
+    assert command.run(yo_yos.main, [str(tmp_path / "none.zarr")]) == 2
     assert "none.zarr" in capsys.readouterr().err
 
 
