@@ -82,7 +82,7 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
                 ]
                 yield Dives(
                     over_ground=np.array([complex(*leg.over_ground) for leg in legs]),
-                    way=np.array([complex(*leg.through_water) for leg in legs]),  # type: ignore
+                    way=np.array([complex(*leg.through_water) for leg in legs]),
                     current=_carried(own, legs, track),
                     seas=np.array(drawn),
                 )

@@ -101,7 +101,6 @@ def deployment(dives: Dives, rng: np.random.Generator) -> list[dict[str, float]]
         )  # fmt: skip
         left = taken[-1] / 3.6e6 - counter[last + 1] * VOLTAGE / 1e3
         lasts = endurance_of(known, left)
-        assert lasts is not None
         truth = (time[-1] - time[last]) / 86400.0
         low, high = lasts.interval()
         found.append({

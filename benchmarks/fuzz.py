@@ -325,21 +325,17 @@ def run(
     target: Callable[[Mutant, Path, Path | None], object] = work,
 ) -> Iterator[Verdict]:
     """Verdicts on mutants, each judged in a fork; no mutant begins after so many seconds."""
-    import netCDF4  # noqa: F401 - what forks need is loaded once
-    import pandas  # noqa: F401
-
-    import factory.soundness  # noqa: F401
-    from factory.importing import IMPORTERS
-
-    for kind in IMPORTERS.names():
-        IMPORTERS[kind]
     end, rest, busy = time.monotonic() + seconds, iter(given), dict[int, tuple[Mutant, Path]]()
+    known = set[str]()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as base:
         try:
             while True:
                 while len(busy) < workers and time.monotonic() < end:
                     if (mutant := next(rest, None)) is None:
                         break
+                    if mutant.layout not in known:
+                        known.add(mutant.layout)
+                        _load(mutant)
                     folder = Path(tempfile.mkdtemp(dir=base))
                     busy[fork(partial(target, mutant, folder, real))] = mutant, folder
                 if not busy:
@@ -357,6 +353,21 @@ def run(
         finally:
             for process in busy:
                 wait(process, kill=True)
+
+
+def _load(mutant: Mutant) -> None:
+    """Import an undamaged log here, so that forks find libraries and compiled code loaded."""
+    import factory.soundness  # noqa: F401
+    from factory.importing import import_logs
+
+    layout = mutant.layout.partition(":")[2]
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with contextlib.suppress(Exception):
+            prepare(dataclasses.replace(mutant, operation=UNDAMAGED), Path(folder), None)
+            given = variation(mutant.kind, int(layout), Sound())
+            import_logs(mutant.kind, [folder], variation_deg=given,
+                        mapping=mapping(mutant.kind, Path(folder)))  # fmt: skip
 
 
 def _held(process: int) -> int:

@@ -33,7 +33,7 @@ from benchmarks.processes import DONE, ROOT, TOLD, done, fork, wait
 
 sys.path.insert(0, str(ROOT / "tests"))
 
-from clusters import dask_cluster  # type: ignore[import-not-found]
+from clusters import dask_cluster
 from clusters import worker as dask_worker
 
 import factory
@@ -142,7 +142,6 @@ def history(ground: Ground, kind: str, store: Path) -> str | None:
 def _spoil(ground: Ground, store: Path) -> None:
     """Cut or remove a file of an unfinished store, every second time."""
     place = generating(store)
-    assert isinstance(place, Path)
     # os.walk passes over folders that a worker without its parent removes meanwhile
     walked = ((Path(folder), names) for folder, _, names in os.walk(place))
     found = sorted(at / name for at, names in walked for name in names if name not in KEPT)
@@ -195,7 +194,7 @@ def kill_runs(ground: Ground, kind: str, times: int) -> list[str]:
 
 def kill_imports(ground: Ground, kind: str, times: int) -> list[str]:
     """Kill imports that are to replace a store; attributes have the date, so that values count."""
-    from written_logs import Sound, write  # type: ignore[import-not-found]
+    from written_logs import Sound, write
 
     place, lost = ground.folder / kind, []
     place.mkdir()

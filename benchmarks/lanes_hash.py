@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy._core._multiarray_umath import __cpu_dispatch__  # type: ignore[import-not-found]
+from numpy._core._multiarray_umath import __cpu_dispatch__
 
 import twin
 from benchmarks import command

@@ -16,17 +16,15 @@ are made once in the folder: remove it after a change of the code that flies or 
 
 from __future__ import annotations
 
-import contextlib
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from benchmarks import command
-from benchmarks.dead_reckoning.rivals import Predicted, adapt_each, baseline
+from benchmarks.dead_reckoning.rivals import Predicted, adapt_each, baseline, made_once
 from benchmarks.dead_reckoning.scoring import interval, mission_errors
 from benchmarks.dead_reckoning.tiers import DIVES, HEAVY, Tier
-from twin.errors import InputError, StoreError
 from twin.navigation.features import FLIGHT, INPUT_SETS
 from twin.numbers import Array
 
@@ -55,21 +53,6 @@ def recipes(hours: float) -> dict[str, Tier]:
     }  # fmt: skip
 
 
-def trained(folder: Path, stores: Sequence[Path], seed: int, seconds: float) -> Any:
-    """A run of `learn fit` on these stores, made where it is missing."""
-    from learn.api import fit
-    from learn.run import open_run
-
-    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
-        return open_run(folder)
-    print(f"{folder} ...", file=sys.stderr)
-    features = SHARED if len(stores) > 1 else ()
-    return fit(
-        list(stores), folder=folder, resume=True, seed=seed, seconds=seconds, members=1, workers=2,
-        features=features,
-    )  # fmt: skip
-
-
 def judged(
     folder: Path, hours: float, seconds: float, seed: int
 ) -> Iterator[tuple[str, str, dict[int, Array]]]:
@@ -90,7 +73,10 @@ def judged(
             "flight filter": baseline("flight_filter").predict(own, test, seed, seconds),
         }
         for method, (name, some) in taught.items():
-            run = trained(runs / f"{name}-{hours:g}h-{seed}-{seconds:g}s", some, seed, seconds)
+            run = made_once(
+                runs / f"{name}-{hours:g}h-{seed}-{seconds:g}s", some, seed=seed, seconds=seconds,
+                features=SHARED if len(some) > 1 else (),
+            )  # fmt: skip
             said[method] = adapt_each(run, test, "none")
         for method, predicted in said.items():
             yield kind, method, mission_errors(test, LAST, predicted)[0]

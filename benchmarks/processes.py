@@ -45,7 +45,6 @@ def ran(command: Sequence[str]) -> Ran:
     """
     begun, most, ended = time.perf_counter(), 0, threading.Event()
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=ROOT)
-    assert process.stdout is not None
 
     def watch() -> None:
         nonlocal most

@@ -54,7 +54,6 @@ def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
         truth[f"true_{name}"] = np.zeros_like(t)
     profile = DensityProfile.thermocline()
     water = profile.temperature_salinity(depth)
-    assert water is not None  # a thermocline has both
     truth["true_temperature"], truth["true_salinity"] = water
     truth["true_density"] = profile.density(depth)
     for part in ("shift", "rotation", "pump"):

@@ -74,7 +74,6 @@ def begin(words: list[str]) -> subprocess.Popen[str]:
     server = subprocess.Popen(
         [sys.executable, *words], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
     )
-    assert server.stderr is not None
     while "waits on" not in (line := server.stderr.readline()):
         if not line:
             raise SystemExit("the server did not begin")

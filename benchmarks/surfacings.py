@@ -145,7 +145,7 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
 
     pools = {name: pooled(name, getattr(start, name)) for name in ("current", "way", "schedule")}
     reaches = {f"{which}_reach": reach(which) for which in ("surfacing", "current")}
-    return Priors(**pools, **reaches)  # type: ignore[arg-type]
+    return Priors(**pools, **reaches)
 
 
 def judged(one: DeploymentHindcast, which: str) -> list[Judged]:
@@ -173,7 +173,7 @@ def row(
         held = np.array([each.held[k] for run in runs for each in run], float)
         found[f"resampled_{100 * part:.0f}"] = bootstrap(
             [len(run) for run in runs],
-            lambda rows, held=held: float(held[rows].mean()),  # type: ignore[misc]
+            lambda rows, held=held: float(held[rows].mean()),
             (100.0 * tail, 100.0 * (1.0 - tail)),
         )
     if which == "surfacing":

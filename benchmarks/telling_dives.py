@@ -39,7 +39,6 @@ def measure(name: str, depth: float) -> dict[str, object]:
     calibration = load_calibration(name)
     usual = usual_dive(calibration.vehicle, PERIOD, depth)
     log = flown_logs(calibration, [usual])[0]
-    assert log is not None
     chosen = choose(list(LEARNED))
     alone = slopes_of(turned(log, 0.0), calibration, chosen, NOISE)
     information = np.eye(len(chosen)) + USUAL * alone.depth_rates

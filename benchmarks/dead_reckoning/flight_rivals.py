@@ -9,9 +9,9 @@ deployment's depth rate and fixes; it needs logs. Neither sees a velocity.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,18 +35,14 @@ CHANNELS = (
 )  # fmt: skip
 
 
-@dataclasses.dataclass(frozen=True)
-class SimulatedDives:
+class SimulatedDives(NamedTuple):
     """Dives of a simulated mission, as `benchmarks.real_logs.public` fits them."""
 
     period: float
     depth: Array
     depth_rate: Array
     pump: Array
-
-    @property
-    def use(self) -> np.ndarray:
-        return np.ones(self.depth.size, bool)
+    use: bool = True
 
 
 def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicted:

@@ -22,8 +22,9 @@ from twin.errors import InputError, unknown_name
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from benchmarks.real_logs import page, run
-from benchmarks.real_logs.row import table
+from benchmarks.real_logs import run
+from benchmarks.real_logs.row import keep as write
+from benchmarks.real_logs.row import kept, table
 
 
 def main(
@@ -65,9 +66,9 @@ def main(
     command.say(answer, *lines, json=json, digits=3)
     if keep is not None:
         measured = {task for name in only for task in run.SECTIONS[name]}
-        others = page.kept(keep) if only != tuple(run.SECTIONS) and keep.exists() else []
+        others = kept(keep) if only != tuple(run.SECTIONS) and keep.exists() else []
         stay = [row for row in others if row.task not in {*measured, "skipped"}]
-        page.keep(sorted([*rows, *stay], key=lambda row: run.TASKS.index(row.task)), keep)
+        write(sorted([*rows, *stay], key=lambda row: run.TASKS.index(row.task)), keep)
 
 
 if __name__ == "__main__":

@@ -143,9 +143,7 @@ def rows_of(deployment: Deployment, held: Sequence[Errors]) -> list[Row]:
     for name, (title, kind, note) in TITLES.items():
         errors = {row: e for part in held for row, e in part.get(name, {}).items()}
         if errors:
-            methods.append(
-                Method(name=title, kind=kind, note=f"{note}; {scheme}", errors=errors)  # type: ignore[arg-type]
-            )
+            methods.append(Method(name=title, kind=kind, note=f"{note}; {scheme}", errors=errors))
     rows = [*published_rows(TASK, deployment.name), *rmse_rows(TASK, deployment.name, methods)]
     equal = common(methods)
     best = min(equal, key=lambda one: rmse(np.concatenate(list(one.errors.values()))))

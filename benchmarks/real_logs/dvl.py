@@ -135,7 +135,6 @@ def _methods(
         note = f"depth rate only; pitch scale {scale.value:.3f} +- {scale.deviation:.3f} with it"
         put("twin, pitch scale estimated too", "twin", speeds, note)
     for kind in networks or {}:
-        assert networks is not None
         speeds = [np.hypot(level_of(log, found, networks, kind), log.depth_rate) for log in logs]
         note = f"trained on simulation only; {pitch}"
         put(f"{ZERO_SHOT[kind]}, {title}", "network", speeds, note)

@@ -200,7 +200,6 @@ def _tracks(
         note = "depth rate of other dives" if blind else "depth rate and fixes of other dives"
         put(name, "twin", f"tuned on {note}", errors)
     for kind in networks or {}:
-        assert networks is not None
         learned: Tracks = {}
         for log in logs:
             level = level_of(log, fold_of(fitted, log.index).calibration, networks, kind)

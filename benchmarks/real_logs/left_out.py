@@ -136,7 +136,7 @@ def run(job: LeftOutJob) -> list[Method]:
 
     def put(name: str, kind: str, note: str, found: Sequence[Array]) -> None:
         errors = {d.row: f - d.level for d, f in zip(tests, found, strict=True)}
-        methods.append(Method(name=name, kind=kind, note=note, errors=errors))  # type: ignore[arg-type]
+        methods.append(Method(name=name, kind=kind, note=note, errors=errors))
 
     own = "identified on the deployment's own depth rate"
     put("steady flight model", "public method", own, job.tested.steady)

@@ -14,9 +14,8 @@ from benchmarks import command
 from benchmarks.real_logs import dvl
 from benchmarks.real_logs.__main__ import main
 from benchmarks.real_logs.folds import blocks, thinned
-from benchmarks.real_logs.page import keep, kept
 from benchmarks.real_logs.public import SteadyModel, fit_steady, kinematic
-from benchmarks.real_logs.row import Row, figures, published_rows, rmse
+from benchmarks.real_logs.row import Row, figures, keep, kept, published_rows, rmse
 from benchmarks.real_logs.run import SECTIONS, TASKS, run_benchmark
 from benchmarks.real_logs.samples import AVERAGE, averaged, level_speed, ridge
 from benchmarks.real_logs.source import gather, imported
