@@ -14,6 +14,7 @@ fix. Nothing learns the sea better from fixes alone, up to the draws; half of th
 from __future__ import annotations
 
 import dataclasses
+import functools
 import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -27,7 +28,6 @@ from benchmarks.command import Positional
 from benchmarks.navigator_consistency import legs_of
 from factory.generation.generated_store import GeneratedStore
 from factory.sampling.conditions import build_current
-from factory.sampling.distribution import Value
 from factory.sampling.draw import Parameters, draw_values
 from learn.data.dataset import Selection
 from twin.navigation.current import Leg
@@ -64,7 +64,13 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
     """Of each mission that has known ones."""
     with GeneratedStore(store) as generated:
         kind = VELOCITY_ESTIMATORS[METHOD]
-        drawn_seas = [_sea(generated, number) for number in range(seas)]
+        # a current as the store draws it; place and plan are a mission's own
+        names = [name for name in generated.table if name.startswith("current.")]
+        draw = functools.partial(
+            draw_values, {name: generated.table[name] for name in names}, generated.distributions,
+            seed=SEA_SEED, attempt=0,
+        )  # fmt: skip
+        drawn_seas = [draw(mission=number) for number in range(seas)]
         channels = (DEPTH, *ATTITUDE, *FIX, *RATES, *kind.needs(generated.vehicle), "true_depth")
         with Selection(store, list(dict.fromkeys(channels))) as selection:
             method = kind(generated.vehicle, selection.period)
@@ -86,12 +92,6 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
                     current=_carried(own, legs, track),
                     seas=np.array(drawn),
                 )
-
-
-def _sea(generated: GeneratedStore, number: int) -> dict[str, Value]:
-    """The parameters of one current as the store draws them; place and plan are a mission's own."""
-    table = {name: one for name, one in generated.table.items() if name.startswith("current.")}
-    return draw_values(table, generated.distributions, seed=SEA_SEED, mission=number, attempt=0)
 
 
 def _carried(

@@ -49,7 +49,11 @@ def _vehicles(logs: LogStore, store: Path, name: str, work: Path) -> dict[str, V
     rows = logs.missions_of(name)
     if len(rows) < LEAST_DIVES:
         return {}
-    found = {"shipped": start_vehicle(store) if "measured_pitch" in logs else _blind(logs)}
+    if "measured_pitch" in logs:
+        found = {"shipped": start_vehicle(store)}
+    else:  # a log whose depth no vehicle of 200 m reaches is of one of 1000 m
+        deep = float(np.nanmax(logs.rows("measured_depth", range(len(logs))))) > 230.0
+        found = {"shipped": load_vehicle("slocum-1000" if deep else "slocum-200")}
     path = work / f"{store.stem}-{name}.xml"
     if "measured_pitch" in logs and not path.exists():
         first = ",".join(map(str, rows[: max(len(rows) // 2, 4)]))
@@ -58,12 +62,6 @@ def _vehicles(logs: LogStore, store: Path, name: str, work: Path) -> dict[str, V
     if path.exists():
         found["identified"] = load_vehicle(str(path))
     return found
-
-
-def _blind(logs: LogStore) -> Vehicle:
-    """Of a log without attitude: whose depth no vehicle of 200 m reaches is of 1000 m."""
-    deep = float(np.nanmax(logs.rows("measured_depth", range(len(logs))))) > 230.0
-    return load_vehicle("slocum-1000" if deep else "slocum-200")
 
 
 def _look(

@@ -228,12 +228,6 @@ def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
     return command.markdown(head, lines)
 
 
-def losses(rows: Sequence[Mapping[str, Any]], which: str) -> str:
-    """Where the forecast is worse than the best rival."""
-    lost = [f"{one['deployment']} {one['ratio']:.2f}" for one in rows if one["ratio"] > 1.0]
-    return f"{which}: worse than the best rival on {', '.join(lost) or 'none of them'}"
-
-
 # --- times ----------------------------------------------------------------------------------------
 
 
@@ -333,7 +327,9 @@ def main(
         print(dumps(tables))
         return
     for which, rows in tables.items():
-        print(markdown(rows, which), losses(rows, which), sep="\n\n", end="\n\n")
+        lost = [f"{one['deployment']} {one['ratio']:.2f}" for one in rows if one["ratio"] > 1.0]
+        worse = f"{which}: worse than the best rival on {', '.join(lost) or 'none of them'}"
+        print(markdown(rows, which), worse, sep="\n\n", end="\n\n")
 
 
 if __name__ == "__main__":
