@@ -41,18 +41,15 @@ from benchmarks.processes import DONE, ROOT, fork, wait
 
 sys.path.insert(0, str(ROOT / "tests"))
 
-from logs import write_pyglider
-from written_logs import WRITERS, Sound, mapping, variation
+from logs import SOUND
 
 from benchmarks.damage import COLUMNS, OPERATIONS, damage, damaged_flight
+from factory import samples
 
 LONGEST_S, MOST_BYTES, KILLED_BYTES = 60.0, 7 * 10**8, 3 * 10**9
 """Processor time [s] and memory [byte] beside the libraries' of one import; and the memory at which
 it is stopped"""
-WRITERS = WRITERS | {
-    "ngdac": (*WRITERS["ngdac"], lambda f, flight: [write_pyglider(f / "series.nc", flight)])
-}
-LAYOUTS = [f"{kind}:{k}" for kind, writers in WRITERS.items() for k in range(len(writers))]
+LAYOUTS = [f"{kind}:{k}" for kind, some in samples.formats().items() for k in range(len(some))]
 BARE = ("slocum:1", "mcap:0", "rosbag2:0", "ardusub:0", "lsf:0", "dorado:0")
 """Layouts without tables and variables"""
 TABLES = ("slocum:0", "seaglider:0", "seaexplorer:0", "csv:0")
@@ -136,9 +133,10 @@ def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
         for path in sorted(real.glob(pattern)):
             shutil.copyfile(path, folder / path.name)
     else:
-        flight = damaged_flight(random) if flying else Sound()
+        flight = damaged_flight(random) if flying else SOUND
         try:
-            WRITERS[mutant.kind][int(pattern)](folder, flight)
+            layout = samples.formats()[mutant.kind][int(pattern)]
+            samples.write(mutant.kind, folder, flight, layout=layout)
         except Exception:  # a format has no such value
             if not flying:
                 raise
@@ -185,7 +183,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
 
     logs, out = folder / "logs", folder / "out"
     layout = mutant.layout.partition(":")[2]
-    given = variation(mutant.kind, int(layout), Sound()) if layout.isdigit() else None
+    given = samples.options(mutant.kind, logs) if layout.isdigit() else {}
     told = deployment_log.failed_reading
 
     def failed_reading(path: Path, error: Exception) -> Any:
@@ -199,9 +197,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
-            dataset, report = import_logs(
-                mutant.kind, [logs], variation_deg=given, mapping=mapping(mutant.kind, logs)
-            )
+            dataset, report = import_logs(mutant.kind, [logs], **given)
     except TwinError as error:
         verdict.outcome, said = "refused", str(error)
         if "\n" in said or not said.strip() or len(said) > 2100 or "this is a bug" in said:
@@ -244,8 +240,8 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
         if not suspect or any(name not in suspect for name in of):
             verdict.failures.append(f"not told: {problem}")
     if mutant.operation == UNDAMAGED and layout.isdigit():
-        if report.rows != Sound().dives:
-            verdict.failures.append(f"{report.rows} dives of undamaged logs, not {Sound().dives}")
+        if report.rows != SOUND.dives:
+            verdict.failures.append(f"{report.rows} dives of undamaged logs, not {SOUND.dives}")
         verdict.failures += [f"suspect undamaged logs: {e.subject}: {e.detail}"
                              for e in report.entries if e.action == "suspect"]  # fmt: skip
 
@@ -360,14 +356,11 @@ def _load(mutant: Mutant) -> None:
     import factory.soundness  # noqa: F401
     from factory.importing import import_logs
 
-    layout = mutant.layout.partition(":")[2]
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with contextlib.suppress(Exception):
             prepare(dataclasses.replace(mutant, operation=UNDAMAGED), Path(folder), None)
-            given = variation(mutant.kind, int(layout), Sound())
-            import_logs(mutant.kind, [folder], variation_deg=given,
-                        mapping=mapping(mutant.kind, Path(folder)))  # fmt: skip
+            import_logs(mutant.kind, [folder], **samples.options(mutant.kind, folder))
 
 
 def _held(process: int) -> int:

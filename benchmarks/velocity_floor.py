@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks import command
 from benchmarks.command import Positional
 from learn.data.dataset import MissionSequence, Selection
-from twin.identify.start_values import balance
+from twin.identify.speed import balance
 from twin.navigation.flight_filter import (
     CLEAN,
     HULLS,

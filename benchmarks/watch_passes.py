@@ -40,14 +40,10 @@ import matplotlib.backends.backend_agg  # noqa: F401 - what forked passes need i
 import netCDF4  # noqa: F401
 import xarray as xr
 
-from benchmarks import command
-from benchmarks.processes import DONE, ROOT, Ran, done, fork, ran, wait
-
-sys.path.insert(0, str(ROOT / "tests"))
-
-from logs import Flight, write_basestation
-
 import twin.physics.lanes  # noqa: F401
+from benchmarks import command
+from benchmarks.processes import DONE, Ran, done, fork, ran, wait
+from factory import samples
 from factory.importing import import_logs
 from glider_twin_ops.watching import WatchedDeployment, one_pass
 from glider_twin_ops.watching.log_of_files import DIGEST, content_of, log_of_files
@@ -88,7 +84,8 @@ def measure(dives: int, place: Path) -> dict[str, object]:
     source, later = place / "arrived", place / "later"
     source.mkdir()
     later.mkdir()
-    files = write_basestation(later, Flight(dives=dives, depth=DEPTH, step=5.0))
+    flight = samples.Flight(dives=dives, depth=DEPTH, step=5.0)
+    files = samples.write("seaglider", later, flight, layout="basestation")
     for path in files[:-1]:
         shutil.move(path, source)
     made = WatchedDeployment(folder=place / "calypso", source=str(source), vehicle="seaglider")
@@ -286,8 +283,7 @@ def _first_difference(found: xr.Dataset, wanted: xr.Dataset) -> str:
 
 def _files(place: Path) -> list[Path]:
     later = place / "later"
-    later.mkdir(parents=True)
-    return list(write_basestation(later, Flight(dives=HARMED)))
+    return samples.write("seaglider", later, samples.Flight(dives=HARMED), layout="basestation")
 
 
 def _deployment(place: Path, files: list[Path]) -> Path:
