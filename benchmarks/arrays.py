@@ -22,7 +22,6 @@ import numpy as np
 import xarray as xr
 
 from benchmarks import command
-from benchmarks.command import Positional
 from benchmarks.processes import ROOT
 
 sys.path.insert(0, str(ROOT / "tests"))
@@ -73,7 +72,7 @@ def changed(old: xr.Dataset, new: xr.Dataset) -> str:
 
 
 def main(
-    stores: Positional[tuple[Path, ...]] = (),
+    stores: command.Positional[tuple[Path, ...]] = (),
     *,
     write: bool = False,
     reference: Path | None = None,

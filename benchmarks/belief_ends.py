@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks import command
-from benchmarks.command import Positional
 from glider_twin_ops.health.beliefs import FOLLOWED, Beliefs, follow_parameters
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.logged_missions import start_vehicle
@@ -60,7 +59,7 @@ def _ended(
     }
 
 
-def main(stores: Positional[tuple[Path, ...]], *, json: bool = False) -> None:
+def main(stores: command.Positional[tuple[Path, ...]], *, json: bool = False) -> None:
     """Print a row a parameter. stores: of logs with attitude."""
     found: list[dict[str, Any]] = []
     for store in stores:

@@ -12,7 +12,6 @@ from pathlib import Path
 from statistics import median
 
 from benchmarks import command
-from benchmarks.command import Positional
 from benchmarks.figures import measured, seconds
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
@@ -23,7 +22,7 @@ LIMIT_S = 0.3
 """What a person may have to wait for a help text."""
 
 
-def main(runs: Positional[int] = 10) -> int:
+def main(runs: command.Positional[int] = 10) -> int:
     """Print the table; 1 when a median is over the limit."""
     folder = Path(sys.executable).parent
     commands = {"python -c pass": [sys.executable, "-c", "pass"]}

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import tyro
+from tyro.conf import OmitArgPrefixes as OmitArgPrefixes
 from tyro.conf import Positional as Positional
 
 from twin.cli.text_table import format_table

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from benchmarks import command
-from benchmarks.command import Positional
 from benchmarks.navigator_consistency import legs_of
 from factory.generation.generated_store import GeneratedStore
 from factory.sampling.conditions import build_current
@@ -192,7 +191,7 @@ def floor_of(judged: Sequence[Dives], size: Array, seas: int) -> dict[str, float
 
 
 def main(
-    stores: Positional[tuple[str, ...]],
+    stores: command.Positional[tuple[str, ...]],
     *,
     learn: tuple[str, ...],
     seas: int = 400,

@@ -30,7 +30,6 @@ import mujoco
 import numpy as np
 
 from benchmarks import command
-from benchmarks.command import Positional
 from benchmarks.figures import measured
 from benchmarks.processes import ran
 from factory.sampling.recipe import make_recipe
@@ -187,7 +186,9 @@ def beside_the_glider(folder: Path) -> list[dict[str, object]]:
     ]  # fmt: skip
 
 
-def main(hours: Positional[float] = 100.0, *, vehicles: bool = False, json: bool = False) -> int:
+def main(
+    hours: command.Positional[float] = 100.0, *, vehicles: bool = False, json: bool = False
+) -> int:
     """Print the tables; 1 when a promise is broken.
 
     Args:

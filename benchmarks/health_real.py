@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks import command
-from benchmarks.command import Positional
 from glider_twin_ops.health.assessment import LEAST_DIVES, flown_signatures, judged
 from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.health.deployment_dives import told_by
@@ -115,7 +114,9 @@ def _cell(value: object) -> str:
     return str(value or "-") if isinstance(value, list) else format_number(value)
 
 
-def main(stores: Positional[tuple[Path, ...]], *, work: Path, keep: Path | None = None) -> None:
+def main(
+    stores: command.Positional[tuple[Path, ...]], *, work: Path, keep: Path | None = None
+) -> None:
     """Judge, print, keep.
 
     Args:

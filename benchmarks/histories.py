@@ -28,7 +28,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import command
-from benchmarks.command import Positional
 from benchmarks.processes import DONE, ROOT, TOLD, done, fork, wait
 
 sys.path.insert(0, str(ROOT / "tests"))
@@ -238,7 +237,9 @@ KINDS: dict[str, Callable[[Ground, str, int], list[str]]] = {
 }
 
 
-def main(kinds: Positional[tuple[str, ...]] = (), *, histories: int = 1000, seed: int = 0) -> int:
+def main(
+    kinds: command.Positional[tuple[str, ...]] = (), *, histories: int = 1000, seed: int = 0
+) -> int:
     """Print a line a kind, and what was lost; 1 when something was.
 
     Args:

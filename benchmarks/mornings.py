@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import command
-from benchmarks.command import Positional
 from glider_twin_ops.forecast import legs_of
 from glider_twin_ops.pages.morning_page import LATEST, PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass
@@ -100,7 +99,10 @@ def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
 
 
 def main(
-    folder: Positional[Path], names: Positional[tuple[str, ...]] = (), *, out: Path | None = None
+    folder: command.Positional[Path],
+    names: command.Positional[tuple[str, ...]] = (),
+    *,
+    out: Path | None = None,
 ) -> None:
     """Print a table in Markdown; the pages stay in --out.
 

@@ -30,7 +30,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import command
-from benchmarks.command import Positional
 from factory.generation.generated_store import GeneratedStore
 from learn.data.dataset import MissionSequence, Selection
 from learn.run import open_run
@@ -133,7 +132,7 @@ def _velocities(
 
 
 def main(
-    stores: Positional[tuple[str, ...]],
+    stores: command.Positional[tuple[str, ...]],
     *,
     learn: tuple[str, ...] = (),
     run: str | None = None,

@@ -29,7 +29,6 @@ import numpy as np
 from torch import Tensor, nn
 
 from benchmarks import command
-from benchmarks.command import Positional
 from learn.data.dataset import TARGETS as CHANNELS
 from learn.data.dataset import load_missions
 from learn.data.preparation import prepare
@@ -136,7 +135,7 @@ def run(
 
 
 def main(
-    train: Positional[str],
+    train: command.Positional[str],
     *,
     test: tuple[str, ...],
     kinds: tuple[str, ...] = tuple(NETWORKS.shipped()),

@@ -23,7 +23,6 @@ from typing import Any
 
 import learn
 from benchmarks import command
-from benchmarks.command import Positional
 from learn.training.fitting import fit
 
 PAPER = {"surge_mse": 0.0347, "sway_mse": 0.00588}
@@ -79,7 +78,7 @@ def show(results: list[dict[str, Any]]) -> None:
 
 
 def main(
-    train: Positional[str],
+    train: command.Positional[str],
     *,
     test: str,
     seeds: int = 5,

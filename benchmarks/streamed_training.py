@@ -24,7 +24,6 @@ from typing import Literal
 import zarr  # noqa: F401 - imported before the memory of the libraries is read
 
 from benchmarks import command
-from benchmarks.command import Positional
 from learn.data.preparation import training_lengths
 from learn.data.stores import parts_of
 from learn.networks.base import NetworkConfig
@@ -37,7 +36,7 @@ WAYS = ("resident", "streamed")
 
 
 def main(
-    store: Positional[Path],
+    store: command.Positional[Path],
     *,
     epochs: int = 3,
     buffer: int = 2**16,

@@ -39,7 +39,6 @@ import numpy as np
 from scipy.stats import binom
 
 from benchmarks import command
-from benchmarks.command import Positional
 from factory.importing import import_logs
 from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, scores_of
 from glider_twin_ops.forecast.expected_dive import Rhythm, SurfacingSchedule
@@ -288,7 +287,7 @@ def times_of(stores: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def main(
-    folder: Positional[Path],
+    folder: command.Positional[Path],
     *,
     shipped: bool = False,
     waypoints: int | None = None,

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks import command
-from benchmarks.command import Positional
 from learn.data.dataset import MissionSequence, Selection
 from twin.identify.speed import balance
 from twin.navigation.flight_filter import (
@@ -140,7 +139,7 @@ def _without(name: str) -> FlightSpread:
     return dataclasses.replace(HULLS[CLEAN], **{field: NEVER[field] for field in known})
 
 
-def main(store: Positional[str], *, seed: int = 0, json: bool = False) -> None:
+def main(store: command.Positional[str], *, seed: int = 0, json: bool = False) -> None:
     """Print mean and 90 % of the errors of each case. store: missions of preset field."""
     with MissionStore(store) as reader:
         vehicle = reader.vehicle

@@ -21,7 +21,6 @@ import numpy as np
 
 import factory
 from benchmarks import command
-from benchmarks.command import Positional
 from benchmarks.figures import measured, medians
 from twin.cli.text_table import format_table
 
@@ -32,7 +31,9 @@ CHANNELS = (
 LENGTH, STRIDE, BATCH, ROUNDS, SLICES = 256, 64, 256, 3, 10
 
 
-def main(hours: Positional[float] = 20.0, memory_mb: Positional[float] = 4.0) -> int:
+def main(
+    hours: command.Positional[float] = 20.0, memory_mb: command.Positional[float] = 4.0
+) -> int:
     """Print the table; 1 when reading from memory is less than 100 times as fast as slices."""
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder) / "missions.zarr"

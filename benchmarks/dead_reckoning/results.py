@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import command
-from benchmarks.command import Positional
 from benchmarks.dead_reckoning.predictions import ALL_DIVES
 from twin.errors import InputError
 
@@ -148,7 +147,7 @@ def page(text: str, folder: Path = FOLDER) -> str:
     return text
 
 
-def main(folder: Positional[Path] = FOLDER, *, print: bool = False) -> None:
+def main(folder: command.Positional[Path] = FOLDER, *, print: bool = False) -> None:
     """Write the page.
 
     Args:

@@ -17,7 +17,6 @@ from math import isfinite
 from pathlib import Path
 
 from benchmarks import command
-from benchmarks.command import Positional
 from twin.errors import InputError, unknown_name
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -28,7 +27,7 @@ from benchmarks.real_logs.row import kept, table
 
 
 def main(
-    folder: Positional[Path],
+    folder: command.Positional[Path],
     *,
     workers: int = len(os.sched_getaffinity(0)),
     keep: Path | None = None,

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import command
-from benchmarks.command import Positional
 from factory.importing import import_logs
 from factory.soundness import verify_logs
 from twin.errors import InputError
@@ -122,23 +121,25 @@ def raw_arrays(paths: Sequence[Path], kind: str) -> Raw:
                 clock = file[names[0]]
                 unit = str(getattr(clock, "units", "seconds since 1970-01-01"))
                 zero = 631152000.0 if "1990" in unit else 0.0
-                own = np.ma.filled(np.ma.asarray(clock[:], float), np.nan) + zero
+                own = _plain(clock) + zero
                 times.append(own)
                 if not all(n in file.variables for n in names[2:]):
                     continue
                 when = own
                 if names[1] in file.variables and names[1] != names[0]:
-                    gps = np.ma.filled(np.ma.asarray(file[names[1]][:], float), np.nan)
+                    gps = _plain(file[names[1]])
                     gps = np.where(np.abs(gps) > 1e17, gps * 1e-9, gps)
                     when = gps if np.isfinite(gps).any() else own
-                fix = [when] + [
-                    np.ma.filled(np.ma.asarray(file[n][:], float), np.nan) for n in names[2:]
-                ]
+                fix = [when, *(_plain(file[name]) for name in names[2:])]
             if kind == "ngdac" and np.nanmax(np.abs(fix[1])) > 90.0:  # ddmm.mmm
                 fix[1:] = [np.trunc(one / 100.0) + np.fmod(one, 100.0) / 60.0 for one in fix[1:]]
             fixes.append(np.stack([np.asarray(one, float) for one in fix], axis=1))
     every = np.concatenate(fixes)
     return Raw(np.unique(np.concatenate(times)), every[np.isfinite(every).all(axis=1)])
+
+
+def _plain(variable: Any) -> Array:
+    return np.ma.filled(np.ma.asarray(variable[:], float), np.nan)
 
 
 def raw_seaexplorer(paths: Sequence[Path]) -> Raw:
@@ -272,7 +273,7 @@ def table(accounts: Iterable[Account]) -> str:
     return command.markdown(head, rows)
 
 
-def main(logs: Positional[tuple[str, ...]], *, json: bool = False) -> None:
+def main(logs: command.Positional[tuple[str, ...]], *, json: bool = False) -> None:
     """Print the accounts of the logs that are named, each KIND:FOLDER[+CACHES]."""
     found = []
     for word in logs:

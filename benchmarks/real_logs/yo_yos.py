@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import command
-from benchmarks.command import Positional
 from twin.errors import InputError
 from twin.identify.replayed_dive import legs_of
 from twin.records.logged import LogStore
@@ -125,7 +124,7 @@ def matching_pitch(pitch: Sequence[float], have: Sequence[float], wanted: float)
 
 
 def main(
-    store: Positional[Path],
+    store: command.Positional[Path],
     *,
     vehicle: str = "tethys",
     pitch: tuple[float, ...] = (10.0, 15.0, 20.0),
