@@ -17,7 +17,6 @@ import gc
 import hashlib
 import itertools
 import os
-import pickle
 import re
 import resource
 import shutil
@@ -30,7 +29,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from json import dumps
+from json import dumps, loads
 from pathlib import Path
 from typing import Any
 
@@ -301,7 +300,7 @@ def work(mutant: Mutant, folder: Path, real: Path | None) -> None:
         verdict.failures.append(f"printed {printed.read(200)!r}")
     verdict.failures = list(dict.fromkeys(verdict.failures))
     verdict.outcome = verdict.outcome if verdict.file else "unfit"
-    (folder / "verdict").write_bytes(pickle.dumps(verdict))
+    (folder / "verdict").write_text(dumps(dataclasses.asdict(verdict)))
 
 
 def _memory(word: str) -> int:
@@ -374,8 +373,7 @@ def _left(mutant: Mutant, folder: Path, code: int) -> Verdict:
     """The verdict that a process left, or that it ended without one."""
     path = folder / "verdict"
     if code == DONE and path.exists():
-        verdict: Verdict = pickle.loads(path.read_bytes())
-        return verdict
+        return Verdict(**loads(path.read_text()) | {"mutant": mutant})
     why = f"its process ended with {code}"
     if code == -signal.SIGXCPU:
         why = f"more than {LONGEST_S:g} s, stopped"

@@ -48,8 +48,9 @@ def ran(command: Sequence[str]) -> Ran:
 
     def watch() -> None:
         nonlocal most
-        while not ended.wait(EVERY_S):
+        while not ended.is_set():
             most = max(most, sum(map(_proportional, family(process.pid))))
+            ended.wait(EVERY_S)
 
     threading.Thread(target=watch, daemon=True).start()
     said = process.stdout.read()
