@@ -25,7 +25,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from benchmarks import command
 from benchmarks.processes import DONE, ROOT, TOLD, done, fork, wait
@@ -237,8 +237,11 @@ KINDS: dict[str, Callable[[Ground, str, int], list[str]]] = {
 }
 
 
+Kind = Literal["parent", "worker", "parts", "dask", "import", "watch"]
+
+
 def main(
-    kinds: command.Positional[tuple[str, ...]] = (), *, histories: int = 1000, seed: int = 0
+    kinds: command.Positional[tuple[Kind, ...]] = (), *, histories: int = 1000, seed: int = 0
 ) -> int:
     """Print a line a kind, and what was lost; 1 when something was.
 
