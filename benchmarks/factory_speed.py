@@ -50,7 +50,7 @@ WALL_LIMIT_S, RATE_LIMIT, MEMORY_LIMIT = 4.0, 25_000.0, 1e9
 VEHICLES, PAIRS, VEHICLE_LIMIT = ("glider", "tethys"), 3, 1.0 / 3.0
 """Tethys flies at no less than this part of the glider's rate, 10 h each"""
 BARE_STEPS, PYTHON_STEPS = 200_000, 5_000
-FOSSEN_SECONDS, SCIPY_SECONDS = 600.0, 60.0
+FOSSEN_SECONDS = 600.0
 
 
 def rates(work: Callable[[], object], seconds: float) -> tuple[float, float]:
@@ -136,15 +136,15 @@ def python_callback() -> tuple[float, float]:
         install()
 
 
-def fossen(method: Any, seconds: float) -> tuple[float, float]:
+def fossen(seconds: float) -> tuple[float, float]:
     """The independent Fossen model on one dive, compiled beforehand."""
     vehicle = load_vehicle()
     model = FossenModel(vehicle)
     pump = vehicle.pump_for_net_mass(0.3)
     schedule = Schedule(times=[0.0], commands=[[0.02, 0.0, pump]])
     start = FossenState(position_ned=(0.0, 0.0, 10.0))
-    model.simulate(start, schedule, 5.0, method=method)
-    return rates(partial(model.simulate, start, schedule, seconds, method=method), seconds)
+    model.simulate(start, schedule, 5.0)
+    return rates(partial(model.simulate, start, schedule, seconds), seconds)
 
 
 def generate(hours: float, preset: str, folder: Path, vehicle: str = "glider") -> dict[str, float]:
@@ -225,8 +225,7 @@ def factory_alone(hours: float, folder: Path) -> tuple[list[Any], list[Any], dic
     add("bare MuJoCo step", 1, bare)
     add("with water, guidance and log", 1, native_step())
     add("Python loop, Python callback", 1, python_callback())
-    add("Fossen model, own RK4", 1, fossen("rk4", FOSSEN_SECONDS))
-    add("Fossen model, scipy DOP853", 1, fossen("dop853", SCIPY_SECONDS))
+    add("Fossen model, own RK4", 1, fossen(FOSSEN_SECONDS))
     generate(SHORT_HOURS, "paper", folder)  # compiled code is in its cache afterwards
     runs, stores = [], []
     for preset, length in (("paper", SHORT_HOURS), ("paper", hours), ("field", hours)):
