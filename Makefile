@@ -60,7 +60,7 @@ bench: setup              ## measured costs, printed beside their yardsticks
 	@for benchmark in $(BENCHMARKS); do $(BIN)/python -m benchmarks.$$benchmark || exit 1; done
 
 gallery: setup            ## the pictures of the gallery, tutorials and examples, from the code beside them
-	@$(BIN)/python scripts/gallery.py docs/gallery.md
+	@$(BIN)/python scripts/tutorials.py --gallery
 	@$(BIN)/python scripts/tutorials.py
 
 docs: setup               ## the documentation as a site: site/index.html; warnings are errors

@@ -13,16 +13,15 @@ large as they say.
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks import command
 from glider_twin_ops.health.answers import FOLLOWED, Beliefs, follow_parameters
-from twin.cli.text_table import format_table
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.logged_missions import start_vehicle
 from twin.records.logged import LogStore
@@ -60,20 +59,16 @@ def _ended(
     }
 
 
-def main() -> None:
-    """Print a row a parameter."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("stores", nargs="+", type=Path, help="stores of logs with attitude")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
-    given = parser.parse_args()
+def main(stores: command.Positional[tuple[Path, ...]], *, json: bool = False) -> None:
+    """Print a row a parameter. stores: of logs with attitude."""
     found: list[dict[str, Any]] = []
-    for store in given.stores:
+    for store in stores:
         with LogStore(store) as logs:
             places = {name: logs.missions_of(name) for name in dict.fromkeys(logs.deployments)}
         for name, rows in places.items():
             found += compared(store, name, rows)
-    print(json.dumps({"beliefs": found}) if given.json else format_table(found))
+    command.say({"beliefs": found}, found, json=json)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -12,14 +12,15 @@ flies spirals before the box, from which the gyros tell the compass' deviation.
 
 from __future__ import annotations
 
-import argparse
-import dataclasses
-import json
 import math
+import sys
+from json import dumps
+from typing import Any, Literal
 
 import numpy as np
 
 import twin
+from benchmarks import command
 from twin.errors import unknown_name
 from twin.mission.segments import Spiral, Waypoint
 from twin.navigation.dead_reckoning import AttitudeSeries, integrate, rotate_to_ned
@@ -35,32 +36,6 @@ SWING_DEG = 45.0
 """[degree] of the battery's rotation in a spiral: a circle in about 25 minutes"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Closed:
-    """One round."""
-
-    seed: int
-    distance: float
-    """[m] over ground"""
-    error: float
-    """[m] from the start when it believes to be there"""
-    navigation: float
-    """[m] between belief and truth there"""
-    floor: float
-    """[m] likewise of the true velocity and the measured attitude"""
-    arrived: bool
-
-    @property
-    def percent(self) -> float:
-        """Of the way."""
-        return 100.0 * self.error / self.distance
-
-    @property
-    def floor_percent(self) -> float:
-        """Of the way."""
-        return 100.0 * self.floor / self.distance
-
-
 def box(side: float, turn: float = 0.0, depth: float = 150.0, swing: int = 0) -> twin.Mission:
     """Round a square of this side [m], turned by an angle [rad], in yos down to `depth` [m].
 
@@ -68,31 +43,21 @@ def box(side: float, turn: float = 0.0, depth: float = 150.0, swing: int = 0) ->
     """
     ahead, beside = side * math.cos(turn), side * math.sin(turn)
     corners = ((ahead, beside), (ahead - beside, ahead + beside), (-beside, ahead), (0.0, 0.0))
+    dives: Any = {"max_depth_m": depth, "min_depth_m": 15.0, "pitch_deg": 26.0}
     return twin.Mission(
         name="box",
         segments=[
             *(
-                Spiral(
-                    rotation_deg=rotation,
-                    max_depth_m=depth,
-                    min_depth_m=15.0,
-                    pitch_deg=26.0,
-                    yos=swing,
-                )
+                Spiral(rotation_deg=rotation, yos=swing, **dives)
                 for rotation in (SWING_DEG, -SWING_DEG)
                 if swing
             ),
             Waypoint(
                 targets=tuple({"north_m": n, "east_m": e} for n, e in corners),
-                max_depth_m=depth,
-                min_depth_m=15.0,
-                pitch_deg=26.0,
-                arrival_radius_m=10.0,
-                surface_at_target=False,
-                renewed="continuously",
+                arrival_radius_m=10.0, surface_at_target=False, renewed="continuously", **dives,
             ),
         ],
-    )
+    )  # fmt: skip
 
 
 def suite_of(sensors: str, without: str | None = None, only: str | None = None) -> SensorSuite:
@@ -124,8 +89,9 @@ def attitude_floor(run: Trajectory, at: int) -> float:
 
 def fly(
     side: float, sensors: SensorSuite, seed: int, estimator: str = "ekf", swing: int = 0
-) -> Closed:
-    """One round of the box."""
+) -> dict[str, float]:
+    """One round of the box: distance over ground [m], error from the start when it believes to be
+    there [m], between belief and truth there, floor of the attitude, and whether it arrived."""
     navigate = Navigation(estimator=estimator, sensors=sensors, seed=seed)
     mission = box(side, np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi), swing=swing)
     run = Simulation(Scenario(mission=mission, navigate=navigate)).run()
@@ -134,51 +100,57 @@ def fly(
     at = int(back[0]) if back.size else len(segment) - 1
     north, east = run["true_north"], run["true_east"]
     believed = run["measured_onboard_north"][at], run["measured_onboard_east"][at]
-    return Closed(
-        seed=seed,
-        distance=float(np.hypot(np.diff(north[: at + 1]), np.diff(east[: at + 1])).sum()),
-        error=float(np.hypot(north[at], east[at])),
-        navigation=float(np.hypot(north[at] - believed[0], east[at] - believed[1])),
-        floor=attitude_floor(run, at),
-        arrived=bool(back.size),
-    )
+    return {
+        "seed": seed,
+        "distance": float(np.hypot(np.diff(north[: at + 1]), np.diff(east[: at + 1])).sum()),
+        "error": float(np.hypot(north[at], east[at])),
+        "navigation": float(np.hypot(north[at] - believed[0], east[at] - believed[1])),
+        "floor": attitude_floor(run, at),
+        "arrived": bool(back.size),
+    }
 
 
-def main() -> None:
-    """Fly and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--side", type=float, default=2000.0, help="[m] of the box")
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first round")
-    parser.add_argument("--estimator", default="ekf")
-    parser.add_argument("--swing", type=int, default=0, help="yos in spirals before, each way")
-    parser.add_argument("--sensors", choices=tuple(GOALS), help="one suite; default: both")
-    changed = parser.add_mutually_exclusive_group()
-    changed.add_argument("--without", metavar="NAME", help="a device that is made ideal")
-    changed.add_argument("--only", metavar="NAME", help="the one device that is not made ideal")
-    parser.add_argument("--json", action="store_true", help="print every round")
-    options = parser.parse_args()
-    for sensors in [options.sensors] if options.sensors else GOALS:
-        suite = suite_of(sensors, options.without, options.only)
-        seeds = range(options.first, options.first + options.seeds)
-        rounds = [
-            fly(options.side, suite, seed, options.estimator, options.swing) for seed in seeds
-        ]
-        if options.json:
-            print(json.dumps({sensors: [dataclasses.asdict(one) for one in rounds]}), flush=True)
+def main(
+    *,
+    side: float = 2000.0,
+    seeds: int = 20,
+    first: int = 0,
+    estimator: str = "ekf",
+    swing: int = 0,
+    sensors: Literal["ideal", "field"] | None = None,
+    without: str | None = None,
+    only: str | None = None,
+    json: bool = False,
+) -> None:
+    """Fly and print.
+
+    Args:
+      side: [m] of the box.
+      first: seed of the first round.
+      swing: yos in spirals before, each way.
+      sensors: one suite; both if not given.
+      without: a device that is made ideal.
+      only: the one device that is not made ideal.
+      json: print every round.
+    """
+    for name in [sensors] if sensors else GOALS:
+        suite = suite_of(name, without, only)
+        rounds = [fly(side, suite, seed, estimator, swing) for seed in range(first, first + seeds)]
+        if json:
+            print(dumps({name: rounds}), flush=True)
             continue
-        percent = np.array([one.percent for one in rounds])
-        floor = np.array([one.floor_percent for one in rounds])
+        percent, floor = (
+            np.array([100.0 * one[name] / one["distance"] for one in rounds])
+            for name in ("error", "floor")
+        )
         print(
-            f"{sensors}: back within {percent.mean():.3f} % of the way (mean of {len(rounds)} "
-            f"seeds; worst {percent.max():.3f} %, goal {GOALS[sensors]:g} %), floor of the "
+            f"{name}: back within {percent.mean():.3f} % of the way (mean of {len(rounds)} "
+            f"seeds; worst {percent.max():.3f} %, goal {GOALS[name]:g} %), floor of the "
             f"attitude {floor.mean():.3f} % (worst {floor.max():.3f} %), "
-            f"{sum(one.arrived for one in rounds)} of {len(rounds)} arrived",
+            f"{sum(one['arrived'] for one in rounds)} of {len(rounds)} arrived",
             flush=True,
         )
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

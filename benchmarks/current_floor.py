@@ -13,9 +13,9 @@ fix. Nothing learns the sea better from fixes alone, up to the draws; half of th
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import json
+import functools
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from benchmarks import command
 from benchmarks.navigator_consistency import legs_of
 from factory.generation.generated_store import GeneratedStore
 from factory.sampling.conditions import build_current
-from factory.sampling.distribution import Value
 from factory.sampling.draw import Parameters, draw_values
 from learn.data.dataset import Selection
 from twin.navigation.current import Leg
@@ -63,7 +63,13 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
     """Of each mission that has known ones."""
     with GeneratedStore(store) as generated:
         kind = VELOCITY_ESTIMATORS[METHOD]
-        drawn_seas = [_sea(generated, number) for number in range(seas)]
+        # a current as the store draws it; place and plan are a mission's own
+        names = [name for name in generated.table if name.startswith("current.")]
+        draw = functools.partial(
+            draw_values, {name: generated.table[name] for name in names}, generated.distributions,
+            seed=SEA_SEED, attempt=0,
+        )  # fmt: skip
+        drawn_seas = [draw(mission=number) for number in range(seas)]
         channels = (DEPTH, *ATTITUDE, *FIX, *RATES, *kind.needs(generated.vehicle), "true_depth")
         with Selection(store, list(dict.fromkeys(channels))) as selection:
             method = kind(generated.vehicle, selection.period)
@@ -81,16 +87,10 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
                 ]
                 yield Dives(
                     over_ground=np.array([complex(*leg.over_ground) for leg in legs]),
-                    way=np.array([complex(*leg.through_water) for leg in legs]),  # type: ignore
+                    way=np.array([complex(*leg.through_water) for leg in legs]),
                     current=_carried(own, legs, track),
                     seas=np.array(drawn),
                 )
-
-
-def _sea(generated: GeneratedStore, number: int) -> dict[str, Value]:
-    """The parameters of one current as the store draws them; place and plan are a mission's own."""
-    table = {name: one for name, one in generated.table.items() if name.startswith("current.")}
-    return draw_values(table, generated.distributions, seed=SEA_SEED, mission=number, attempt=0)
 
 
 def _carried(
@@ -190,33 +190,30 @@ def floor_of(judged: Sequence[Dives], size: Array, seas: int) -> dict[str, float
     }
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("stores", nargs="+", metavar="STORE", help="missions of preset field")
-    parser.add_argument(
-        "--learn", nargs="+", required=True, metavar="STORE", help="that tell of the way's errors"
-    )
-    parser.add_argument("--seas", type=int, default=400, help="currents drawn for a mission")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
-    options = parser.parse_args(words)
-    taught = [one for store in options.learn for one in dives_of(store, 0)]
+def main(
+    stores: command.Positional[tuple[str, ...]],
+    *,
+    learn: tuple[str, ...],
+    seas: int = 400,
+    json: bool = False,
+) -> None:
+    """Print the floor.
+
+    Args:
+      stores: missions of preset field.
+      learn: stores that tell of the way's errors.
+      seas: currents drawn for a mission.
+    """
+    taught = [one for store in learn for one in dives_of(store, 0)]
     size = way_errors(taught)
-    judged = [one for store in options.stores for one in dives_of(store, options.seas)]
+    judged = [one for store in stores for one in dives_of(store, seas)]
     figures = {
         **dict(zip(("way_scale", "way_turn_rad", "way_noise_m"), map(float, size), strict=True)),
-        **floor_of(judged, size, options.seas),
-        "later_half_of_the_seas_m": floor_of(judged, size, options.seas // 2)["later_m"],
+        **floor_of(judged, size, seas),
+        "later_half_of_the_seas_m": floor_of(judged, size, seas // 2)["later_m"],
     }
-    if options.json:
-        print(json.dumps(figures))
-    else:
-        for name, value in figures.items():
-            print(f"{name:26s} {value:.4g}")
-    return 0
+    command.say(figures, [{"figure": k, "value": v} for k, v in figures.items()], json=json)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(command.run(main))

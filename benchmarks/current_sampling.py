@@ -6,12 +6,10 @@ does; positions change on every call. The best of several repeats is printed.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 from numba import njit
 
-from benchmarks.figures import measured
+from benchmarks.figures import measured, seconds
 from twin.water.current import Grid, Profile, Uniform, parse_current
 from twin.water.current import sampler as layout
 from twin.water.current.sampler import sample
@@ -66,11 +64,7 @@ def main() -> None:
     best = {}
     for name, program in programs.items():
         glide(program, 10)
-        times = []
-        for _ in range(REPEATS):
-            start = time.perf_counter()
-            glide(program, CALLS)
-            times.append(time.perf_counter() - start)
+        times = [seconds(lambda program=program: glide(program, CALLS)) for _ in range(REPEATS)]
         best[name] = min(times) / CALLS * 1e9
         print(f"{name:55s} {best[name]:7.1f} ns")
     kinds = [best[name] for name in texts if name != "still water" and "+" not in texts[name]]

@@ -11,12 +11,13 @@ power so far.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
+import sys
 
 import numpy as np
 
+from benchmarks import command
 from glider_twin_ops.forecast import MemberFlight, Request, fly_nominal
 from twin.logs import EnergyUse, endurance_of
 from twin.logs.energy_timeline import DiveCharge
@@ -51,20 +52,14 @@ def dives_of(name: str, deepest: float) -> Dives:
     """The first dive to each depth."""
     vehicle = load_vehicle(name)
     place = Origin(latitude_deg=48.0, longitude_deg=-50.0, time="2026-01-01T00:00:00")
-    missions = [
-        Mission(
-            name="goto",
-            segments=(
-                Waypoint(
-                    targets=({"latitude": 48.8, "longitude": -50.0},),
-                    max_depth_m=part * deepest,
-                    pitch_deg=26.0,
-                    surface_after_yos=1.0,
-                ),
-            ),
+    target = {"latitude": 48.8, "longitude": -50.0}
+    ways = [
+        Waypoint(
+            targets=(target,), max_depth_m=part * deepest, pitch_deg=26.0, surface_after_yos=1.0
         )
         for part in PARTS
     ]
+    missions = [Mission(name="goto", segments=(way,)) for way in ways]
     longest = deepest / 0.1 * 2.0 / 3600.0
     request = Request(vehicle=vehicle, mission=missions[-1], place=place, hours=longest)
     flown = fly_nominal(request, missions)
@@ -106,17 +101,13 @@ def deployment(dives: Dives, rng: np.random.Generator) -> list[dict[str, float]]
         )  # fmt: skip
         left = taken[-1] / 3.6e6 - counter[last + 1] * VOLTAGE / 1e3
         lasts = endurance_of(known, left)
-        assert lasts is not None
         truth = (time[-1] - time[last]) / 86400.0
         low, high = lasts.interval()
-        found.append(
-            {
-                "error": abs(lasts.days / truth - 1.0),
-                "rival": abs(left * 1e3 / known.power / 24.0 / truth - 1.0),
-                "inside": float(low <= truth <= high),
-                "width": (high - low) / truth,
-            }
-        )
+        found.append({
+            "error": abs(lasts.days / truth - 1.0),
+            "rival": abs(left * 1e3 / known.power / 24.0 / truth - 1.0),
+            "inside": float(low <= truth <= high), "width": (high - low) / truth,
+        })  # fmt: skip
     return found
 
 
@@ -128,28 +119,23 @@ def _correlated(rng: np.random.Generator, count: int) -> np.ndarray:
     return found
 
 
-def run(deployments: int, seed: int) -> dict[str, dict[str, float]]:
-    """Means over deployments."""
+def main(*, deployments: int = 200, seed: int = 0) -> None:
+    """Print means over deployments."""
     rng = np.random.default_rng(seed)
     flown = [dives_of(name, deepest) for name, deepest in VEHICLES.items()]
     every = [deployment(flown[k % len(flown)], rng) for k in range(deployments)]
-    return {
-        moment: {
-            "mean error [%]": 100.0 * float(np.mean([one[k]["error"] for one in every])),
-            "worst tenth above [%]": 100.0
-            * float(np.quantile([o[k]["error"] for o in every], 0.9)),
-            "mean error of the mean power so far [%]": 100.0
-            * float(np.mean([one[k]["rival"] for one in every])),
-            "inside 90 % [%]": 100.0 * float(np.mean([one[k]["inside"] for one in every])),
-            "width of 90 % [%]": 100.0 * float(np.mean([one[k]["width"] for one in every])),
+    told = {}
+    for k, moment in enumerate(MOMENTS):
+        found = {name: 100.0 * np.array([one[k][name] for one in every]) for name in every[0][k]}
+        told[moment] = {
+            "mean error [%]": found["error"].mean(),
+            "worst tenth above [%]": np.quantile(found["error"], 0.9),
+            "mean error of the mean power so far [%]": found["rival"].mean(),
+            "inside 90 % [%]": found["inside"].mean(),
+            "width of 90 % [%]": found["width"].mean(),
         }
-        for k, moment in enumerate(MOMENTS)
-    }
+    print(json.dumps(told, indent=1))
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--deployments", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    print(json.dumps(run(arguments.deployments, arguments.seed), indent=1))
+    sys.exit(command.run(main))

@@ -14,13 +14,13 @@ each, so that both meet the same machine.
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +29,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import mujoco
 import numpy as np
 
+from benchmarks import command
 from benchmarks.figures import measured
-from benchmarks.watched import Watched
+from benchmarks.processes import ran
 from factory.sampling.recipe import make_recipe
-from twin.cli.text_table import format_table
 from twin.fossen import FossenModel, FossenState
 from twin.mission import Mission, SawTooth
 from twin.mission.controller import Schedule
@@ -50,19 +50,14 @@ WALL_LIMIT_S, RATE_LIMIT, MEMORY_LIMIT = 4.0, 25_000.0, 1e9
 VEHICLES, PAIRS, VEHICLE_LIMIT = ("glider", "tethys"), 3, 1.0 / 3.0
 """Tethys flies at no less than this part of the glider's rate, 10 h each"""
 BARE_STEPS, PYTHON_STEPS = 200_000, 5_000
-FOSSEN_SECONDS, SCIPY_SECONDS = 600.0, 60.0
+FOSSEN_SECONDS = 600.0
 
 
-class Stopwatch:
-    """Elapsed and CPU time of this process [s]."""
-
-    def __init__(self) -> None:
-        self._wall, self._cpu = time.perf_counter(), time.process_time()
-
-    def stop(self, seconds: float) -> tuple[float, float]:
-        """`seconds` [s] of simulation over elapsed and over CPU time since the start."""
-        wall, cpu = time.perf_counter() - self._wall, time.process_time() - self._cpu
-        return seconds / wall, seconds / cpu
+def rates(work: Callable[[], object], seconds: float) -> tuple[float, float]:
+    """`seconds` [s] of simulation over the elapsed and over the CPU time that it takes."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    work()
+    return seconds / (time.perf_counter() - wall), seconds / (time.process_time() - cpu)
 
 
 def bare_step() -> tuple[float, float]:
@@ -74,9 +69,8 @@ def bare_step() -> tuple[float, float]:
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, nstep=1000)
         mujoco.mj_resetData(model, data)
-        watch = Stopwatch()
-        mujoco.mj_step(model, data, nstep=BARE_STEPS)
-        return watch.stop(BARE_STEPS * model.opt.timestep)
+        step = partial(mujoco.mj_step, model, data, nstep=BARE_STEPS)
+        return rates(step, BARE_STEPS * model.opt.timestep)
     finally:
         install()
 
@@ -89,9 +83,7 @@ def native_step() -> tuple[float, float]:
         at_end="hold",
     )
     simulation = Simulation(Scenario(mission=mission))
-    watch = Stopwatch()
-    simulation.run()
-    return watch.stop(simulation.duration)
+    return rates(simulation.run, simulation.duration)
 
 
 def python_callback() -> tuple[float, float]:
@@ -129,49 +121,44 @@ def python_callback() -> tuple[float, float]:
     try:
         model.opt.timestep = 0.01  # without added mass in the mass matrix 0.1 s is unstable
         data = mujoco.MjData(model)
-        rows = []
-        watch = Stopwatch()
-        for step in range(PYTHON_STEPS):
-            mujoco.mj_step(model, data)
-            if step % 50 == 0:
-                rows.append(np.concatenate([data.qpos, data.qvel]))
-        return watch.stop(PYTHON_STEPS * model.opt.timestep)
+
+        def steps() -> list[np.ndarray]:
+            rows = []
+            for step in range(PYTHON_STEPS):
+                mujoco.mj_step(model, data)
+                if step % 50 == 0:
+                    rows.append(np.concatenate([data.qpos, data.qvel]))
+            return rows
+
+        return rates(steps, PYTHON_STEPS * model.opt.timestep)
     finally:
         mujoco.set_mjcb_passive(None)
         install()
 
 
-def fossen(method: Any, seconds: float) -> tuple[float, float]:
+def fossen(seconds: float) -> tuple[float, float]:
     """The independent Fossen model on one dive, compiled beforehand."""
     vehicle = load_vehicle()
     model = FossenModel(vehicle)
     pump = vehicle.pump_for_net_mass(0.3)
     schedule = Schedule(times=[0.0], commands=[[0.02, 0.0, pump]])
     start = FossenState(position_ned=(0.0, 0.0, 10.0))
-    model.simulate(start, schedule, 5.0, method=method)
-    watch = Stopwatch()
-    model.simulate(start, schedule, seconds, method=method)
-    return watch.stop(seconds)
+    model.simulate(start, schedule, 5.0)
+    return rates(partial(model.simulate, start, schedule, seconds), seconds)
 
 
 def generate(hours: float, preset: str, folder: Path, vehicle: str = "glider") -> dict[str, float]:
     """A cold `factory generate`: wall and CPU time [s], peak memory and store size [bytes]."""
     store = folder / f"{preset}-{vehicle}-{hours:g}.zarr"
-    command = [sys.executable, "-m", "factory", "generate", "--hours", str(hours)]
-    command += ["--preset", preset, "--vehicle", vehicle, "--out", str(store), "--overwrite"]
-    begun = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    watched = Watched(process.pid)
-    watched.start()
-    _, status, usage = os.wait4(process.pid, 0)
-    wall = time.perf_counter() - begun
-    watched.running = False
-    if status:
-        raise SystemExit(f"{' '.join(command)} failed")
+    words = [sys.executable, "-m", "factory", "generate", "--hours", str(hours)]
+    words += ["--preset", preset, "--vehicle", vehicle, "--out", str(store), "--overwrite"]
+    used = ran(words)
     size = files_at(store).stored_bytes()
     shutil.rmtree(store)
-    cpu = usage.ru_utime + usage.ru_stime
-    return {"wall_s": wall, "cpu_s": cpu, "memory": float(watched.peak), "bytes": float(size)}
+    return {
+        "wall_s": used.wall_s, "cpu_s": used.cpu_s, "memory": float(used.memory_of_all),
+        "bytes": float(size),
+    }  # fmt: skip
 
 
 def beside_the_glider(folder: Path) -> list[dict[str, object]]:
@@ -199,35 +186,32 @@ def beside_the_glider(folder: Path) -> list[dict[str, object]]:
     ]  # fmt: skip
 
 
-def vehicle_promise(rows: list[dict[str, object]]) -> dict[str, bool]:
-    """Whether surveys are fast enough."""
-    tethys = rows[-1]
-    kept = min(float(str(tethys[name])) for name in ("of the glider", "per CPU, of the glider"))
-    return {f"{VEHICLES[-1]} at {VEHICLE_LIMIT:.2f} of the glider's rate": kept >= VEHICLE_LIMIT}
+def main(
+    hours: command.Positional[float] = 100.0, *, vehicles: bool = False, json: bool = False
+) -> int:
+    """Print the tables; 1 when a promise is broken.
 
-
-def main_vehicles(as_json: bool) -> int:
-    """Print the vehicles' rates; 1 when the promise is broken."""
+    Args:
+      hours: length of the long run.
+      vehicles: the glider and Tethys alone.
+    """
+    found: dict[str, Any] = {}
+    promises: dict[str, bool] = {}
     with tempfile.TemporaryDirectory() as folder:
-        rows = beside_the_glider(Path(folder))
-    promises = vehicle_promise(rows)
-    if as_json:
-        print(json.dumps({"vehicles": rows, "promises": promises}))
-    else:
-        print(format_table(rows))
-        say(promises)
+        if not vehicles:
+            found["speed"], found["store"], promises = factory_alone(hours, Path(folder))
+        rows = found["vehicles"] = beside_the_glider(Path(folder))
+    kept = min(float(str(rows[-1][name])) for name in ("of the glider", "per CPU, of the glider"))
+    promises[f"{VEHICLES[-1]} at {VEHICLE_LIMIT:.2f} of the glider's rate"] = kept >= VEHICLE_LIMIT
+    command.say({**found, "promises": promises}, *found.values(), json=json)
+    if not json:
+        for promise, is_kept in promises.items():
+            print(f"{promise}: {'kept' if is_kept else 'NOT kept'} (on {CPUS} CPUs)")
     return 0 if all(promises.values()) else 1
 
 
-def say(promises: dict[str, bool]) -> None:
-    """Print what was promised and whether it is kept."""
-    print()
-    for promise, kept in promises.items():
-        print(f"{promise}: {'kept' if kept else 'NOT kept'} (on {CPUS} CPUs)")
-
-
-def main(hours: float, as_json: bool) -> int:
-    """Print the tables; 1 when a promise is broken."""
+def factory_alone(hours: float, folder: Path) -> tuple[list[Any], list[Any], dict[str, bool]]:
+    """Rows of speeds and of stores, and what is kept of the promises."""
     bare = bare_step()
     rows: list[dict[str, object]] = []
 
@@ -241,57 +225,30 @@ def main(hours: float, as_json: bool) -> int:
     add("bare MuJoCo step", 1, bare)
     add("with water, guidance and log", 1, native_step())
     add("Python loop, Python callback", 1, python_callback())
-    add("Fossen model, own RK4", 1, fossen("rk4", FOSSEN_SECONDS))
-    add("Fossen model, scipy DOP853", 1, fossen("dop853", SCIPY_SECONDS))
-    runs: dict[str, dict[str, float]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        generate(SHORT_HOURS, "paper", Path(folder))  # compiled code is in its cache afterwards
-        for preset, length in (("paper", SHORT_HOURS), ("paper", hours), ("field", hours)):
-            run = generate(length, preset, Path(folder))
-            name = f"factory, {preset}, {length:g} h, cold process"
-            runs[name] = run
-            seconds = length * 3600.0
-            add(name, CPUS, (seconds / run["wall_s"], seconds / run["cpu_s"]))
-        vehicles = beside_the_glider(Path(folder))
-    store_rows = []
-    for name, run in runs.items():
-        _, preset, text, _ = (part.strip() for part in name.split(","))
-        length = float(text.removesuffix(" h"))
+    add("Fossen model, own RK4", 1, fossen(FOSSEN_SECONDS))
+    generate(SHORT_HOURS, "paper", folder)  # compiled code is in its cache afterwards
+    runs, stores = [], []
+    for preset, length in (("paper", SHORT_HOURS), ("paper", hours), ("field", hours)):
+        run = generate(length, preset, folder)
+        runs.append(run)
+        name, seconds = f"factory, {preset}, {length:g} h, cold process", length * 3600.0
+        add(name, CPUS, (seconds / run["wall_s"], seconds / run["cpu_s"]))
         raw = make_recipe(preset=preset, hours=length).float32_bytes
-        store_rows.append({
+        stores.append({
             "what": name, "wall [s]": run["wall_s"], "CPU [s/h]": run["cpu_s"] / length,
             "peak memory [MB]": run["memory"] / 1e6, "MB per hour": run["bytes"] / 1e6 / length,
             "of float32": run["bytes"] / raw,
         })  # fmt: skip
-    first, long = list(runs.values())[:2]
-    measured(
-        "factory_speed",
-        short_s=first["wall_s"],
-        per_cpu=3600.0 * hours / long["cpu_s"],
-        of_bare=3600.0 * hours / long["cpu_s"] / bare[1],
-    )
-    promises = {
+    first, long, _ = runs
+    per_cpu = 3600.0 * hours / long["cpu_s"]
+    measured("factory_speed", short_s=first["wall_s"], per_cpu=per_cpu, of_bare=per_cpu / bare[1])
+    return rows, stores, {
         f"{SHORT_HOURS:g} h within {WALL_LIMIT_S:g} s": first["wall_s"] <= WALL_LIMIT_S,
         f"{hours:g} h at {RATE_LIMIT:,.0f} times real time":
             hours * 3600.0 / long["wall_s"] >= RATE_LIMIT,
         "memory under 1 GB": long["memory"] <= MEMORY_LIMIT,
-        **vehicle_promise(vehicles),
     }  # fmt: skip
-    if as_json:
-        made = {"speed": rows, "store": store_rows, "vehicles": vehicles, "promises": promises}
-        print(json.dumps(made))
-    else:
-        print(format_table(rows))
-        print()
-        print(format_table(store_rows))
-        print()
-        print(format_table(vehicles))
-        say(promises)
-    return 0 if all(promises.values()) else 1
 
 
 if __name__ == "__main__":
-    if "--vehicles" in sys.argv:
-        sys.exit(main_vehicles("--json" in sys.argv))
-    words = [word for word in sys.argv[1:] if word != "--json"]
-    sys.exit(main(float(words[0]) if words else 100.0, "--json" in sys.argv))
+    sys.exit(command.run(main))

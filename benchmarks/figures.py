@@ -14,8 +14,10 @@ from __future__ import annotations
 import json
 import re
 import runpy
+import statistics
 import sys
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,19 @@ def measured(benchmark: str, **figures: float | list[float]) -> None:
         spread = [float(f"{one:.4g}") for one in sorted({min(runs), max(runs)})]
         kept["measured"][key] = {"runs": spread, "date": time.strftime("%Y-%m")}
     save(kept)
+
+
+def medians(ways: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, float]:
+    """Median of what each way measures; the ways take turns, so that all meet the same machine."""
+    found = [{name: measure() for name, measure in ways.items()} for _ in range(rounds)]
+    return {name: statistics.median(one[name] for one in found) for name in ways}
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """[s] that a call takes."""
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun
 
 
 def load() -> dict[str, Any]:
@@ -113,7 +128,11 @@ def wrong(page: str) -> list[str]:
         shown = [low, high] if low else [high]
         if runs is None:
             told.append(f"{key} is not measured")
-        elif not (_range(low, high, runs) if low else _within(high, runs)):
+        elif not (
+            as_printed(low, runs[0]) and as_printed(high, runs[-1])
+            if low  # a single figure is that of any of the runs
+            else runs[0] <= _number(high) <= runs[-1] or any(as_printed(high, one) for one in runs)
+        ):
             told.append(f"{key}: {' to '.join(shown)} on the page, {runs} in the file")
     for key, rows in tables(page).items():
         others = kept["tables"].get(key, {}).get("rows")
@@ -123,16 +142,6 @@ def wrong(page: str) -> list[str]:
         told += [f"{key}: {row} on the page only" for row in rows if row not in others]
         told += [f"{key}: {row} in the file only" for row in others if row not in rows]
     return told
-
-
-def _range(low: str, high: str, runs: list[float]) -> bool:
-    return as_printed(low, runs[0]) and as_printed(high, runs[-1])
-
-
-def _within(shown: str, runs: list[float]) -> bool:
-    """A single figure is that of any of the runs."""
-    between = runs[0] <= _number(shown) <= runs[-1]
-    return between or any(as_printed(shown, one) for one in runs)
 
 
 def take(page: Path) -> None:

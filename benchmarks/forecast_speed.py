@@ -9,11 +9,12 @@ seconds longer; the processor's say what it takes.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
+import sys
 import time
 
+from benchmarks import command
 from glider_twin_ops.forecast import Request, forecast, known_without_logs, mission_to
 from glider_twin_ops.forecast.request import LEAST_MEMBERS
 from twin.physics.scenario import ENGINES
@@ -40,22 +41,15 @@ def measure(
     moments: list[float] = []
     begun, used = time.perf_counter(), time.process_time()
     found = forecast(
-        request,
-        known,
-        threads=threads,
+        request, known, threads=threads,
         refined=lambda _: moments.append(time.perf_counter() - begun),
-    )
+    )  # fmt: skip
     processor = time.process_time() - used
     cores = threads or os.cpu_count() or 1
     return {
-        "members": found.flown,
-        "hours": hours,
-        "surfacings": len(found.surfacings),
-        "first_result_s": moments[0],
-        "seconds": moments[-1],
-        "processor_s": processor,
-        "processor_s_per_core": processor / cores,
-        "cores": cores,
+        "members": found.flown, "hours": hours, "surfacings": len(found.surfacings),
+        "first_result_s": moments[0], "seconds": moments[-1], "processor_s": processor,
+        "processor_s_per_core": processor / cores, "cores": cores,
         **({} if found.beside_mujoco is None else {
             "position_from_mujoco_m": found.beside_mujoco.position_m,
             "speed_from_mujoco_m_s": found.beside_mujoco.speed_m_s,
@@ -63,32 +57,21 @@ def measure(
     }  # fmt: skip
 
 
-def main() -> None:
+def main(
+    *, vehicle: str = "glider", members: int = 200, hours: float = 6.0, threads: int = 0
+) -> None:
     """Print the figures as JSON."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--vehicle", default="glider")
-    parser.add_argument("--members", type=int, default=200)
-    parser.add_argument("--hours", type=float, default=6.0)
-    parser.add_argument("--threads", type=int, default=0)
-    options = parser.parse_args()
     begun = time.perf_counter()
-    measure(options.vehicle, LEAST_MEMBERS, 0.1, options.threads, "lanes")
+    measure(vehicle, LEAST_MEMBERS, 0.1, threads, "lanes")
     compiled = time.perf_counter() - begun
-    found = {
-        engine: measure(options.vehicle, options.members, options.hours, options.threads, engine)
-        for engine in ENGINES
-    }
+    found = {engine: measure(vehicle, members, hours, threads, engine) for engine in ENGINES}
     found["lanes"]["first_call_s"] = compiled
-    print(
-        json.dumps(
-            {
-                engine: {name: float(f"{value:.4g}") for name, value in figures.items()}
-                for engine, figures in found.items()
-            },
-            indent=1,
-        )
-    )
+    told = {
+        engine: {name: float(f"{value:.4g}") for name, value in figures.items()}
+        for engine, figures in found.items()
+    }
+    print(json.dumps(told, indent=1))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

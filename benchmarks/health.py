@@ -15,12 +15,12 @@ docs/results/health.md has them.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import functools
 import itertools
 import json
 import math
+import sys
 import tempfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,6 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from benchmarks import command
+from benchmarks.command import markdown
 from factory.generation.executors import local_pool
 from glider_twin_ops.health.assessment import DeploymentHealth, flown_signatures, judged
 from glider_twin_ops.health.channels import CHANNELS, NAMES, standing
@@ -125,12 +127,10 @@ def fly(
     lacking = dict.fromkeys(plan.kinds, each) | {HEALTHY: sound}
     draws: list[DeploymentDraw] = []
     for index in itertools.count():
-        faulty = faulty_of(plan.seed, index)
         if not any(lacking.values()):
             break
-        if faulty and lacking[HEALTHY] == sum(lacking.values()):
-            continue
-        if not faulty and not lacking[HEALTHY]:
+        faulty = sum(lacking.values()) - lacking[HEALTHY]
+        if not (faulty if faulty_of(plan.seed, index) else lacking[HEALTHY]):
             continue
         draw = first_draw(plan, index)
         if lacking[draw.kind]:
@@ -184,12 +184,10 @@ class Judged(NamedTuple):
         return self.onset <= at <= self.seen + WITHIN
 
 
-@functools.cache
-def _vehicle(name: str) -> Vehicle:
-    return load_vehicle(name)
+_vehicle = functools.cache(load_vehicle)
 
 
-def judge(case: Case, detector: FaultDetector | None = None) -> Judged:
+def judged_case(case: Case, detector: FaultDetector | None = None) -> Judged:
     """One kept deployment by every detector."""
     vehicle, values = _vehicle(case["vehicle"]), np.array(case["values"], float)
     one = judged(
@@ -251,7 +249,7 @@ def _chart(values: Array, channels: Sequence[str]) -> Array:
     return beyond
 
 
-def taught(cases: Sequence[Case]) -> FaultDetector:
+def learned(cases: Sequence[Case]) -> FaultDetector:
     """A detector that learned from kept deployments."""
     onsets = [
         case["numbers"].index(int(case["onset"])) if case["onset"] in case["numbers"] else None
@@ -309,47 +307,40 @@ def interval(alarms: int, days: float) -> tuple[float, float]:
     return low * RATE / days, high * RATE / days
 
 
-def named(one: Judged, name: str) -> bool:
-    """Whether a detector calls the fault rightly, or one that nothing tells from it."""
-    says = one.alarms[name]
-    return one.case["truth"] in (says.kind, *says.also)
+def outcome(one: Judged, name: str, level: float) -> tuple[bool, ...]:
+    """Judge a deployment with a fault by a detector: `COUNTED`.
+
+    A fault is named, too, by one that nothing tells from it.
+    """
+    at, says, onset = one.first(name, level), one.alarms[name], one.onset
+    rung = at is not None and onset is not None and at >= onset
+    named = rung and one.case["truth"] in (says.kind, *says.also)
+    near = rung and says.since is not None and abs(says.since - (onset or 0)) <= NEAR
+    return onset is not None, one.seen is not None, one.in_time(name, level), rung, named, near
 
 
 def counts(ones: Sequence[Judged], name: str, level: float) -> dict[str, int]:
-    """What a detector makes of deployments with a fault."""
-    there = [one for one in ones if one.seen is not None]
-    rung = [one for one in ones if one.onset is not None
-            and (at := one.first(name, level)) is not None and at >= one.onset]  # fmt: skip
-    since = [(one.alarms[name].since, one.onset) for one in rung]
-    found = (
-        len(ones),
-        len(there),
-        sum(one.in_time(name, level) for one in ones),
-        len(rung),
-        sum(named(one, name) for one in rung),
-        sum(a is not None and b is not None and abs(a - b) <= NEAR for a, b in since),
-    )
-    return dict(zip(COUNTED, found, strict=True))
+    """What a detector makes of deployments; those without a fault do not count."""
+    found = [outcome(one, name, level) for one in ones if one.onset is not None]
+    sums = np.array(found, int).reshape(-1, len(COUNTED)).sum(0)
+    return dict(zip(COUNTED, sums.tolist(), strict=True))
 
 
 # --- tables, as pages have them -------------------------------------------------------------------
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+def split(ones: Sequence[Judged], by: str) -> dict[str, list[Judged]]:
+    """Deployments by `truth`, in the order of FAULTS, or by `vehicle`."""
+    order = FAULTS if by == "truth" else dict.fromkeys(one.case["vehicle"] for one in ones)
+    found = {word: [one for one in ones if one.case[by] == word] for word in order}
+    return {word: mine for word, mine in found.items() if mine}
 
 
 def of_kinds(ones: Sequence[Judged], level: float) -> str:
     """What is noticed of each kind."""
-    kinds = [kind for kind in FAULTS if any(one.case["truth"] == kind for one in ones)]
-    rows = []
-    for kind in [*kinds, "all"]:
-        mine = [one for one in ones if one.onset is not None and kind in (one.case["truth"], "all")]
-        found = counts(mine, OURS, level)
-        rows.append([kind, *found.values()])
-    return table(["fault", *COUNTED], rows)
+    kinds = split(ones, "truth") | {"all": list(ones)}
+    rows = [[kind, *counts(mine, OURS, level).values()] for kind, mine in kinds.items()]
+    return markdown(["fault", *COUNTED], rows)
 
 
 def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: float) -> str:
@@ -357,84 +348,72 @@ def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: floa
     levels = [(OURS, OURS, level)]
     levels += [(f"{name}, 3 deviations", name, LIMIT) for name in CHARTS]
     if teachers:
-        levels += [
-            (f"{name}, same rate", name, level_of(teachers, name, RATE))
-            for name in ones[0].alarms if name != OURS
-        ]  # fmt: skip
+        others = [name for name in ones[0].alarms if name != OURS]
+        levels += [(f"{name}, same rate", name, level_of(teachers, name, RATE)) for name in others]
     rows = []
     for says, name, limit in levels:
-        found = counts([one for one in ones if one.onset is not None], name, limit)
-        alarms, days = sound_days(ones, name, limit)
+        found, (alarms, days) = counts(ones, name, limit), sound_days(ones, name, limit)
         right = "-" if name in CHARTS else found["named"]
-        rows.append([
-            says, found["to be noticed"], found["in time"], right, alarms, f"{days:.0f}",
-            f"{RATE * alarms / days:.2f}",
-        ])  # fmt: skip
+        rows.append([says, found["to be noticed"], found["in time"], right, alarms, f"{days:.0f}",
+                     f"{RATE * alarms / days:.2f}"])  # fmt: skip
     head = ["detector", "to be noticed", "in time", "named", "false alarms", "days", "in 30 d"]
-    return table(head, rows)
+    return markdown(head, rows)
 
 
 def of_vehicles(ones: Sequence[Judged], level: float) -> str:
     """What is noticed of each vehicle's faults, and its false alarms."""
     rows = []
-    vehicles = list(dict.fromkeys(one.case["vehicle"] for one in ones))
-    for vehicle in [*vehicles, "all"]:
-        mine = [one for one in ones if vehicle in (one.case["vehicle"], "all")]
-        found = counts([one for one in mine if one.onset is not None], OURS, level)
+    for vehicle, mine in {**split(ones, "vehicle"), "all": ones}.items():
         alarms, days = sound_days(mine, OURS, level)
         low, high = interval(alarms, days)
-        rows.append([
-            vehicle, *found.values(), f"{days:.0f}", alarms, f"{RATE * alarms / days:.2f}",
-            f"{low:.2f} to {high:.2f}",
-        ])  # fmt: skip
+        rows.append([vehicle, *counts(mine, OURS, level).values(), f"{days:.0f}", alarms,
+                     f"{RATE * alarms / days:.2f}", f"{low:.2f} to {high:.2f}"])  # fmt: skip
     head = ["vehicle", *COUNTED, "sound days", "false alarms", "in 30 d", "95 %"]
-    return table(head, rows)
+    return markdown(head, rows)
 
 
 def of_both(ones: Sequence[Judged], level: float) -> str:
     """Part of what is to be noticed of each kind and vehicle that is noticed in time."""
-    vehicles = list(dict.fromkeys(one.case["vehicle"] for one in ones))
-    rows = []
-    for kind in (kind for kind in FAULTS if any(one.case["truth"] == kind for one in ones)):
-        cells = []
-        for vehicle in vehicles:
-            mine = [one for one in ones if one.onset is not None
-                    and (one.case["truth"], one.case["vehicle"]) == (kind, vehicle)]  # fmt: skip
-            found = counts(mine, OURS, level)
-            cells.append(f"{found['in time']} of {found['to be noticed']}")
-        rows.append([kind, *cells])
-    return table(["fault", *vehicles], rows)
+    vehicles, rows = split(ones, "vehicle"), []
+    for kind in split(ones, "truth"):
+        found = [
+            counts([one for one in mine if one.case["truth"] == kind], OURS, level)
+            for mine in vehicles.values()
+        ]
+        rows.append([kind, *(f"{one['in time']} of {one['to be noticed']}" for one in found)])
+    return markdown(["fault", *vehicles], rows)
 
 
 def of_sizes(ones: Sequence[Judged], level: float) -> str:
     """Part that is noticed in each third of a kind's sizes."""
     rows = []
-    for kind in FAULTS:
-        mine = [one for one in ones if one.case["truth"] == kind and one.onset is not None]
+    for kind, mine in split(ones, "truth").items():
         low, high = FAULTS[kind].sizes
-        if not mine or low == high:
+        faulty = [one for one in mine if one.onset is not None]
+        if not faulty or low == high:
             continue
         edges = np.geomspace(low, high, 4)
-        thirds: list[list[Judged]] = [[], [], []]
-        for one in mine:
-            size = abs(fault_from_dict(one.case["fault"]).size)
-            thirds[int(np.clip(np.searchsorted(edges, size) - 1, 0, 2))].append(one)
-        cells = [f"{counts(third, OURS, level)['noticed']} of {len(third)}" for third in thirds]
-        rows.append([kind, " to ".join(f"{edge:.3g}" for edge in (low, high)), *cells])
-    return table(["fault", "sizes", "smallest third", "middle", "largest"], rows)
+        sizes = [abs(fault_from_dict(one.case["fault"]).size) for one in faulty]
+        thirds = np.clip(np.searchsorted(edges, sizes) - 1, 0, 2)
+        cells = []
+        for k in range(3):
+            third = [one for one, place in zip(faulty, thirds, strict=True) if place == k]
+            cells.append(f"{counts(third, OURS, level)['noticed']} of {len(third)}")
+        rows.append([kind, f"{low:.3g} to {high:.3g}", *cells])
+    return markdown(["fault", "sizes", "smallest third", "middle", "largest"], rows)
 
 
 def of_confusion(ones: Sequence[Judged], name: str, level: float) -> str:
     """What noticed faults are called."""
     rows = []
-    for kind in FAULTS:
-        mine = [one for one in ones if one.case["truth"] == kind and one.onset is not None
-                and (at := one.first(name, level)) is not None and at >= one.onset]  # fmt: skip
-        called = [one.alarms[name].kind for one in mine]
+    noticed = COUNTED.index("noticed")
+    for kind, mine in split(ones, "truth").items():
+        rung = [one for one in mine if outcome(one, name, level)[noticed]]
+        called = [one.alarms[name].kind for one in rung]
         if called:
             words = sorted(set(called), key=lambda word: -called.count(word))
             rows.append([kind, ", ".join(f"{word} {called.count(word)}" for word in words)])
-    return table(["fault", "called"], rows)
+    return markdown(["fault", "called"], rows)
 
 
 def by_law(count: int = 400, dives: int = 40, seed: int = 0) -> list[Judged]:
@@ -467,20 +446,20 @@ def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
             row += [f"{level:.2f}", str(alarms), f"{at_risk:.0f}"]
         rows.append(row)
     told = ["level", "alarms", "days"]
-    return table(["one in days", *told, *(f"{word} by the law" for word in told)], rows)
+    return markdown(["one in days", *told, *(f"{word} by the law" for word in told)], rows)
 
 
 def of_rates(ones: Sequence[Judged]) -> str:
     """Both detectors by the false alarms that they have on these deployments themselves."""
-    faulty, rows = [one for one in ones if one.onset is not None], []
+    rows = []
     for name in (OURS, LEARNED):
         for rate in (0.25, 0.5, 1.0, 1.5):
             level = level_of(ones, name, RATE / rate)
-            found, (alarms, days) = counts(faulty, name, level), sound_days(ones, name, level)
+            found, (alarms, days) = counts(ones, name, level), sound_days(ones, name, level)
             onset = found["onset"] if name == OURS else "-"
             rows.append([name, f"{RATE * alarms / days:.2f}", found["in time"], found["noticed"],
                          found["named"], onset])  # fmt: skip
-    return table(["detector", "in 30 d", *COUNTED[2:]], rows)
+    return markdown(["detector", "in 30 d", *COUNTED[2:]], rows)
 
 
 def load(paths: Sequence[Path]) -> list[Case]:
@@ -488,50 +467,58 @@ def load(paths: Sequence[Path]) -> list[Case]:
     return [json.loads(line) for path in paths for line in path.read_text().splitlines()]
 
 
-def main() -> None:
-    """Fly and keep, or print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--vehicle", nargs="+", default=["slocum-200"])
-    parser.add_argument("--each", type=int, default=4, help="deployments of each kind of fault")
-    parser.add_argument("--sound", type=int, default=8, help="deployments without one")
-    parser.add_argument("--seed", type=int, default=201)
-    parser.add_argument("--preset", default="faulty")
-    parser.add_argument("--kinds", nargs="*", default=[])
-    parser.add_argument("--size", type=float, default=None, help="of every fault, in its unit")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--keep", type=Path, help="file that channels are added to; judge later")
-    parser.add_argument("--stores", type=Path, help="folder that keeps the logs: none flies twice")
-    parser.add_argument(
-        "--judge", type=Path, nargs="*", default=[], help="kept files; nothing flies"
-    )
-    parser.add_argument("--taught", type=Path, nargs="*", default=[], help="kept files of teachers")
-    parser.add_argument("--thresholds", action="store_true", help="levels by false alarms")
-    given = parser.parse_args()
-    cases = load(given.judge)
-    for vehicle in given.vehicle if not given.judge else []:
+def main(
+    *,
+    vehicle: tuple[str, ...] = ("slocum-200",),
+    each: int = 4,
+    sound: int = 8,
+    seed: int = 201,
+    preset: str = "faulty",
+    kinds: tuple[str, ...] = (),
+    size: float | None = None,
+    workers: int = 1,
+    keep: Path | None = None,
+    stores: Path | None = None,
+    judge: tuple[Path, ...] = (),
+    taught: tuple[Path, ...] = (),
+    thresholds: bool = False,
+) -> None:
+    """Fly and keep, or print the tables.
+
+    Args:
+      each: deployments of each kind of fault.
+      sound: deployments without one.
+      size: of every fault, in its unit.
+      keep: file that channels are added to; judge later.
+      stores: folder that keeps the logs: none flies twice.
+      judge: kept files; nothing flies.
+      taught: kept files of teachers.
+      thresholds: levels by false alarms.
+    """
+    cases = load(judge)
+    for name in vehicle if not judge else ():
         plan = DeploymentPlan(
-            vehicle=_vehicle(vehicle), preset=given.preset, seed=given.seed,
-            kinds=tuple(given.kinds), size=given.size,
-        )  # fmt: skip
-        for case in fly(
-            plan, each=given.each, sound=given.sound, workers=given.workers, stores=given.stores
-        ):
+            vehicle=_vehicle(name), preset=preset, seed=seed, kinds=kinds, size=size
+        )
+        for case in fly(plan, each=each, sound=sound, workers=workers, stores=stores):
             cases.append(case)
-            if given.keep is not None:
-                with given.keep.open("a", encoding="utf-8") as file:
+            if keep is not None:
+                with keep.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(case) + "\n")
-    if given.keep is not None:
+    if keep is not None:
         return
-    teaching = load(given.taught)
-    detector = taught(teaching) if teaching else None
-    ones = [judge(case, detector) for case in cases]
+    teaching = load(taught)
+    detector = learned(teaching) if teaching else None
+    ones = [judged_case(case, detector) for case in cases]
     # a detector's level is told by deployments that did not teach it
     halves = [teaching[0::2], teaching[1::2]]
-    others = [taught(half) if teaching else None for half in halves[::-1]]
+    others = [learned(half) if teaching else None for half in halves[::-1]]
     teachers = [
-        judge(case, other) for half, other in zip(halves, others, strict=True) for case in half
+        judged_case(case, other)
+        for half, other in zip(halves, others, strict=True)
+        for case in half
     ]
-    if given.thresholds:
+    if thresholds:
         print(of_levels(ones, (3.0, 10.0, 30.0, 100.0, 300.0)))
         return
     level = threshold_of(RATE)
@@ -551,4 +538,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -10,7 +10,6 @@ Then each fault's signature is added to the second half's channels, and the dete
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import subprocess
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import command
 from glider_twin_ops.health.assessment import LEAST_DIVES, flown_signatures, judged
 from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.health.deployment_dives import told_by
@@ -43,34 +43,16 @@ DAYS = 30.0
 """[d] of sound vehicles with one false alarm"""
 
 
-def main() -> None:
-    """Judge, print, keep."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("stores", nargs="+", type=Path, help="stores of logs")
-    parser.add_argument("--work", type=Path, required=True, help="folder for vehicles")
-    parser.add_argument("--keep", type=Path, help="write the figures here (.json)")
-    given = parser.parse_args()
-    given.work.mkdir(parents=True, exist_ok=True)
-    kept: dict[str, list[dict[str, Any]]] = {"logs": [], "faults": []}
-    for store in given.stores:
-        with LogStore(store) as logs:
-            for name in dict.fromkeys(logs.deployments):
-                for which, vehicle in _vehicles(logs, store, name, given.work).items():
-                    _look(logs, store, name, which, vehicle, kept)
-    print(_table(kept["logs"]), "\n", _table(kept["faults"]), sep="\n")
-    days = {which: sum(one["days"] for one in kept["logs"] if one["vehicle"] == which)
-            for which in ("shipped", "identified")}  # fmt: skip
-    print({which: f"{value:.1f} d" for which, value in days.items()})
-    if given.keep is not None:
-        given.keep.write_text(json.dumps(kept, indent=1) + "\n")
-
-
 def _vehicles(logs: LogStore, store: Path, name: str, work: Path) -> dict[str, Vehicle]:
     """The shipped one, and the one of the first half; none for too few dives."""
     rows = logs.missions_of(name)
     if len(rows) < LEAST_DIVES:
         return {}
-    found = {"shipped": start_vehicle(store) if "measured_pitch" in logs else _blind(logs)}
+    if "measured_pitch" in logs:
+        found = {"shipped": start_vehicle(store)}
+    else:  # a log whose depth no vehicle of 200 m reaches is of one of 1000 m
+        deep = float(np.nanmax(logs.rows("measured_depth", range(len(logs))))) > 230.0
+        found = {"shipped": load_vehicle("slocum-1000" if deep else "slocum-200")}
     path = work / f"{store.stem}-{name}.xml"
     if "measured_pitch" in logs and not path.exists():
         first = ",".join(map(str, rows[: max(len(rows) // 2, 4)]))
@@ -79,12 +61,6 @@ def _vehicles(logs: LogStore, store: Path, name: str, work: Path) -> dict[str, V
     if path.exists():
         found["identified"] = load_vehicle(str(path))
     return found
-
-
-def _blind(logs: LogStore) -> Vehicle:
-    """Of a log without attitude: whose depth no vehicle of 200 m reaches is of 1000 m."""
-    deep = float(np.nanmax(logs.rows("measured_depth", range(len(logs))))) > 230.0
-    return load_vehicle("slocum-1000" if deep else "slocum-200")
 
 
 def _look(
@@ -130,20 +106,38 @@ def _look(
 
 
 def _table(rows: list[dict[str, Any]]) -> str:
-    """As a page of the documentation has it."""
     heads = [head for head in rows[0] if head != "remarks"] if rows else []
-    lines = [heads, ["---"] * len(heads)]
-    lines += [[_cell(row[head]) for head in heads] for row in rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return command.markdown(heads, [[_cell(row[head]) for head in heads] for row in rows])
 
 
 def _cell(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if value is None or value == []:
-        return "-"
-    return format_number(value) if isinstance(value, float) else str(value)
+    return str(value or "-") if isinstance(value, list) else format_number(value)
+
+
+def main(
+    stores: command.Positional[tuple[Path, ...]], *, work: Path, keep: Path | None = None
+) -> None:
+    """Judge, print, keep.
+
+    Args:
+      stores: of logs.
+      work: folder for vehicles.
+      keep: write the figures here (.json).
+    """
+    work.mkdir(parents=True, exist_ok=True)
+    kept: dict[str, list[dict[str, Any]]] = {"logs": [], "faults": []}
+    for store in stores:
+        with LogStore(store) as logs:
+            for name in dict.fromkeys(logs.deployments):
+                for which, vehicle in _vehicles(logs, store, name, work).items():
+                    _look(logs, store, name, which, vehicle, kept)
+    print(_table(kept["logs"]), "\n", _table(kept["faults"]), sep="\n")
+    days = {which: sum(one["days"] for one in kept["logs"] if one["vehicle"] == which)
+            for which in ("shipped", "identified")}  # fmt: skip
+    print({which: f"{value:.1f} d" for which, value in days.items()})
+    if keep is not None:
+        keep.write_text(json.dumps(kept, indent=1) + "\n")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

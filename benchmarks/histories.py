@@ -12,7 +12,6 @@ killed pass of `watch` what the next one completes.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import hashlib
@@ -23,24 +22,24 @@ import subprocess
 import sys
 import tempfile
 import time
-import traceback
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+from benchmarks import command
+from benchmarks.processes import DONE, ROOT, TOLD, done, fork, wait
 
-from clusters import dask_cluster  # type: ignore[import-not-found]  # noqa: E402
-from clusters import worker as dask_worker  # noqa: E402
+sys.path.insert(0, str(ROOT / "tests"))
 
-import factory  # noqa: E402
-from factory.generation import StorePart, finish, generate, generate_part  # noqa: E402
-from factory.sampling import Recipe, make_recipe  # noqa: E402
-from factory.store_check import check_files  # noqa: E402
-from twin.errors import TwinError  # noqa: E402
-from twin.records.presence import generating  # noqa: E402
+from clusters import dask_cluster
+from clusters import worker as dask_worker
+
+import factory
+from factory.generation import StorePart, finish, generate, generate_part
+from factory.sampling import Recipe, make_recipe
+from factory.store_check import check_files
+from twin.records.presence import generating
 
 MEMORY = Path("/dev/shm")
 """Where stores are made if it is there: nothing then waits for a disk"""
@@ -50,46 +49,9 @@ SHORT = {
 }
 HOURS = 1.0
 """[h] of a store, in missions of two to four minutes"""
-DONE, TOLD, CRASHED = 0, 3, 4
-"""Exit codes of a process: done, one line of error, a traceback"""
-WAIT_S = 300.0  # after which a process that should have ended is taken for hung
 PARTS, MOST_KILLS = [StorePart(index, 3) for index in range(3)], 3
 KEPT = ("recipe.json", "array.json", "lock")
 """Files of an unfinished store that are not spoilt: without them it is another one"""
-
-
-def fork(work: Callable[[], object]) -> int:
-    """Do something in a forked process with a session of its own; its number."""
-    sys.stdout.flush()
-    child = os.fork()
-    if child:
-        return child
-    code = CRASHED
-    try:
-        os.setsid()
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        work()
-        code = DONE
-    except TwinError as error:
-        code = TOLD if "\n" not in str(error) else CRASHED
-    except BaseException:
-        traceback.print_exc()
-    os._exit(code)
-
-
-def wait(process: int, *, kill: bool = False) -> int:
-    """Exit code of a forked process, killed first or not; below 0 is the signal that ended it."""
-    if kill:
-        os.kill(process, signal.SIGKILL)  # one that has ended is there until it is waited for
-    deadline = time.monotonic() + WAIT_S
-    while time.monotonic() < deadline:
-        found, status = os.waitpid(process, os.WNOHANG)
-        if found:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(0.005)
-    os.kill(process, signal.SIGKILL)
-    os.waitpid(process, 0)
-    raise TimeoutError(f"process {process} did not end in {WAIT_S:g} s")
 
 
 def digest(folder: Path, pattern: str = "*") -> str:
@@ -119,9 +81,9 @@ class Ground:
     def prepare(cls, folder: Path, seed: int = 0) -> Ground:
         """Make the store undisturbed: by one process, and by two whose time is taken."""
         recipe = make_recipe(hours=HOURS, changes=SHORT)
-        assert wait(fork(lambda: generate(recipe, folder / "one.zarr", workers=1))) == DONE
+        assert done(lambda: generate(recipe, folder / "one.zarr", workers=1))
         begun = time.monotonic()
-        assert wait(fork(lambda: generate(recipe, folder / "two.zarr", workers=2))) == DONE
+        assert done(lambda: generate(recipe, folder / "two.zarr", workers=2))
         seconds = time.monotonic() - begun
         return cls(folder, random.Random(seed), recipe, digest(folder / "one.zarr"), seconds)
 
@@ -179,7 +141,6 @@ def history(ground: Ground, kind: str, store: Path) -> str | None:
 def _spoil(ground: Ground, store: Path) -> None:
     """Cut or remove a file of an unfinished store, every second time."""
     place = generating(store)
-    assert isinstance(place, Path)
     # os.walk passes over folders that a worker without its parent removes meanwhile
     walked = ((Path(folder), names) for folder, _, names in os.walk(place))
     found = sorted(at / name for at, names in walked for name in names if name not in KEPT)
@@ -246,16 +207,16 @@ def kill_imports(ground: Ground, kind: str, times: int) -> list[str]:
     def values() -> str | None:
         return None if check_files(store).problems else digest(store, "c/**/*")
 
-    assert wait(fork(reading(old, 4.0))) == DONE
+    assert done(reading(old, 4.0))
     begun = time.monotonic()
-    assert wait(fork(reading(new, 2.0))) == DONE
+    assert done(reading(new, 2.0))
     seconds, whole = time.monotonic() - begun, [digest(one, "c/**/*") for one in (old, new)]
     for number in range(times):
-        assert wait(fork(reading(store, 4.0))) == DONE
+        assert done(reading(store, 4.0))
         wait(ground.begin(reading(store, 2.0), seconds), kill=True)
         if values() not in whole:
             lost.append(f"import {number}: neither the old store nor the new one")
-        if wait(fork(reading(store, 2.0))) != DONE or values() != whole[1]:
+        if not done(reading(store, 2.0)) or values() != whole[1]:
             lost.append(f"import {number}: the next import does not make the store")
         lost += [f"import {number}: left {path.name}" for path in place.glob(".*")]
     return lost
@@ -263,9 +224,9 @@ def kill_imports(ground: Ground, kind: str, times: int) -> list[str]:
 
 def kill_passes(ground: Ground, kind: str, times: int) -> list[str]:
     """Losses of killed passes of `twin watch`."""
-    from benchmarks.watch_passes import kills
+    from benchmarks.watch_passes import killed
 
-    found: dict[str, Any] = kills(times, ground.draw.randrange(2**31), ground.folder / kind)
+    found: dict[str, Any] = killed(times, ground.draw.randrange(2**31), ground.folder / kind)
     return list(found["others"])
 
 
@@ -276,19 +237,25 @@ KINDS: dict[str, Callable[[Ground, str, int], list[str]]] = {
 }
 
 
-def main() -> int:
-    """Print the table; exit code 1 when something was lost."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("kinds", nargs="*", choices=[*KINDS, []], metavar="KIND")
-    parser.add_argument("--histories", type=int, default=1000, help="of all kinds together")
-    parser.add_argument("--seed", type=int, default=0, help="of the moments")
-    options = parser.parse_args()
-    kinds = options.kinds or [kind for kind, make in KINDS.items() if make is kill_runs]
+Kind = Literal["parent", "worker", "parts", "dask", "import", "watch"]
+
+
+def main(
+    kinds: command.Positional[tuple[Kind, ...]] = (), *, histories: int = 1000, seed: int = 0
+) -> int:
+    """Print a line a kind, and what was lost; 1 when something was.
+
+    Args:
+      kinds: of kills; those of `factory generate` if not given.
+      histories: of all kinds together.
+      seed: of the moments.
+    """
+    chosen = kinds or tuple(kind for kind, make in KINDS.items() if make is kill_runs)
     every: list[str] = []
     with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
-        ground = Ground.prepare(Path(folder), options.seed)
-        for number, kind in enumerate(kinds):
-            begun, times = time.monotonic(), (options.histories + number) // len(kinds)
+        ground = Ground.prepare(Path(folder), seed)
+        for number, kind in enumerate(chosen):
+            begun, times = time.monotonic(), (histories + number) // len(chosen)
             lost = KINDS[kind](ground, kind, times)
             every += lost
             seconds = time.monotonic() - begun
@@ -298,4 +265,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(command.run(main))

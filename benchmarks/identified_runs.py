@@ -24,16 +24,17 @@ steady turn's sway is per yaw rate, fitted to all deployments but one and applie
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 import tempfile
+from json import dumps
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from benchmarks import command
 from factory.importing import import_logs
 from glider_twin_protocols.mcap_file import export_mcap
 from twin import load_vehicle, parse_current, parse_floor, simulate
@@ -70,14 +71,13 @@ def other(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     law = vehicle.law.scaled({name: float(rng.uniform(0.85, 1.15)) for name in names})
     law = law.with_drag(float(rng.uniform(0.75, 1.35))) or law
     propeller = vehicle.steering["speed"]
-    thrust = getattr(vehicle.part(propeller), "thrust_coefficient")  # noqa: B009
-    changes: dict[str, Any] = {
-        propeller: {"thrust_coefficient": thrust * float(rng.uniform(0.85, 1.15))}
-    }
+    part: Any = vehicle.part(propeller)
+    thrust = part.thrust_coefficient * float(rng.uniform(0.85, 1.15))
+    changes: dict[str, Any] = {propeller: {"thrust_coefficient": thrust}}
     for name in (vehicle.steering["heading"], vehicle.steering["pitch"]):
-        slope = getattr(vehicle.part(name), "lift_slope")  # noqa: B009
+        part = vehicle.part(name)
         changes[name] = {
-            "lift_slope": slope * float(rng.uniform(0.75, 1.3)),
+            "lift_slope": part.lift_slope * float(rng.uniform(0.75, 1.3)),
             "neutral": float(np.deg2rad(rng.uniform(-1.5, 1.5))),
         }
     place = vehicle.static_cg.copy()
@@ -86,12 +86,9 @@ def other(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     root = np.sqrt(rng.uniform(0.85, 1.15, 6))
     density = vehicle.reference_density + float(rng.uniform(-1.0, 1.0))
     return vehicle.replace(
-        law=law,
-        static_cg=place,
-        added_mass=vehicle.added_mass * np.outer(root, root),
-        reference_density=density,
-        **changes,
-    )
+        law=law, static_cg=place, added_mass=vehicle.added_mass * np.outer(root, root),
+        reference_density=density, **changes,
+    )  # fmt: skip
 
 
 def survey(rng: np.random.Generator, fast: float, radius: float, ways: int = 6) -> Mission:
@@ -110,28 +107,21 @@ def survey(rng: np.random.Generator, fast: float, radius: float, ways: int = 6) 
         else:
             segments.append(Transect(heading_deg=float(rng.uniform(0.0, 360.0)), **common))
     return Mission(
-        name="survey",
-        start_heading_deg=float(rng.uniform(0.0, 360.0)),
-        start_depth_m=15.0,
+        name="survey", start_heading_deg=float(rng.uniform(0.0, 360.0)), start_depth_m=15.0,
         segments=tuple(segments),
-    )
+    )  # fmt: skip
 
 
 def logged(truth: Vehicle, shipped: Vehicle, mission: Mission, seed: int) -> Trajectory:
     """A run of the true vehicle with what its sensors measured."""
     rng = np.random.default_rng(seed)
     water = DensityProfile.constant(shipped.reference_density)
-    run = simulate(
-        Scenario(
-            vehicle=truth,
-            believed=shipped,
-            mission=mission,
-            density=water,
-            current=parse_current(f"uniform:{rng.normal(0, 0.1):.3f},{rng.normal(0, 0.1):.3f}"),
-            floor=parse_floor("rough:60"),
-            sample_period=PERIOD,
-        )
-    )
+    drift = rng.normal(0, 0.1), rng.normal(0, 0.1)
+    run = simulate(Scenario(
+        vehicle=truth, believed=shipped, mission=mission, density=water,
+        current=parse_current("uniform:{:.3f},{:.3f}".format(*drift)),
+        floor=parse_floor("rough:60"), sample_period=PERIOD,
+    ))  # fmt: skip
     suite = SensorSuite.preset("survey-field")
     seeds = np.random.SeedSequence(seed)
     run.signals.update(suite.measure(run.signals, dt=PERIOD, rng_seed=seeds, density=water))
@@ -173,57 +163,52 @@ def closed_loop(
     vehicle: Vehicle, truth: Vehicle, shipped: Vehicle, missions: list[Mission]
 ) -> dict[str, float]:
     """Errors [%] of a vehicle on missions that both fly under the same guidance."""
-    off: list[list[Array]] = [[], [], [], []]
-    size: list[list[Array]] = [[], [], [], []]
+    off: dict[str, list[Array]] = {}
+    size: dict[str, list[Array]] = {}
     for mission in missions:
         mine, real = (
-            simulate(
-                Scenario(
-                    vehicle=one,
-                    believed=shipped,
-                    mission=mission,
-                    density=DensityProfile.constant(shipped.reference_density),
-                )
-            )
+            simulate(Scenario(
+                vehicle=one, believed=shipped, mission=mission,
+                density=DensityProfile.constant(shipped.reference_density),
+            ))
             for one in (vehicle, truth)
-        )
+        )  # fmt: skip
         step = float(real.time[1] - real.time[0])
         part = slice(round(START / step), min(len(mine.time), len(real.time)))
         last = len(mission.segments)
         ended = [int((run["commanded_segment"] < last).sum()) for run in (mine, real)]
         way = slice(part.start, min(*ended, part.stop))
-        for k, name in enumerate(("true_surge", "true_yaw_rate", "true_depth")):
-            a, b = (run[name].astype(float) for run in (mine, real))
-            if name == "true_depth":
+        for name, signal, judged in (
+            ("speed", "true_surge", part), ("turn rate", "true_yaw_rate", part),
+            ("depth rate", "true_depth", part),
+            ("turn rate until the mission ends", "true_yaw_rate", way),
+        ):  # fmt: skip
+            a, b = (run[signal].astype(float) for run in (mine, real))
+            if signal == "true_depth":
                 a, b = np.gradient(a, step), np.gradient(b, step)
-            off[k].append(a[part] - b[part])
-            size[k].append(b[part])
-            if name == "true_yaw_rate":
-                off[3].append(a[way] - b[way])
-                size[3].append(b[way])
-    speed, turn, depth, swing = (np.concatenate(one) for one in off)
-    surge, rate, sink, swung = (np.concatenate(one) for one in size)
-    return {
-        "speed": 100.0 * float(np.abs(speed).mean() / surge.mean()),
-        "turn rate": 100.0 * float(np.sqrt((turn**2).mean() / (rate**2).mean())),
-        "depth rate": 100.0 * float(np.sqrt((depth**2).mean() / (sink**2).mean())),
-        "turn rate until the mission ends": 100.0
-        * float(np.sqrt((swing**2).mean() / (swung**2).mean())),
-    }
+            off.setdefault(name, []).append(a[judged] - b[judged])
+            size.setdefault(name, []).append(b[judged])
+    found = {}
+    for name in off:
+        a, b = np.concatenate(off[name]), np.concatenate(size[name])
+        ratio = np.abs(a).mean() / b.mean() if name == "speed" else _rms(a) / _rms(b)
+        found[name] = 100.0 * float(ratio)
+    return found
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 def of_dimensions(vehicle: Vehicle) -> Vehicle:
     """What the outside of a vehicle makes of it."""
-    rudder, screw = vehicle.part(vehicle.steering["heading"]), vehicle.part("propeller")
+    rudder: Any = vehicle.part(vehicle.steering["heading"])
+    screw: Any = vehicle.part("propeller")
     return Dimensions(
-        length=vehicle.hull_length,
-        diameter=vehicle.hull_diameter,
-        mass=vehicle.mass,
-        fin_area=getattr(rudder, "area"),  # noqa: B009
-        fin_place=float(rudder.position[0]),
-        screw=getattr(screw, "diameter"),  # noqa: B009
+        length=vehicle.hull_length, diameter=vehicle.hull_diameter, mass=vehicle.mass,
+        fin_area=rudder.area, fin_place=float(rudder.position[0]), screw=screw.diameter,
         density=vehicle.reference_density,
-    ).vehicle()
+    ).vehicle()  # fmt: skip
 
 
 def study(
@@ -299,28 +284,31 @@ def left_out_sway(path: str) -> None:
         )
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--vehicle", default="remus", help="shipped name: remus or tethys")
-    parser.add_argument("--seeds", default="1,2")
-    parser.add_argument("--runs", type=int, default=4)
-    parser.add_argument("--bags", action="store_true", help="through folders of rosbag2")
-    parser.add_argument("--dimensions", action="store_true", help="start without a vehicle file")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--sway", help="store of real runs: the sway of their turns alone")
-    options = parser.parse_args()
-    if options.sway:
-        left_out_sway(options.sway)
+def main(
+    *,
+    vehicle: Literal["remus", "tethys"] = "remus",
+    seeds: str = "1,2",
+    runs: int = 4,
+    bags: bool = False,
+    dimensions: bool = False,
+    json: bool = False,
+    sway: str | None = None,
+) -> None:
+    """Print the errors of each vehicle.
+
+    Args:
+      bags: through folders of rosbag2.
+      dimensions: start without a vehicle file.
+      sway: store of real runs: the sway of their turns alone.
+    """
+    if sway:
+        left_out_sway(sway)
         return
-    for seed in map(int, options.seeds.split(",")):
+    for seed in map(int, seeds.split(",")):
         with tempfile.TemporaryDirectory() as folder:
-            found = study(
-                options.vehicle, seed, options.runs, Path(folder), bags=options.bags,
-                dimensions=options.dimensions,
-            )  # fmt: skip
-        if options.json:
-            print(json.dumps(found), flush=True)
+            found = study(vehicle, seed, runs, Path(folder), bags=bags, dimensions=dimensions)
+        if json:
+            print(dumps(found), flush=True)
             continue
         for which in ("identified", "started from"):
             words = ", ".join(f"{k} {v:.2f} %" for k, v in found[which].items())
@@ -330,4 +318,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

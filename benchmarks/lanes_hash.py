@@ -14,7 +14,6 @@ is asked.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import hashlib
 import json
@@ -30,9 +29,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy._core._multiarray_umath import __cpu_dispatch__  # type: ignore[import-not-found]
+from numpy._core._multiarray_umath import __cpu_dispatch__
 
 import twin
+from benchmarks import command
 from factory.sampling.fly import build_scenario
 from factory.sampling.recipe import Recipe
 from twin.cli.text_table import format_table
@@ -41,23 +41,13 @@ from twin.fossen.structure import Arithmetic
 from twin.physics.lanes import Lane, fly_in_lanes
 from twin.records.trajectory import Trajectory
 
-PROCESSORS = {
-    "SSE2": {
-        "NUMBA_CPU_NAME": "x86-64",
-        "OPENBLAS_CORETYPE": "Nehalem",
-        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F",
-    },
-    "AVX2": {
-        "NUMBA_CPU_NAME": "haswell",
-        "OPENBLAS_CORETYPE": "Haswell",
-        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F",
-    },
-    "AVX-512": {
-        "NUMBA_CPU_NAME": "skylake-avx512",
-        "OPENBLAS_CORETYPE": "SkylakeX",
-        "GLIBC_TUNABLES": "",
-    },
+NAMES = ("NUMBA_CPU_NAME", "OPENBLAS_CORETYPE", "GLIBC_TUNABLES")
+SETTINGS = {
+    "SSE2": ("x86-64", "Nehalem", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F"),
+    "AVX2": ("haswell", "Haswell", "glibc.cpu.hwcaps=-AVX512F"),
+    "AVX-512": ("skylake-avx512", "SkylakeX", ""),
 }
+PROCESSORS = {one: dict(zip(NAMES, words, strict=True)) for one, words in SETTINGS.items()}
 """Environment of a process that takes this machine for such a one, but for NumPy's switch"""
 KEPT_BY_NUMPY = {
     "SSE2": (),
@@ -99,16 +89,12 @@ def fleet(name: str, count: int, folder: Path) -> list[twin.Scenario]:
         mission = twin.Mission.from_dict({"name": "there", "segments": [to]})
     return [
         twin.Scenario(
-            vehicle=real,
-            mission=mission,
-            current=current,
-            density=twin.parse_density("thermocline"),
+            vehicle=real, mission=mission, current=current, engine="lanes",
+            density=twin.parse_density("thermocline"), duration=DURATIONS.get(vehicle, SHORT),
             start={"north": 10.0 * k, "heading": math.radians(7.0 * k)},
-            duration=DURATIONS.get(vehicle, SHORT),
-            engine="lanes",
         )
         for k in range(count)
-    ]
+    ]  # fmt: skip
 
 
 def drawn(preset: str, count: int) -> list[twin.Scenario]:
@@ -135,17 +121,10 @@ def gridded(folder: Path) -> Path:
     index = np.meshgrid(*(np.arange(len(axis)) for axis in axes.values()), indexing="ij")
     east = 0.1 + 0.02 * index[0] - 0.03 * index[1] + 0.01 * index[2] * index[3]
     velocities = {"uo": ("eastward", east), "vo": ("northward", 0.1 - 0.5 * east)}
-    data = xr.Dataset(
-        {
-            name: (
-                tuple(axes),
-                values,
-                {"standard_name": f"{way}_sea_water_velocity", "units": "m s-1"},
-            )
-            for name, (way, values) in velocities.items()
-        },
-        coords=axes,
-    )
+    data = xr.Dataset(coords=axes)
+    for name, (way, values) in velocities.items():
+        about = {"standard_name": f"{way}_sea_water_velocity", "units": "m s-1"}
+        data[name] = (tuple(axes), values, about)
     data["depth"].attrs = {"units": "m", "positive": "down", "axis": "Z"}
     path = folder / "water.nc"
     data.to_netcdf(path)
@@ -238,20 +217,17 @@ def processors() -> tuple[str, ...]:
     return tuple(name for name, there in wanted.items() if there)
 
 
-def main() -> int:
+def main(*, fleets: str = ",".join(FLEETS)) -> int:
     """Print the hashes; exit code 1 when a fleet has more than one, or code is not packed."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--fleets", default=",".join(FLEETS))
-    fleets = tuple(parser.parse_args().fleets.split(","))
-    counted = tuple(name for name in fleets if name in VEHICLES)
-    rows, logs = [], {name: set() for name in fleets}  # type: ignore[var-annotated]
-    packed = True
+    chosen = tuple(fleets.split(","))
+    counted = tuple(name for name in chosen if name in VEHICLES)
+    rows, logs, packed = [], dict[str, set[str]](), True
     for processor in processors():
-        both = on_processor(processor, fleets, counted)
+        both = on_processor(processor, chosen, counted)
         for name, found in both["hashes"].items():
-            logs[name] |= set(found.values())
-            kinds, first = len(set(found.values())), next(iter(found.values()))
-            row = {"processor": processor, "fleet": name, "ways": len(found), "hashes": kinds}
+            kinds, first = set(found.values()), next(iter(found.values()))
+            logs.setdefault(name, set()).update(kinds)
+            row = {"processor": processor, "fleet": name, "ways": len(found), "hashes": len(kinds)}
             row |= {"SHA-256 of the log": first, "packed": "", "scalar": "", "calls": ""}
             if name in counted:
                 made = both["arithmetic"][name]
@@ -266,4 +242,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(command.run(main))

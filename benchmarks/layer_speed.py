@@ -11,15 +11,16 @@ machine's speed drifts). `share` is limit / seconds.
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 import time
 from collections.abc import Callable
 
 import torch
 from torch import Tensor, nn
 
+from benchmarks import command
 from benchmarks.figures import measured
+from benchmarks.figures import seconds as taken
 from learn.networks.elman import ContextDelay
 
 SAMPLES = 80_000
@@ -69,25 +70,25 @@ class Stack(nn.Module):
 
 
 class Torch(nn.Module):
-    """torch.nn.RNN, one delay, or torch.nn.LSTM."""
+    """torch.nn.RNN, one delay."""
 
-    def __init__(self, kind: type[nn.RNNBase]) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.cells = kind(INPUTS, HIDDEN, LAYERS)
+        self.cells = nn.RNN(INPUTS, HIDDEN, LAYERS)
         self.out = nn.Linear(HIDDEN, 1)
 
     def forward(self, x: Tensor) -> Tensor:
         return self.out(self.cells(x)[0])
 
 
-def operations(gates: int, delays: int) -> float:
+def operations(delays: int) -> float:
     """Floating-point operations of one gradient: forward, back through the data, weight sums.
 
     The first layer's input needs no gradient.
     """
-    recurrent = LAYERS * delays * HIDDEN * HIDDEN * gates
-    inputs = (LAYERS - 1) * HIDDEN * HIDDEN * gates + HIDDEN
-    first = INPUTS * HIDDEN * gates
+    recurrent = LAYERS * delays * HIDDEN * HIDDEN
+    inputs = (LAYERS - 1) * HIDDEN * HIDDEN + HIDDEN
+    first = INPUTS * HIDDEN
     return 2.0 * SAMPLES * (3 * (recurrent + inputs) + 2 * first)
 
 
@@ -105,67 +106,46 @@ def product_rate(seconds: float = 0.3) -> float:
 
 def best_seconds(model: nn.Module, x: Tensor, repeats: int) -> float:
     """Shortest of `repeats` gradients after one to warm up."""
-    best = float("inf")
-    for repeat in range(repeats + 1):
+    found = []
+    for _ in range(repeats + 1):
         model.zero_grad()
-        start = time.perf_counter()
-        model(x).square().mean().backward()
-        if repeat:
-            best = min(best, time.perf_counter() - start)
-    return best
+        found.append(taken(lambda: model(x).square().mean().backward()))
+    return min(found[1:])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--json", action="store_true", help="one JSON object")
-    parser.add_argument("--sequences", type=int, default=16, help="sequences side by side")
-    parser.add_argument("--repeats", type=int, default=5, help="gradients per contender")
-    parser.add_argument("--threads", type=int, default=1, help="torch threads")
-    options = parser.parse_args()
-    torch.set_num_threads(options.threads)
+def main(*, json: bool = False, sequences: int = 16, repeats: int = 5, threads: int = 1) -> None:
+    """Print the seconds of each layer beside their limit.
+
+    Args:
+      sequences: side by side.
+      repeats: gradients of the layer under test.
+      threads: of torch.
+    """
+    torch.set_num_threads(threads)
     torch.manual_seed(0)
-    batch = options.sequences
-    x = torch.randn(SAMPLES // batch, batch, INPUTS)
+    x = torch.randn(SAMPLES // sequences, sequences, INPUTS)
     contenders: dict[str, tuple[Callable[[], nn.Module], Tensor, float, int]] = {
-        "naive autograd": (lambda: Stack(naive=True), x, operations(1, DELAYS), 1),
-        "torch.nn.RNN (one delay)": (lambda: Torch(nn.RNN), x, operations(1, 1), 2),
-        "torch.nn.LSTM": (lambda: Torch(nn.LSTM), x, operations(4, 1), 2),
+        "naive autograd": (lambda: Stack(naive=True), x, operations(DELAYS), 1),
+        "torch.nn.RNN (one delay)": (Torch, x, operations(1), 2),
         "context delay": (
-            Stack,
-            x.transpose(1, 2).contiguous(),
-            operations(1, DELAYS),
-            options.repeats,
+            Stack, x.transpose(1, 2).contiguous(), operations(DELAYS), repeats
         ),
-    }
+    }  # fmt: skip
     rate, seconds = product_rate(), {}
-    for name, (build, data, _, repeats) in contenders.items():
-        seconds[name] = best_seconds(build(), data, repeats)
+    for name, (build, data, _, times) in contenders.items():
+        seconds[name] = best_seconds(build(), data, times)
         rate = max(rate, product_rate())
-    rows = []
-    for name, (_, _, count, _) in contenders.items():
-        limit = count / rate
-        rows.append(
-            {
-                "layer": name,
-                "seconds": seconds[name],
-                "limit": limit,
-                "share": limit / seconds[name],
-            }
-        )
-    shares = {str(row["layer"]): float(row["share"]) for row in rows}
-    measured("layer_speed", context_delay=shares["context delay"])
-    if options.json:
-        figures = {"samples": SAMPLES, "sequences": batch, "threads": options.threads}
-        print(json.dumps({**figures, "product_gflops": rate / 1e9, "rows": rows}))
-        return
-    print(
-        f"{SAMPLES} samples as {batch} sequences, {options.threads} thread(s), matrix products "
-        f"{rate / 1e9:.1f} GFLOP/s"
-    )
-    print(f"{'layer':28s} {'seconds':>9s} {'limit':>9s} {'share':>6s}")
-    for row in rows:
-        print(f"{row['layer']:28s} {row['seconds']:9.3f} {row['limit']:9.3f} {row['share']:6.2f}")
+    limits = {name: count / rate for name, (_, _, count, _) in contenders.items()}
+    rows = [
+        {"layer": name, "seconds": s, "limit": limits[name], "share": limits[name] / s}
+        for name, s in seconds.items()
+    ]
+    measured("layer_speed", context_delay=limits["context delay"] / seconds["context delay"])
+    figures = {"samples": SAMPLES, "sequences": sequences, "threads": threads}
+    command.say({**figures, "product_gflops": rate / 1e9, "rows": rows}, rows, json=json)
+    if not json:
+        print(f"{figures}, matrix products {rate / 1e9:.1f} GFLOP/s")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -16,19 +16,15 @@ are made once in the folder: remove it after a change of the code that flies or 
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.dead_reckoning.rivals import Predicted, adapt_each, baseline
+from benchmarks import command
+from benchmarks.dead_reckoning.rivals import Predicted, adapt_each, baseline, made_once
 from benchmarks.dead_reckoning.scoring import interval, mission_errors
 from benchmarks.dead_reckoning.tiers import DIVES, HEAVY, Tier
-from twin.cli.text_table import format_table
-from twin.errors import InputError, StoreError
 from twin.navigation.features import FLIGHT, INPUT_SETS
 from twin.numbers import Array
 
@@ -57,21 +53,6 @@ def recipes(hours: float) -> dict[str, Tier]:
     }  # fmt: skip
 
 
-def trained(folder: Path, stores: Sequence[Path], seed: int, seconds: float) -> Any:
-    """A run of `learn fit` on these stores, made where it is missing."""
-    from learn.api import fit
-    from learn.run import open_run
-
-    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
-        return open_run(folder)
-    print(f"{folder} ...", file=sys.stderr)
-    features = SHARED if len(stores) > 1 else ()
-    return fit(
-        list(stores), folder=folder, resume=True, seed=seed, seconds=seconds, members=1, workers=2,
-        features=features,
-    )  # fmt: skip
-
-
 def judged(
     folder: Path, hours: float, seconds: float, seed: int
 ) -> Iterator[tuple[str, str, dict[int, Array]]]:
@@ -92,7 +73,10 @@ def judged(
             "flight filter": baseline("flight_filter").predict(own, test, seed, seconds),
         }
         for method, (name, some) in taught.items():
-            run = trained(runs / f"{name}-{hours:g}h-{seed}-{seconds:g}s", some, seed, seconds)
+            run = made_once(
+                runs / f"{name}-{hours:g}h-{seed}-{seconds:g}s", some, seed=seed, seconds=seconds,
+                features=SHARED if len(some) > 1 else (),
+            )  # fmt: skip
             said[method] = adapt_each(run, test, "none")
         for method, predicted in said.items():
             yield kind, method, mission_errors(test, LAST, predicted)[0]
@@ -143,28 +127,32 @@ def _text(value: float, spread: tuple[float, float]) -> str:
     return f"{value:.2f} ({spread[0]:.2f} to {spread[1]:.2f})"
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--folder", type=Path, default=Path("data/left_out_kinds"))
-    parser.add_argument("--hours", type=float, default=100.0, help="of training, of each kind")
-    parser.add_argument("--seconds", type=float, default=40.0, help="in training, of each network")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+def main(
+    *,
+    folder: Path = Path("data/left_out_kinds"),
+    hours: float = 100.0,
+    seconds: float = 40.0,
+    seed: int = 0,
+    json: bool = False,
+) -> None:
+    """Print the errors by kind and method, and the ratios.
+
+    Args:
+      hours: of training, of each kind.
+      seconds: in training, of each network.
+    """
     found: dict[str, dict[str, dict[int, Array]]] = {}
-    for kind, method, each in judged(options.folder, options.hours, options.seconds, options.seed):
+    for kind, method, each in judged(folder, hours, seconds, seed):
         found.setdefault(kind, {})[method] = each
     answer = figures(found)
-    if options.json:
-        print(json.dumps(answer))
-        return
-    print(format_table(rows(answer)))
-    counts = ", ".join(
-        f"{kind} {one['methods']['flight filter']['0']['missions']}" for kind, one in answer.items()
-    )
-    print(f"missions: {counts}; scored behind {LAST} dives; true attitude")
+    command.say(answer, rows(answer), json=json)
+    if not json:
+        counts = ", ".join(
+            f"{kind} {one['methods']['flight filter']['0']['missions']}"
+            for kind, one in answer.items()
+        )
+        print(f"missions: {counts}; scored behind {LAST} dives; true attitude")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -9,15 +9,15 @@ with the shipped vehicle of its kind: nothing is tuned on what follows. Printed 
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import json
+import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from benchmarks import command
 from glider_twin_ops.forecast import legs_of
 from glider_twin_ops.pages.morning_page import LATEST, PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass
@@ -78,50 +78,43 @@ def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
         said = json.loads(page.read_text())
         found = said["forecast"]["surfacings"] if said["forecast"] else []
         came = surfaced(said["forecast"], legs)
-        row = {
+        next_one, days, what = "not told", said["days_left"], "nothing yet"
+        if found:
+            axes = (found[0]["ellipse_90"][f"semi_{one}_m"] / 1e3 for one in ("major", "minor"))
+            next_one = "{}, {:.2f} x {:.2f} km".format(found[0]["time"][11:16], *axes)
+        if came:  # when and where it was against what was foretold
+            what = ", ".join(came[0].partition("it came up ")[2].split(", ")[1:3])
+        rows.append({
             "deployment": name,
             "as of, UTC": f"{moment:%Y-%m-%d %H:%M}",
             "dives": f"{len(said['dives'])}",
             "verdict": said["verdict"].partition(";")[0].rpartition(": ")[2],
-            "next surfacing": _told(found[0]) if found else "not told",
-        }
-        days = said["days_left"]
-        row["days left"] = "not known" if days is None else f"{days:.1f}"
-        row["what came"] = _short(came[0]) if came else "nothing yet"
-        inside = sum(", inside the" in one for one in came)
-        row["inside"] = f"{inside} of {len(came)}"
-        rows.append(row)
+            "next surfacing": next_one,
+            "days left": "not known" if days is None else f"{days:.1f}",
+            "what came": what,
+            "inside": f"{sum(', inside the' in one for one in came)} of {len(came)}",
+        })  # fmt: skip
     return rows
 
 
-def _told(surfacing: dict[str, Any]) -> str:
-    """When, and the semi-axes of the ellipse of 90 %."""
-    long, short = (surfacing["ellipse_90"][f"semi_{name}_m"] / 1e3 for name in ("major", "minor"))
-    return f"{surfacing['time'][11:16]}, {long:.2f} x {short:.2f} km"
+def main(
+    folder: command.Positional[Path],
+    names: command.Positional[tuple[str, ...]] = (),
+    *,
+    out: Path | None = None,
+) -> None:
+    """Print a table in Markdown; the pages stay in --out.
 
-
-def _short(said: str) -> str:
-    """Of a sentence on a surfacing, when and where it was against what was foretold."""
-    return ", ".join(said.partition("it came up ")[2].split(", ")[1:3])
-
-
-def main() -> None:
-    """Print a table in Markdown; the pages stay in --out."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="of deployments; default: all")
-    parser.add_argument("--out", type=Path, help="folder for the deployments with their pages")
-    options = parser.parse_args()
-    head = False
+    Args:
+      names: of deployments; all if not given.
+    """
+    rows = []
     with tempfile.TemporaryDirectory() as temporary:
-        for name in options.names or DEPLOYMENTS:
-            place = (options.out or Path(temporary)) / name.replace(" ", "-")
-            for row in mornings(name, options.folder.resolve(), place):
-                if not head:
-                    print(f"| {' | '.join(row)} |\n|{'---|' * len(row)}", flush=True)
-                    head = True
-                print(f"| {' | '.join(row.values())} |", flush=True)
+        for name in names or DEPLOYMENTS:
+            place = (out or Path(temporary)) / name.replace(" ", "-")
+            rows += mornings(name, folder.resolve(), place)
+    print(command.markdown(list(rows[0]), [list(row.values()) for row in rows]))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -21,15 +21,15 @@ no current, and the mean current of the dive before.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import json
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import command
 from factory.generation.generated_store import GeneratedStore
 from learn.data.dataset import MissionSequence, Selection
 from learn.run import open_run
@@ -131,42 +131,35 @@ def _velocities(
             yield mission, found.surge, found.sway
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("stores", nargs="+", metavar="STORE", help="missions of preset field")
-    parser.add_argument(
-        "--learn", nargs="+", default=[], metavar="STORE", help="missions that tell of the sea"
-    )
-    parser.add_argument("--run", help="networks in place of steady flight: a folder")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
-    options = parser.parse_args(words)
-    every: dict[str, list[list[Leg]]] = {"stores": [], "learn": []}
-    latitudes: list[float] = []
-    for which, kept in every.items():
-        for store in getattr(options, which):
-            found, stated, compass, where = records(store, options.run)
+def main(
+    stores: command.Positional[tuple[str, ...]],
+    *,
+    learn: tuple[str, ...] = (),
+    run: str | None = None,
+    json: bool = False,
+) -> None:
+    """Print the figures of consistency.
+
+    Args:
+      stores: missions of preset field.
+      learn: stores whose missions tell of the sea.
+      run: networks in place of steady flight: a folder.
+    """
+    every, latitudes = [], []
+    for which in (stores, learn):
+        kept: list[list[Leg]] = []
+        for store in which:
+            found, stated, compass, where = records(store, run)
             kept += found
             latitudes += where
+        every.append(kept)
     judged = consistency_of(
-        every["stores"],
-        others=every["learn"],
-        latitude=float(np.median(latitudes)),
-        speed_scale=stated.scale,
-        compass=compass,
-        noise=stated.noise,
-        memory=stated.memory,
-    )
-    figures = {"missions": len(every["stores"]), **dataclasses.asdict(judged)}
-    if options.json:
-        print(json.dumps(figures))
-    else:
-        for name, value in figures.items():
-            print(f"{name:26s} {'none' if value is None else f'{value:.4g}'}")
-    return 0
+        every[0], others=every[1], latitude=float(np.median(latitudes)),
+        speed_scale=stated.scale, compass=compass, noise=stated.noise, memory=stated.memory,
+    )  # fmt: skip
+    figures = {"missions": len(every[0]), **dataclasses.asdict(judged)}
+    command.say(figures, [{"figure": k, "value": v} for k, v in figures.items()], json=json)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(command.run(main))

@@ -13,24 +13,34 @@ and highest. `VARIANTS` are kinds of this study alone: ema with one thing change
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import json
 import os
 import statistics
 import sys
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from json import dumps
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 from torch import Tensor, nn
 
+from benchmarks import command
+from learn.data.dataset import TARGETS as CHANNELS
+from learn.data.dataset import load_missions
+from learn.data.preparation import prepare
+from learn.data.stores import input_groups
+from learn.networks.base import NetworkConfig
 from learn.networks.fixed_memory import ExponentialAverages
+from learn.networks.predictor import Predictor
 from learn.seams import NETWORKS
+from learn.training.optimiser import TrainingConfig
+from learn.training.trainer import Trainer
+from twin.navigation.features import channels_of, select_features
 
-TARGETS = ("surge", "sway")
 TRANSIENT_S = 30.0
 
 
@@ -89,8 +99,6 @@ class Case:
 
     def network(self, period: float) -> Any:
         """Its description."""
-        from learn.networks.base import NetworkConfig
-
         layers, hidden = map(int, self.size.split("x"))
         memories = tuple(map(float, self.memories.split(",")))
         return NetworkConfig(
@@ -99,25 +107,10 @@ class Case:
 
 
 def run(
-    case: Case,
-    train: str,
-    tests: list[str],
-    settings: dict[str, float],
-    without: tuple[str, ...] = (),
+    case: Case, train: str, tests: Sequence[str], settings: dict[str, Any], without: Sequence[str]
 ) -> dict[str, float]:
     """Train the case; its epochs and its mean squared errors [(m/s)^2] by store."""
-    import numpy as np
-
-    from learn.data.dataset import TARGETS as CHANNELS
-    from learn.data.dataset import load_missions
-    from learn.data.preparation import prepare
-    from learn.data.stores import input_groups
-    from learn.networks.predictor import Predictor
-    from learn.training.optimiser import TrainingConfig
-    from learn.training.trainer import Trainer
-    from twin.navigation.features import channels_of, select_features
-
-    features = select_features(input_groups(case.inputs, train), without)
+    features = select_features(input_groups(case.inputs, train), tuple(without))
     data = prepare(train, target=case.target, features=features)
     trained = Trainer(
         case.network(data.period),
@@ -127,7 +120,7 @@ def run(
         target_scale=data.normalisation.target_scale,
     ).run()
     predictor = Predictor(trained.network, data.normalisation)
-    found = {"epochs": trained.history[-1].epoch}
+    found: dict[str, float] = {"epochs": trained.history[-1].epoch}
     for test in tests:
         missions = load_missions(test, [*channels_of(features), CHANNELS[case.target]])
         errors = [
@@ -141,60 +134,53 @@ def run(
     return found
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("train", help="store with a split")
-    parser.add_argument("--test", nargs="+", required=True, help="stores of unseen missions")
-    parser.add_argument("--kinds", nargs="+", default=list(NETWORKS.shipped()))
-    parser.add_argument("--optimisers", nargs="+", default=["soap"])
-    parser.add_argument("--inputs", nargs="+", default=["full"])
-    parser.add_argument("--without", nargs="*", default=[], help="features or groups to leave out")
-    parser.add_argument("--targets", nargs="+", default=TARGETS, choices=TARGETS)
-    parser.add_argument("--memories", nargs="+", default=["2,8,30"], help="[s] of ema")
-    parser.add_argument("--sizes", nargs="+", default=["3x50"], help="layers x units")
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument(
-        "--seconds", type=float, default=60.0, help="computing time of each network"
-    )
-    parser.add_argument("--window", type=int, help="samples of a training piece")
-    parser.add_argument("--washin", type=int, help="samples before it that are not scored")
-    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
-    parser.add_argument("--json", action="store_true", help="every network as one JSON line")
-    options = parser.parse_args()
+def main(
+    train: command.Positional[str],
+    *,
+    test: tuple[str, ...],
+    kinds: tuple[str, ...] = tuple(NETWORKS.shipped()),
+    optimisers: tuple[str, ...] = ("soap",),
+    inputs: tuple[str, ...] = ("full",),
+    without: tuple[str, ...] = (),
+    targets: tuple[Literal["surge", "sway"], ...] = ("surge", "sway"),
+    memories: tuple[str, ...] = ("2,8,30",),
+    sizes: tuple[str, ...] = ("3x50",),
+    seeds: int = 3,
+    seconds: float = 60.0,
+    window: int | None = None,
+    washin: int | None = None,
+    workers: int = len(os.sched_getaffinity(0)),
+    json: bool = False,
+) -> None:
+    """Train every case, print its figures.
+
+    Args:
+      train: store with a split.
+      test: stores of unseen missions.
+      without: features or groups to leave out.
+      memories: [s] of ema.
+      sizes: layers x units.
+      seconds: computing time of each network.
+      window: samples of a training piece.
+      washin: samples before it that are not scored.
+      json: print every network as one JSON line.
+    """
     os.environ["OMP_NUM_THREADS"] = "1"  # inherited by the workers: one thread each
-    cases = [
-        Case(*parts)
-        for parts in itertools.product(
-            options.kinds,
-            options.optimisers,
-            options.inputs,
-            options.memories,
-            options.sizes,
-            options.targets,
-            range(options.seeds),
-        )
-    ]
-    settings = {
-        name: value
-        for name in ("seconds", "window", "washin")
-        if (value := getattr(options, name)) is not None
-    }
+    every = itertools.product(kinds, optimisers, inputs, memories, sizes, targets, range(seeds))
+    cases = [Case(*parts) for parts in every]
+    given = {"seconds": seconds, "window": window, "washin": washin}
+    settings = {name: value for name, value in given.items() if value is not None}
     results: dict[Case, dict[str, float]] = {}
-    without = tuple(options.without)
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
-        futures = {
-            pool.submit(run, case, options.train, options.test, settings, without): case
-            for case in cases
-        }
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        futures = {pool.submit(run, one, train, test, settings, without): one for one in cases}
         for future in as_completed(futures):
             case = futures[future]
             results[case] = future.result()
-            if options.json:
-                print(json.dumps({**asdict(case), **results[case]}), flush=True)
+            if json:
+                print(dumps({**asdict(case), **results[case]}), flush=True)
             else:
                 print(f"{len(results)} of {len(cases)} networks", file=sys.stderr)
-    if not options.json:
+    if not json:
         show(results)
 
 
@@ -219,4 +205,4 @@ def _group(case: Case) -> tuple[str, ...]:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

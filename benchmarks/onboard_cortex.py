@@ -18,7 +18,6 @@ says (ARM DDI 0439B, tables 3-1 and 7-1), without wait states of the memory.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import re
 import struct
@@ -31,7 +30,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.onboard_step import add_arguments, candidates
+from benchmarks import command
+from benchmarks.onboard_step import Asked, candidates
 from learn.data.dataset import MissionSequence
 from learn.networks.c_export import c_header, find_compiler, run_c
 from learn.networks.predictor import Ensemble
@@ -256,20 +256,17 @@ def measured(
     return Cost(image, velocities, spent, processor.stack()), here
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    add_arguments(parser)
-    parser.add_argument("--samples", type=int, default=7200)
-    parser.add_argument("--optimise", default="2", help="-O of the compiler: s, 2 or 3")
-    options = parser.parse_args()
+def main(
+    asked: command.OmitArgPrefixes[Asked], *, samples: int = 7200, optimise: str = "2"
+) -> None:
+    """Print what a step of each kind of networks costs. optimise: -O of the compiler, s, 2 or 3."""
     packages()
-    for name, networks, missions, vehicle in candidates(options):
-        cost, here = measured(networks, missions[0], vehicle, options.samples, options.optimise)
-        print(f"{name}, {len(cost.spent)} samples, -O{options.optimise}")
+    for name, networks, missions, vehicle in candidates(asked):
+        cost, here = measured(networks, missions[0], vehicle, samples, optimise)
+        print(f"{name}, {len(cost.spent)} samples, -O{optimise}")
         for line in cost.lines(here):
             print(f"  {line}", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -12,8 +12,9 @@ with the vehicle that it adapted to.
 
 from __future__ import annotations
 
-import argparse
+import dataclasses
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ from statistics import median
 
 import torch
 
+from benchmarks import command
 from learn.data.dataset import MissionSequence, Selection
 from learn.data.preparation import prepare
 from learn.data.stores import input_groups
@@ -36,17 +38,22 @@ from twin.records.reader import MissionStore
 from twin.vehicle.vehicle import Vehicle
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What `candidates` reads."""
-    parser.add_argument("store", help="missions with full inputs")
-    parser.add_argument("--kinds", nargs="+", default=list(NETWORKS.shipped()))
-    parser.add_argument("--members", type=int, default=1)
-    parser.add_argument("--missions", type=int, default=1, help="how many, the longest first")
-    parser.add_argument("--run", help="trained networks in place of random ones")
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """Networks that are asked for."""
+
+    store: command.Positional[str]
+    """missions with full inputs"""
+    kinds: tuple[str, ...] = tuple(NETWORKS.shipped())
+    members: int = 1
+    missions: int = 1
+    """how many, the longest first"""
+    run: str | None = None
+    """trained networks in place of random ones"""
 
 
 def candidates(
-    options: argparse.Namespace,
+    options: Asked,
 ) -> Iterator[tuple[str, dict[str, Ensemble], list[MissionSequence], Vehicle | None]]:
     """Name, networks, the store's longest missions for them, and its vehicle."""
     torch.manual_seed(0)
@@ -69,26 +76,19 @@ def candidates(
     }
     for kind in options.kinds:
         config = NetworkConfig(kind=kind, inputs=len(features), period=missions[0].period)
-        yield (
-            kind,
-            {
-                target: Ensemble(
-                    tuple(Predictor(build_network(config), own) for _ in range(options.members))
-                )
-                for target, own in scales.items()
-            },
-            missions,
-            vehicle,
-        )
+        networks = {
+            target: Ensemble(
+                tuple(Predictor(build_network(config), own) for _ in range(options.members))
+            )
+            for target, own in scales.items()
+        }
+        yield kind, networks, missions, vehicle
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    add_arguments(parser)
-    options = parser.parse_args()
+def main(asked: command.OmitArgPrefixes[Asked]) -> None:
+    """Print what a step of each kind of networks costs."""
     os.environ["OMP_NUM_THREADS"] = "1"
-    for name, networks, missions, vehicle in candidates(options):
+    for name, networks, missions, vehicle in candidates(asked):
         members = [member for ensemble in networks.values() for member in ensemble.members]
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder) / "velocity.h"
@@ -109,4 +109,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -6,11 +6,10 @@ python -m benchmarks.one_scene
 from __future__ import annotations
 
 import statistics
-import time
 
 import mujoco
 
-from benchmarks.figures import measured
+from benchmarks.figures import measured, seconds
 from twin.physics.mujoco_model import compile_model
 from twin.vehicle.vehicle import load_vehicle
 
@@ -43,9 +42,7 @@ def cost(model: mujoco.MjModel) -> float:
     """[us] of a step."""
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=100)
-    begin = time.perf_counter()
-    mujoco.mj_step(model, data, nstep=STEPS)
-    return 1e6 * (time.perf_counter() - begin) / STEPS
+    return 1e6 * seconds(lambda: mujoco.mj_step(model, data, nstep=STEPS)) / STEPS
 
 
 def main() -> None:

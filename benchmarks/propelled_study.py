@@ -13,14 +13,17 @@ distance through the water; beside them DVL-aided dead reckoning and the true ve
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import statistics
 import sys
 import tempfile
+from json import dumps
 from pathlib import Path
 from typing import Any
+
+import learn
+from benchmarks import command
+from learn.training.fitting import fit
 
 PAPER = {"surge_mse": 0.0347, "sway_mse": 0.00588}
 """[(m/s)^2] of the paper's networks for Tethys"""
@@ -38,8 +41,6 @@ FIGURES = {
 
 def judge(run: Any, store: str) -> dict[str, Any]:
     """The figures of one run, and those of the log and of the true velocities."""
-    import learn
-
     found = learn.evaluate(run, store, split="all", baselines=("dvl",))
     figures = found.figures
     worst = {
@@ -60,37 +61,6 @@ def judge(run: Any, store: str) -> dict[str, Any]:
     }
 
 
-def study(options: argparse.Namespace, folder: Path) -> list[dict[str, Any]]:
-    """Train and judge every seed."""
-    import learn
-    from learn.training.fitting import fit
-
-    results = []
-    for seed in range(options.seeds):
-        config = learn.fit_settings(
-            options.train,
-            network=options.network,
-            hidden=options.hidden,
-            seconds=options.seconds,
-            window=options.window,
-            washin=options.washin,
-            members=1,
-            seed=1000 * seed,
-            labels="dvl",
-            known_current=options.known_current,
-            smoothing=options.smoothing,
-        )
-        run = fit(config, folder / f"seed-{seed}", workers=options.workers, resume=True)
-        if seed == 0:
-            print("\n".join(run.label_sentences()), file=sys.stderr)
-        results.append({"seed": seed, **judge(run, options.test)})
-        if options.json:
-            print(json.dumps(results[-1]), flush=True)
-        else:
-            print(f"{len(results)} of {options.seeds} seeds", file=sys.stderr)
-    return results
-
-
 def show(results: list[dict[str, Any]]) -> None:
     """Each figure's median (lowest to highest) over the seeds, and what stands beside."""
     first = results[0]
@@ -107,31 +77,57 @@ def show(results: list[dict[str, Any]]) -> None:
     print(f"{'true velocities, over ground [%]':42s} mean {first['floor_ground']:.3g}")
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("train", help="store with a split, whose missions have a Doppler log")
-    parser.add_argument("--test", required=True, help="store of unseen missions")
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument(
-        "--seconds", type=float, default=120.0, help="[s] of computing of each network"
-    )
-    parser.add_argument("--network", default="elman", help="kind; the paper's by default")
-    parser.add_argument("--hidden", type=int, default=40, help="units per layer")
-    parser.add_argument("--known-current", default="0,0", help="none, store or NORTH,EAST [m/s]")
-    parser.add_argument("--smoothing", default="gaussian")
-    parser.add_argument("--window", type=int, help="samples of a training piece")
-    parser.add_argument("--washin", type=int, help="samples before it that are not scored")
-    parser.add_argument("--runs", type=Path, help="keep the runs here; goes on with what is there")
-    parser.add_argument("--workers", type=int, default=min(2, len(os.sched_getaffinity(0))))
-    parser.add_argument("--json", action="store_true", help="every seed as one JSON line")
-    options = parser.parse_args()
+def main(
+    train: command.Positional[str],
+    *,
+    test: str,
+    seeds: int = 5,
+    seconds: float = 120.0,
+    network: str = "elman",
+    hidden: int = 40,
+    known_current: str = "0,0",
+    smoothing: str = "gaussian",
+    window: int | None = None,
+    washin: int | None = None,
+    runs: Path | None = None,
+    workers: int = min(2, len(os.sched_getaffinity(0))),
+    json: bool = False,
+) -> None:
+    """Train and judge every seed, print the figures.
+
+    Args:
+      train: store with a split, whose missions have a Doppler log.
+      test: store of unseen missions.
+      seconds: of computing of each network.
+      network: kind; the paper's by default.
+      hidden: units per layer.
+      known_current: none, store or NORTH,EAST [m/s].
+      window: samples of a training piece.
+      washin: samples before it that are not scored.
+      runs: keep the runs here; goes on with what is there.
+      json: print every seed as one JSON line.
+    """
     os.environ["OMP_NUM_THREADS"] = "1"  # inherited by the workers: one thread each
+    results: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as temporary:
-        results = study(options, options.runs or Path(temporary))
-    if not options.json:
+        for seed in range(seeds):
+            config = learn.fit_settings(
+                train, network=network, hidden=hidden, seconds=seconds, window=window,
+                washin=washin, members=1, seed=1000 * seed, labels="dvl",
+                known_current=known_current, smoothing=smoothing,
+            )  # fmt: skip
+            folder = (runs or Path(temporary)) / f"seed-{seed}"
+            run = fit(config, folder, workers=workers, resume=True)
+            if seed == 0:
+                print("\n".join(run.label_sentences()), file=sys.stderr)
+            results.append({"seed": seed, **judge(run, test)})
+            if json:
+                print(dumps(results[-1]), flush=True)
+            else:
+                print(f"{len(results)} of {seeds} seeds", file=sys.stderr)
+    if not json:
         show(results)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

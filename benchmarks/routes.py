@@ -13,9 +13,9 @@ which it allows for by its draws, and other draws choose among its ways, as in `
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import minimize
 
+from benchmarks import command
 from glider_twin_ops.forecast import Request, known_without_logs, mission_to
 from glider_twin_ops.forecast.request import LEAST_MEMBERS
 from glider_twin_ops.forecast.route_search import (
@@ -174,46 +175,42 @@ def foretold_sea(sort: float | str, seed: int, *, added: bool) -> float:
 def run(sorts: Sequence[float | str], draws: int, first: int) -> dict[str, dict[str, Any]]:
     """By ratio of rms and speed, or file; seas of the seeds from `first` on."""
     told: dict[str, dict[str, Any]] = {}
+    seeds = range(first, first + draws)
     for sort in sorts:
-        exact = [known_sea(sort, seed) for seed in range(first, first + draws)]
-        straight, planned, best = (
-            np.array([one[name] for one in exact])
-            for name in ("straight", "planned", "brute force")
-        )
-        gained = {
-            name: np.array([foretold_sea(sort, 1000 + seed, added=added)
-                            for seed in range(first, first + draws)])
-            for name, added in (("some of it misplaced", False), ("errors on top of it", True))
-        }  # fmt: skip
-        part = (straight - planned) / (straight - best)
-        much = straight - best > MUCH * straight
-        told[f"rms {sort:g} of the speed" if isinstance(sort, float) else Path(sort).name] = {
+        exact = [known_sea(sort, seed) for seed in seeds]
+        straight, planned, best = (np.array([one[name] for one in exact]) for name in exact[0])
+        saved, gain = straight - planned, straight - best
+        much = gain > MUCH * straight
+        longest = np.max((planned - best)[~much], initial=0.0) / 60.0
+        found: dict[str, Any] = {
             "faster than straight [%]": 100.0 * float(np.mean(1.0 - planned / straight)),
             "brute force faster [%]": 100.0 * float(np.mean(1.0 - best / straight)),
-            "part of the brute force's gain": float((straight - planned).sum()
-                                                    / (straight - best).sum()),
+            "part of the brute force's gain": float(saved.sum() / gain.sum()),
             f"seas where it gains {100 * MUCH:g} % and more": int(much.sum()),
-            "least part in one of them": float(np.min(part[much])),
-            "of them below nine tenths": int((part[much] < 0.9).sum()),
-            "longest loss to it elsewhere [min]": float(np.max((planned - best)[~much], initial=0.0)
-                                                        / 60.0),
-            **{
-                f"with {name} in the forecast": {
-                    "faster than straight [%]": 100.0 * float(one.mean()),
-                    "slower by more than 2 % in [%]": 100.0 * float(np.mean(one < -0.02)),
-                    "slowest [%]": -100.0 * float(one.min()),
-                }
-                for name, one in gained.items()
-            },
-        }  # fmt: skip
+            "least part in one of them": float(np.min((saved / gain)[much])),
+            "of them below nine tenths": int(((saved / gain)[much] < 0.9).sum()),
+            "longest loss to it elsewhere [min]": float(longest),
+        }
+        for name, added in (("some of it misplaced", False), ("errors on top of it", True)):
+            one = np.array([foretold_sea(sort, 1000 + seed, added=added) for seed in seeds])
+            found[f"with {name} in the forecast"] = {
+                "faster than straight [%]": 100.0 * float(one.mean()),
+                "slower by more than 2 % in [%]": 100.0 * float(np.mean(one < -0.02)),
+                "slowest [%]": -100.0 * float(one.min()),
+            }
+        told[f"rms {sort:g} of the speed" if isinstance(sort, float) else Path(sort).name] = found
     return told
 
 
+def main(*, draws: int = 40, seed: int = 300, current: str | None = None) -> None:
+    """Print what ways gain.
+
+    Args:
+      seed: of the first sea.
+      current: a file of currents, whose water is the sea.
+    """
+    print(json.dumps(run(RATIOS if current is None else (current,), draws, seed), indent=1))
+
+
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--draws", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=300, help="of the first sea")
-    parser.add_argument("--current", help="a file of currents, whose water is the sea")
-    options = parser.parse_args()
-    sorts = RATIOS if options.current is None else (options.current,)
-    print(json.dumps(run(sorts, options.draws, options.seed), indent=1))
+    sys.exit(command.run(main))

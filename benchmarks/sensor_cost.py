@@ -8,7 +8,6 @@ Best of several runs after compilation; the truth is a synthetic saw-tooth of on
 from __future__ import annotations
 
 import functools
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -55,7 +54,6 @@ def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
         truth[f"true_{name}"] = np.zeros_like(t)
     profile = DensityProfile.thermocline()
     water = profile.temperature_salinity(depth)
-    assert water is not None  # a thermocline has both
     truth["true_temperature"], truth["true_salinity"] = water
     truth["true_density"] = profile.density(depth)
     for part in ("shift", "rotation", "pump"):
@@ -63,15 +61,10 @@ def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
     return truth
 
 
-def best_ms(call: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Shortest wall time of `call` [ms]."""
+def best_ms(call: Callable[[], Any]) -> float:
+    """Shortest wall time of `call` [ms], after one to warm up."""
     call()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return 1e3 * min(times)
+    return 1e3 * min(figures.seconds(call) for _ in range(REPEATS))
 
 
 def main() -> None:
@@ -79,11 +72,8 @@ def main() -> None:
     seed = np.random.SeedSequence(1)
     density = DensityProfile.thermocline()
     setting: dict[str, Any] = {
-        "dt": DT,
-        "rng_seed": seed,
-        "bottom_depth": BOTTOM_DEPTH,
-        "density": density,
-    }
+        "dt": DT, "rng_seed": seed, "bottom_depth": BOTTOM_DEPTH, "density": density
+    }  # fmt: skip
     field = SensorSuite.preset("field")
     measured = field.measure(truth, **setting)
     drawn = field.draw(seed)

@@ -12,8 +12,6 @@ the 50, 99 and 99.9 % and the longest of both, and of how late the client itself
 
 from __future__ import annotations
 
-import argparse
-import json
 import socket
 import struct
 import subprocess
@@ -22,8 +20,8 @@ import time
 
 import numpy as np
 
+from benchmarks import command
 from benchmarks.figures import measured
-from twin.cli.text_table import format_table
 
 SHARES = (50.0, 99.0, 99.9)
 LIMIT_MS = 5.0
@@ -76,58 +74,48 @@ def begin(words: list[str]) -> subprocess.Popen[str]:
     server = subprocess.Popen(
         [sys.executable, *words], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
     )
-    assert server.stderr is not None
     while "waits on" not in (line := server.stderr.readline()):
         if not line:
             raise SystemExit("the server did not begin")
     return server
 
 
-def main() -> int:
-    """Print the table; 1 where the answers are too late."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--vehicle", default="remus")
-    parser.add_argument("--rate", type=int, default=100, help="[Hz]")
-    parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+def main(
+    *, vehicle: str = "remus", rate: int = 100, seconds: float = 600.0, json: bool = False
+) -> int:
+    """Print the table; 1 where the answers are too late. rate: [Hz]."""
     ports = free_port(), free_port()
-    serve = ["-m", "twin", "serve", "--vehicle", options.vehicle, "--port", str(ports[0])]
+    serve = ["-m", "twin", "serve", "--vehicle", vehicle, "--port", str(ports[0])]
     servers = []
     try:
         for words in ([*serve, "--silence", "60"], ["-c", ECHO, str(ports[1])]):
             servers.append(begin(words))
-        answers, late = ask(ports, options.rate, round(options.seconds * options.rate))
+        answers, late = ask(ports, rate, round(seconds * rate))
     finally:
         for server in servers:
             server.terminate()
             server.wait()
     columns = {
-        "answer of twin serve [ms]": answers[:, 0],
-        "answer of a bare echo [ms]": answers[:, 1],
+        "answer of twin serve [ms]": answers[:, 0], "answer of a bare echo [ms]": answers[:, 1],
         "client late by [ms]": late.ravel(),
-    }
-    rows = [
-        {"of": name, **{f"{share:g} %": np.percentile(values, share) for share in SHARES},
-         "longest": values.max()}
-        for name, values in columns.items()
-    ]  # fmt: skip
-    figures, echo = (
-        {f"{share:g}": float(np.percentile(values, share)) for share in SHARES}
-        for values in answers.T
+    }  # fmt: skip
+    shares = {name: np.percentile(values, SHARES).tolist() for name, values in columns.items()}
+    figures, echo, _ = (
+        {f"{share:g}": one for share, one in zip(SHARES, values, strict=True)}
+        for values in shares.values()
     )
-    if options.json:
-        print(json.dumps({"vehicle": options.vehicle, "frames": len(answers), "ms": figures,
-                          "echo_ms": echo}))  # fmt: skip
-    else:
-        print(f"{options.vehicle}, {len(answers)} frames at {options.rate} Hz")
-        print(format_table(rows, digits=3))
-    named = {f"p{share:g}".replace(".", "_"): figures[f"{share:g}"] for share in SHARES}
-    measured("serve_latency", **named)
+    rows = [
+        {"of": name, **{f"{share:g} %": one for share, one in zip(SHARES, found, strict=True)},
+         "longest": columns[name].max()}
+        for name, found in shares.items()
+    ]  # fmt: skip
+    told = {"vehicle": vehicle, "frames": len(answers), "ms": figures, "echo_ms": echo}
+    command.say(told, rows, json=json, digits=3)
+    measured("serve_latency", **{f"p{k}".replace(".", "_"): one for k, one in figures.items()})
     kept = figures["99.9"] <= LIMIT_MS
     print(f"limit {LIMIT_MS:g} ms for 99.9 %: {'kept' if kept else 'missed'}", file=sys.stderr)
     return int(not kept)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(command.run(main))

@@ -10,17 +10,16 @@ reported deviation: 1 is right. `normalised_after` is that after the last fix, m
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
+import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import factory
+from benchmarks import command
 from twin.logs import Flight, estimate_flight
 from twin.logs.corrected_track import CORRECTIONS
 
@@ -69,27 +68,16 @@ def figures(store: Path) -> dict[str, float]:
     return found
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--seeds", type=int, default=3, help="stores")
-    parser.add_argument("--hours", type=float, default=20.0, help="of each store")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
-    options = parser.parse_args(words)
+def main(*, seeds: int = 3, hours: float = 20.0, json: bool = False) -> None:
+    """Print the errors. seeds: stores. hours: of each store."""
     rows = {}
     with tempfile.TemporaryDirectory() as folder:
-        for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
+        for seed in range(FIRST_SEED, FIRST_SEED + seeds):
             path = Path(folder) / f"{seed}.zarr"
-            factory.generate(path, preset="field", hours=options.hours, seed=seed)
+            factory.generate(path, preset="field", hours=hours, seed=seed)
             rows[str(seed)] = figures(path)
-            if not options.json:
-                print(seed, {name: round(value, 2) for name, value in rows[str(seed)].items()})
-    if options.json:
-        print(json.dumps(rows))
-    return 0
+    command.say(rows, [{"seed": seed, **one} for seed, one in rows.items()], json=json)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(command.run(main))

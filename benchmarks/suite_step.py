@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import statistics
 import sys
-import time
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
+from benchmarks.figures import seconds
 from twin import control
 from twin.control.policies import POLICIES
 
@@ -24,13 +24,12 @@ YARDSTICKS = (("fish", "swim"), ("swimmer", "swimmer6"))
 
 def median_cost(step: Callable[[], object]) -> float:
     """Median over the repeats of one call [us]."""
-    times = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
+
+    def steps() -> None:
         for _ in range(STEPS):
             step()
-        times.append((time.perf_counter() - begin) / STEPS)
-    return statistics.median(times) * 1e6
+
+    return 1e6 * statistics.median(seconds(steps) for _ in range(REPEATS)) / STEPS
 
 
 def costs() -> None:

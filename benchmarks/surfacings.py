@@ -1,6 +1,7 @@
 """Forecasts of surfacings and of currents on real deployments, each left out of what it is told.
 
-    python -m benchmarks.surfacings FOLDER [--shipped | --priors] [--waypoints 1] [--json]
+    python -m benchmarks.surfacings FOLDER [--shipped | --priors | --times] [--waypoints 1]
+        [--json]
 
 FOLDER holds stores of logs, or folders of logs whose names begin with their kind (slocum_...,
 seaglider_..., seaexplorer_...), which are imported. What is believed before the first dive
@@ -14,31 +15,40 @@ bootstrap interval over dives, and what the ellipses hold; for currents the rati
 model of the pool, chosen in hindsight, too, and for surfacings the error of the vehicle's own track
 at the end of the dive, which knows how it flew and how long. Groups are by how the way through the
 water is known: a satellite log only has the current that the vehicle reported.
+
+`--times` asks each deployment from its fifth dive on for the times of the next, the second and the
+fourth surfacing, by what its dives so far have told: stays at the surface and how well dives keep
+the time (`Rhythm`). Those beyond a hole in the log are left out. Printed is the part that comes
+within the interval of 90 %, its median width, and by how much the middle is off in the median,
+beside a rival that lets dives follow each other without a stay, as long as the median of the last
+five.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import functools
-import json
 import shutil
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from json import dumps
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import binom
 
+from benchmarks import command
 from factory.importing import import_logs
 from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, scores_of
-from glider_twin_ops.forecast.logged_leg import REPORTED
+from glider_twin_ops.forecast.expected_dive import Rhythm, SurfacingSchedule
+from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, dive_times
 from glider_twin_ops.forecast.pool import BESIDE, FIELD, FILTER, CurrentPool, Prior
 from glider_twin_ops.forecast.walk import Pair, bootstrap
 from twin.errors import InputError, TwinError
 from twin.navigation.current import Reaches
+from twin.records.logged import LogStore
 from twin.records.presence import is_store
 from twin.records.store import write_store
 
@@ -54,6 +64,10 @@ SAID = 20
 """Scored surfacings from which a deployment is judged alone"""
 CONFIDENCE = 0.99
 """[1] of the intervals in which coverages shall lie"""
+AHEAD = (1, 2, 4)
+KNOWN, DRAWS, ASKED = 4, 400, 8
+"""Dives before the first forecast, draws, and dives of a deployment that is asked"""
+MINUTE = 60.0
 
 
 def stores_in(folder: Path, work: Path) -> list[Path]:
@@ -98,12 +112,8 @@ def neutral() -> Priors:
     def alike(priors: Mapping[str, Prior]) -> dict[str, Prior]:
         return {n: Prior(1.0, 1.0 if n in (FILTER, BESIDE) else NEUTRAL) for n in priors}
 
-    return dataclasses.replace(
-        shipped,
-        current=alike(shipped.current),
-        way=alike(shipped.way),
-        schedule=alike(shipped.schedule),
-    )
+    pools = {name: alike(getattr(shipped, name)) for name in ("current", "way", "schedule")}
+    return dataclasses.replace(shipped, **pools)
 
 
 def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
@@ -133,13 +143,10 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
         half, ninety = Reaches.of(distances).now
         return float(f"{half:.2g}"), float(f"{ninety:.2g}")
 
-    return Priors(
-        current=pooled("current", "pool", start.current),
-        way=pooled("way", "ways", start.way),
-        schedule=pooled("schedule", "schedule", start.schedule),
-        surfacing_reach=reach("surfacing"),
-        current_reach=reach("current"),
-    )
+    kept = {"current": "pool", "way": "ways", "schedule": "schedule"}
+    pools = {name: pooled(name, at, getattr(start, name)) for name, at in kept.items()}
+    reaches = {f"{which}_reach": reach(which) for which in ("surfacing", "current")}
+    return Priors(**pools, **reaches)
 
 
 def judged(one: DeploymentHindcast, which: str) -> list[Judged]:
@@ -181,7 +188,7 @@ def row(
         held = np.array([each.held[k] for run in runs for each in run], float)
         found[f"resampled_{100 * part:.0f}"] = bootstrap(
             [len(run) for run in runs],
-            lambda rows, held=held: float(held[rows].mean()),  # type: ignore[misc]
+            lambda rows, held=held: float(held[rows].mean()),
             (100.0 * tail, 100.0 * (1.0 - tail)),
         )
     if which == "surfacing":
@@ -219,76 +226,126 @@ def table(ones: Sequence[DeploymentHindcast], which: str) -> list[dict[str, Any]
 def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
     """The table of a page."""
     last = "own track afterwards" if which == "surfacing" else "by the best single model"
-    lines = [
-        f"| {which} | scored | forecast | best rival | its error | ratio (95 %) | in 50 % "
-        f"| in 90 % | {last} |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    head = [which, "scored", "forecast", "best rival", "its error", "ratio (95 %)", "in 50 %",
+            "in 90 %", last]  # fmt: skip
+    lines = []
     for one in rows:
-        low, high = one["interval"] or (np.nan, np.nan)
-        interval = f" ({low:.2f} to {high:.2f})" if one["interval"] else ""
+        interval = "({:.2f} to {:.2f})".format(*one["interval"]) if one["interval"] else ""
         own = one.get("own_track_afterwards")
-        end = (
-            f"{one['by_single']:.2f}" if which == "current" else "" if own is None else f"{own:.0f}"
+        end = "" if own is None else f"{own:.0f}"
+        end = f"{one['by_single']:.2f}" if which == "current" else end
+        lines.append([
+            one["deployment"], one["segments"], f"{one['mean_m_per_h']['forecast']:.0f}",
+            one["rival"].replace("_", " "), f"{one['mean_m_per_h'][one['rival']]:.0f}",
+            f"{one['ratio']:.2f} {interval}".strip(), f"{one['coverage_50']:.2f}",
+            f"{one['coverage_90']:.2f}", end,
+        ])  # fmt: skip
+    return command.markdown(head, lines)
+
+
+# --- times ----------------------------------------------------------------------------------------
+
+
+def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float]]:
+    """Of each forecast: surfacings ahead, whether the interval held it, its width, and by how much
+    its middle and the rival were off [s]."""
+    schedule, rng = SurfacingSchedule(), np.random.default_rng(0)
+    found = []
+    for k, dive in enumerate(dives):
+        rhythm = Rhythm.of(schedule, dives[:k]) if k >= KNOWN else None
+        if rhythm is not None:
+            drawn = rhythm.draw(DRAWS, max(AHEAD), 0.0, rng)
+            usual = float(np.median([one.end - one.begin for one in dives[max(0, k - 5) : k]]))
+            ends = np.cumsum(drawn.stays + usual * (1.0 + drawn.late[:, None]), axis=1)
+            for ahead in AHEAD:
+                stays = [one.stay for one in dives[k : k + ahead]]
+                if len(stays) < ahead or not np.isfinite(stays).all():
+                    continue  # beyond the log, or beyond a hole in which it may have come up
+                came = dives[k + ahead - 1].end - dives[k - 1].end
+                low, middle, high = np.quantile(ends[:, ahead - 1], [0.05, 0.5, 0.95])
+                off, rival = abs(came - middle), abs(came - ahead * usual)
+                found.append((ahead, bool(low <= came <= high), high - low, off, rival))
+        schedule.learn(dive)
+    return found
+
+
+def rows_of(name: str, found: Sequence[tuple[int, bool, float, float, float]]) -> dict[str, Any]:
+    """A row of the table."""
+    row: dict[str, Any] = {"deployment": name}
+    for ahead in AHEAD:
+        some = np.array([one[1:] for one in found if one[0] == ahead])
+        held, width, off, rival = (
+            (some[:, 0].mean(), *np.median(some[:, 1:], axis=0) / MINUTE)
+            if len(some)
+            else [float("nan")] * 4
         )
-        cells = [
-            one["deployment"],
-            str(one["segments"]),
-            f"{one['mean_m_per_h']['forecast']:.0f}",
-            one["rival"].replace("_", " "),
-            f"{one['mean_m_per_h'][one['rival']]:.0f}",
-            f"{one['ratio']:.2f}{interval}",
-            f"{one['coverage_50']:.2f}",
-            f"{one['coverage_90']:.2f}",
-            end,
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        row |= {
+            f"{ahead}: in 90 %": round(float(held), 2),
+            "width [min]" if ahead == 1 else f"width {ahead}": round(float(width)),
+            "off [min]" if ahead == 1 else f"off {ahead}": round(float(off), 1),
+            "rival [min]" if ahead == 1 else f"rival {ahead}": round(float(rival), 1),
+        }
+    return {**row, "surfacings": sum(one[0] == 1 for one in found)}
 
 
-def losses(rows: Sequence[Mapping[str, Any]], which: str) -> str:
-    """Where the forecast is worse than the best rival."""
-    lost = [f"{one['deployment']} {one['ratio']:.2f}" for one in rows if one["ratio"] > 1.0]
-    return f"{which}: worse than the best rival on {', '.join(lost) or 'none of them'}"
+def times_of(stores: Sequence[Path]) -> list[dict[str, Any]]:
+    """A row a deployment, and one of all."""
+    rows, every = [], []
+    for store in stores:
+        with LogStore(store) as logs:
+            for name in dict.fromkeys(logs.deployments):
+                dives = dive_times(logs, name).dives
+                if len(dives) >= ASKED:
+                    found = told(dives)
+                    every += found
+                    rows.append(rows_of(name, found))
+    return [*rows, rows_of("all", every)]
 
 
-def main(words: Sequence[str] | None = None) -> None:
-    """See the module."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--shipped", action="store_true")
-    parser.add_argument("--waypoints", type=int, default=None)
-    parser.add_argument("--priors", action="store_true")
-    parser.add_argument("--json", action="store_true")
-    asked = parser.parse_args(words)
+def main(
+    folder: command.Positional[Path],
+    *,
+    shipped: bool = False,
+    waypoints: int | None = None,
+    priors: bool = False,
+    times: bool = False,
+    json: bool = False,
+) -> None:
+    """Print the tables, the priors of all deployments, or the times alone."""
     with tempfile.TemporaryDirectory() as work:
-        stores = stores_in(asked.folder, Path(work))
+        stores = stores_in(folder, Path(work))
+        if times:
+            rows = times_of(stores)
+            command.say(rows, rows, json=json)
+            return
         first = hindcast(
-            stores, priors=None if asked.shipped else neutral(), waypoints=asked.waypoints
+            stores, priors=None if shipped else neutral(), waypoints=waypoints
         ).deployments
-        if asked.priors:
+        if priors:
             print(learned(first))
             return
         second = first
-        if not asked.shipped:
+        if not shipped:
             second = tuple(
                 again
                 for one in first
                 for again in hindcast(
                     [one.store],
                     priors=learned([each for each in first if each is not one]),
-                    waypoints=asked.waypoints,
+                    waypoints=waypoints,
                 ).deployments
                 if again.name == one.name
             )
         second = tuple(one for one in second if one.surfacing.segments)
     tables = {which: table(second, which) for which in ("surfacing", "current")}
-    if asked.json:
-        print(json.dumps(tables))
+    if json:
+        print(dumps(tables))
         return
     for which, rows in tables.items():
-        print(markdown(rows, which), losses(rows, which), sep="\n\n", end="\n\n")
+        lost = [f"{one['deployment']} {one['ratio']:.2f}" for one in rows if one["ratio"] > 1.0]
+        worse = f"{which}: worse than the best rival on {', '.join(lost) or 'none of them'}"
+        print(markdown(rows, which), worse, sep="\n\n", end="\n\n")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -11,17 +11,17 @@ time [us] that a step of the lanes takes, of all threads together.
 
 from __future__ import annotations
 
-import argparse
-import statistics
+import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
 import gymnasium
 import numpy as np
 
-from benchmarks.figures import measured
-from twin.control import ALL_TASKS, GliderVectorEnv
-from twin.control.many import ManyPhysics
+from benchmarks import command
+from benchmarks.figures import measured, medians
+from twin.control import ALL_TASKS
 from twin.control.registry import environment_id
 
 ROUNDS = 7
@@ -40,12 +40,11 @@ def rate(
     return calls * per_call / (clock() - processor)
 
 
-def measure(task: str, vehicles: int, lanes: int) -> tuple[float, ...]:
+def measure(task: str, vehicles: int, lanes: int) -> dict[str, float]:
     """Vector environment, bare batch, single environment, and lanes by wall and by processor time
     [steps per second]."""
     many = gymnasium.make_vec(environment_id(task), num_envs=vehicles)
     one = gymnasium.make(environment_id(task)).unwrapped
-    assert isinstance(many, GliderVectorEnv)
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1.0, 1.0, (16, vehicles, 3)).astype(np.float32)
     fossen = gymnasium.make_vec(environment_id(task), num_envs=lanes, engine="lanes")
@@ -53,7 +52,6 @@ def measure(task: str, vehicles: int, lanes: int) -> tuple[float, ...]:
     many.reset(seed=0), one.reset(seed=0), fossen.reset(seed=0)
     fossen.step(commands[0])  # compiles
     turn = iter(range(10**9))
-    assert isinstance(many.physics, ManyPhysics)
     batch, substeps = many.physics.batch, many.substeps
 
     def single() -> None:
@@ -64,24 +62,20 @@ def measure(task: str, vehicles: int, lanes: int) -> tuple[float, ...]:
     def in_lanes() -> None:
         fossen.step(commands[next(turn) % 16])
 
-    rates: list[list[float]] = [[], [], [], [], []]
-    for _ in range(ROUNDS):
-        rates[0].append(rate(lambda: many.step(actions[next(turn) % 16]), vehicles))
-        rates[1].append(rate(lambda: batch.step(nstep=substeps), vehicles))
-        rates[2].append(rate(single, 1))
-        rates[3].append(rate(in_lanes, lanes))
-        rates[4].append(rate(in_lanes, lanes, time.process_time))
-    return tuple(statistics.median(values) for values in rates)
+    clocks = {
+        "vector": partial(rate, lambda: many.step(actions[next(turn) % 16]), vehicles),
+        "bare": partial(rate, lambda: batch.step(nstep=substeps), vehicles),
+        "single": partial(rate, single, 1),
+        "lanes": partial(rate, in_lanes, lanes),
+        "processor": partial(rate, in_lanes, lanes, time.process_time),
+    }
+    return medians(clocks, ROUNDS)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--vehicles", type=int, default=512)
-    parser.add_argument("--lanes", type=int, default=4096)
-    options = parser.parse_args()
+def main(*, vehicles: int = 512, lanes: int = 4096) -> None:
+    """Print a row a task."""
     print(
-        f"environment steps per second, {options.vehicles} vehicles, {options.lanes} in lanes, "
-        "control period 0.5 s"
+        f"environment steps per second, {vehicles} vehicles, {lanes} in lanes, control period 0.5 s"
     )
     print(
         f"{'task':12s} {'vector':>9s} {'bare batch':>11s} {'part':>6s} {'single':>8s} "
@@ -89,15 +83,16 @@ def main() -> None:
     )
     found = []
     for task in ALL_TASKS:
-        vector, bare, single, lanes, processor = measure(task, options.vehicles, options.lanes)
-        found.append((vector, vector / bare, vector / single, lanes))
+        one = measure(task, vehicles, lanes)
+        vector, part, times = (one["vector"] / by for by in (1.0, one["bare"], one["single"]))
+        found.append((vector, part, times, one["lanes"]))
         print(
-            f"{task:12s} {vector:9.0f} {bare:11.0f} {vector / bare:6.2f} {single:8.0f} "
-            f"{vector / single:6.1f} {lanes:9.0f} {1e6 / processor:6.2f}"
+            f"{task:12s} {vector:9.0f} {one['bare']:11.0f} {part:6.2f} {one['single']:8.0f} "
+            f"{times:6.1f} {one['lanes']:9.0f} {1e6 / one['processor']:6.2f}"
         )
-    steps, part, times, in_lanes = (list(column) for column in zip(*found, strict=True))
-    measured("vector_env", steps=steps, part=part, times=times, lanes=in_lanes)
+    steps, parts, ratios, in_lanes = (list(column) for column in zip(*found, strict=True))
+    measured("vector_env", steps=steps, part=parts, times=ratios, lanes=in_lanes)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -12,14 +12,15 @@ of preset `field`, with one of them switched off at a time, and of a filter that
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import json
+import sys
 from collections.abc import Mapping
+from json import dumps
 from typing import Any
 
 import numpy as np
 
+from benchmarks import command
 from learn.data.dataset import MissionSequence, Selection
 from twin.identify.speed import balance
 from twin.navigation.flight_filter import (
@@ -29,7 +30,7 @@ from twin.navigation.flight_filter import (
     FlightFilter,
     FlightSpread,
 )
-from twin.navigation.flight_filter_kernels import CHANNELS, STANDARD_OCEAN
+from twin.navigation.flight_filter_kernels import STANDARD_OCEAN
 from twin.records.reader import MissionStore
 from twin.vehicle.parts.pump import CUBIC_CM
 from twin.vehicle.vehicle import Vehicle
@@ -129,37 +130,6 @@ def error_percent(
     return float(100.0 * np.hypot(*miss) / (surge[steady] * level).sum())
 
 
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("store", help="missions of preset field")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    with MissionStore(options.store) as reader:
-        vehicle = reader.vehicle
-    channels = [*(f"true_{name}" for name in TRUE), "true_density", "true_net_mass"]
-    with Selection(options.store, channels) as selection:
-        missions = list(selection.each())
-    cases: dict[str, tuple[tuple[str, ...], FlightSpread]] = {
-        "nothing learned": ((), dataclasses.replace(HULLS[CLEAN], **NEVER)),
-        "learned": ((), HULLS[CLEAN]),
-        **{f"learned, no error of {name}": ((name,), _without(name)) for name in ERRORS},
-        "learned, no error of any coefficient": (ERRORS[:3], _without("coefficients")),
-    }
-    for name, (right, spread) in cases.items():
-        rng = np.random.default_rng(options.seed)
-        errors = []
-        for mission in missions:
-            off = constants(rng) | {key: RIGHT[key] for key in right}
-            errors.append(error_percent(mission, vehicle, off, spread))
-        figures = {"mean": np.mean(errors), "p90": np.percentile(errors, 90.0)}
-        if options.json:
-            print(json.dumps({"case": name, **{k: float(v) for k, v in figures.items()}}))
-        else:
-            print(f"{name:40s} {figures['mean']:.2f} / {figures['p90']:.2f} %", flush=True)
-
-
 def _without(name: str) -> FlightSpread:
     """The filter's prior where it knows that this is right; of single coefficients it does not."""
     known = {
@@ -169,10 +139,31 @@ def _without(name: str) -> FlightSpread:
     return dataclasses.replace(HULLS[CLEAN], **{field: NEVER[field] for field in known})
 
 
-assert set(CHANNELS) <= {f"measured_{n}" for n in TRUE} | {
-    "measured_density", *(f"measured_specific_force_{axis}" for axis in "xyz")
-}  # fmt: skip
+def main(store: command.Positional[str], *, seed: int = 0, json: bool = False) -> None:
+    """Print mean and 90 % of the errors of each case. store: missions of preset field."""
+    with MissionStore(store) as reader:
+        vehicle = reader.vehicle
+    channels = [*(f"true_{name}" for name in TRUE), "true_density", "true_net_mass"]
+    with Selection(store, channels) as selection:
+        missions = list(selection.each())
+    cases: dict[str, tuple[tuple[str, ...], FlightSpread]] = {
+        "nothing learned": ((), dataclasses.replace(HULLS[CLEAN], **NEVER)),
+        "learned": ((), HULLS[CLEAN]),
+        **{f"learned, no error of {name}": ((name,), _without(name)) for name in ERRORS},
+        "learned, no error of any coefficient": (ERRORS[:3], _without("coefficients")),
+    }
+    for name, (right, spread) in cases.items():
+        rng = np.random.default_rng(seed)
+        errors = []
+        for mission in missions:
+            off = constants(rng) | {key: RIGHT[key] for key in right}
+            errors.append(error_percent(mission, vehicle, off, spread))
+        mean, most = float(np.mean(errors)), float(np.percentile(errors, 90.0))
+        if json:
+            print(dumps({"case": name, "mean": mean, "p90": most}), flush=True)
+        else:
+            print(f"{name:40s} {mean:.2f} / {most:.2f} %", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

@@ -10,35 +10,30 @@ yardstick of `in memory` is a copy of as many bytes.
 
 from __future__ import annotations
 
-import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import factory
-from benchmarks.figures import measured
+from benchmarks import command
+from benchmarks.figures import measured, medians
 from twin.cli.text_table import format_table
 
 CHANNELS = (
     "measured_roll", "measured_pitch", "measured_heading", "measured_depth", "measured_roll_rate",
     "measured_pitch_rate", "measured_yaw_rate", "measured_pump", "true_surge", "true_sway",
 )  # fmt: skip
-DEFAULTS = (20.0, 4.0)
 LENGTH, STRIDE, BATCH, ROUNDS, SLICES = 256, 64, 256, 3, 10
 
 
-def rate(work: Callable[[], int]) -> float:
-    """Windows a second."""
-    begun = time.perf_counter()
-    count = work()
-    return count / (time.perf_counter() - begun)
-
-
-def main(hours: float, memory_mb: float) -> int:
+def main(
+    hours: command.Positional[float] = 20.0, memory_mb: command.Positional[float] = 4.0
+) -> int:
     """Print the table; 1 when reading from memory is less than 100 times as fast as slices."""
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder) / "missions.zarr"
@@ -58,16 +53,11 @@ def main(hours: float, memory_mb: float) -> int:
                           for name in CHANNELS], axis=1)  # fmt: skip
             return SLICES
 
-        def in_memory() -> int:
-            return sum(len(batch) for batch in windows.batches(BATCH, seed=0))
+        def batches(read: factory.Windows) -> int:
+            return sum(len(batch) for batch in read.batches(BATCH, seed=0))
 
         def one_by_one() -> int:
-            for k in numbers[:BATCH]:
-                windows[k]
-            return BATCH
-
-        def streamed() -> int:
-            return sum(len(batch) for batch in small.batches(BATCH, seed=0))
+            return len([windows[k] for k in numbers[:BATCH]])
 
         def decoding() -> int:
             rows = range(len(reader))
@@ -76,50 +66,40 @@ def main(hours: float, memory_mb: float) -> int:
             return len(windows)
 
         def copying() -> int:
-            for _ in range(len(windows) // BATCH):
+            copies = len(windows) // BATCH
+            for _ in range(copies):
                 flat.copy()
-            return len(windows) // BATCH * BATCH
+            return copies * BATCH
 
         ways = {
-            "slices of the store": slices,
-            "in memory, batches": in_memory,
-            "in memory, one by one": one_by_one,
-            "limit: a copy": copying,
-            "streamed": streamed,
-            "limit: decoding": decoding,
-        }
-        found: dict[str, list[float]] = {name: [] for name in ways}
-        for _ in range(ROUNDS):
-            for name, work in ways.items():
-                found[name].append(rate(work))
-        medians = {name: statistics.median(rates) for name, rates in found.items()}
-        slow = medians["slices of the store"]
+            "slices of the store": slices, "in memory, batches": partial(batches, windows),
+            "in memory, one by one": one_by_one, "limit: a copy": copying,
+            "streamed": partial(batches, small), "limit: decoding": decoding,
+        }  # fmt: skip
+
+        def rate(work: Callable[[], int]) -> float:
+            begun = time.perf_counter()
+            return work() / (time.perf_counter() - begun)
+
+        found = medians({name: partial(rate, work) for name, work in ways.items()}, ROUNDS)
+        slow = found["slices of the store"]
         megabytes = LENGTH * len(CHANNELS) * 4 / 1e6
         rows = [
-            {
-                "way": name,
-                "windows/s": round(value),
-                "MB/s": round(value * megabytes),
-                "times slices": round(value / slow),
-            }
-            for name, value in medians.items()
-        ]
+            {"way": name, "windows/s": round(value), "MB/s": round(value * megabytes),
+             "times slices": round(value / slow)}
+            for name, value in found.items()
+        ]  # fmt: skip
         print(format_table(rows, digits=7))
-        copy, decoding_alone = medians["limit: a copy"], medians["limit: decoding"]
+        copy, decoding_alone = found["limit: a copy"], found["limit: decoding"]
         if copy:  # the store's windows fit into that memory
-            memory, streaming = medians["in memory, batches"], medians["streamed"]
+            memory, streaming = found["in memory, batches"], found["streamed"]
             measured(
-                "window_reading",
-                memory=memory,
-                memory_times=memory / slow,
-                memory_share=memory / copy,
-                streamed=streaming,
-                streamed_times=streaming / slow,
+                "window_reading", memory=memory, memory_times=memory / slow,
+                memory_share=memory / copy, streamed=streaming, streamed_times=streaming / slow,
                 streamed_share=streaming / decoding_alone,
-            )
-        return int(medians["in memory, batches"] < 100.0 * slow)
+            )  # fmt: skip
+        return int(found["in memory, batches"] < 100.0 * slow)
 
 
 if __name__ == "__main__":
-    given = [float(text) for text in sys.argv[1:]]
-    sys.exit(main(*given, *DEFAULTS[len(given) :]))
+    sys.exit(command.run(main))

@@ -70,21 +70,14 @@ class Seam:
     """shipped: classes, functions or objects"""
 
 
-def _row(registry: Registry[Any]) -> Seam:
-    return Seam(
-        registry.noun,
-        registry.folder,
-        registry.base,
-        registry.group,
-        registry.page,
-        tuple(registry[name] for name in registry.shipped()),
-    )
-
-
 def seams() -> tuple[Seam, ...]:
     """Every seam of the packages' tables."""
     tables = [vars(module).values() for module in (twin.seams, factory.seams, learn.seams)]
-    return tuple(_row(row) for table in tables for row in table if isinstance(row, Registry))
+    return tuple(
+        Seam(one.noun, one.folder, one.base, one.group, one.page,
+             tuple(one[name] for name in one.shipped()))
+        for table in tables for one in table if isinstance(one, Registry)
+    )  # fmt: skip
 
 
 def seam_table() -> str:
@@ -141,12 +134,8 @@ def draw(path: Path) -> None:
         label(x + WIDTH / 2, y, title, text)
     bar = ROWS["twin"][2]
     box(0.25, bar, 4 * STEP + WIDTH, HEIGHT, WHITE, INK)
-    label(
-        5.3,
-        bar,
-        "records",
-        "one schema, one table of limits, one store from the water to the network",
-    )
+    text = "one schema, one table of limits, one store from the water to the network"
+    label(5.3, bar, "records", text)
     for one, other in FLOWS:
         (x0, y0), (x1, y1) = places[one], places[other]
         if x0 == x1:

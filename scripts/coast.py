@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-OUT = Path(__file__).resolve().parent.parent / "twin" / "plot" / "coast.npz"
+OUT = Path(__file__).resolve().parents[1] / "twin" / "show" / "figures" / "coast.npz"
 
 
 def rings(topology: dict) -> list[np.ndarray]:

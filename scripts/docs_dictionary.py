@@ -22,15 +22,11 @@ from factory.generation.bookkeeping import (  # noqa: E402
     SEGMENT,
     SENSOR_PREFIX,
     constant_attributes,
-)
+)  # fmt: skip
 from factory.generation.completion import FAILED, FAILURE, PLANNED  # noqa: E402
 from factory.importing.dives.dive_rows import NUMBERS, OF_ROWS  # noqa: E402
 from factory.importing.payload import KNOWN  # noqa: E402
-from factory.sampling.distribution import (  # noqa: E402
-    Choice,
-    Parameter,
-    parse_distribution,
-)
+from factory.sampling.distribution import Choice, Parameter, parse_distribution  # noqa: E402
 from factory.sampling.mission_kinds import propelled  # noqa: E402
 from factory.sampling.parameters import parameter_table  # noqa: E402
 from twin.logs.flight_dataset import (  # noqa: E402
@@ -42,7 +38,7 @@ from twin.logs.flight_dataset import (  # noqa: E402
     OF_DIVES,
     OF_FLIGHTS,
     PER_DIVE,
-)
+)  # fmt: skip
 from twin.physics.true_signals import energy_variables, part_variables  # noqa: E402
 from twin.records import coordinates, schema  # noqa: E402
 from twin.records.attributes import (  # noqa: E402
@@ -52,7 +48,7 @@ from twin.records.attributes import (  # noqa: E402
     N_SAMPLES,
     OF_MISSIONS,
     SPLIT,
-)
+)  # fmt: skip
 from twin.records.mission_dataset import STATE, STATE_ATTRIBUTES, STATES  # noqa: E402
 from twin.records.schema import MISSION, TIME, Variable  # noqa: E402
 from twin.records.schema.limits import recorded_limits, simulated_limits  # noqa: E402
@@ -126,31 +122,17 @@ OF_SEGMENT, OF_DAC = f"({MISSION}, {SEGMENT})", f"({DAC})"
 def dictionary_page() -> str:
     """Markdown of the page."""
     vehicles = {name: load_vehicle(name) for name in sorted(shipped_files())}
-    return "\n".join(
-        [
-            INTRODUCTION + place_section(),
-            SIGNALS,
-            *(signal_section(prefix) for prefix in GROUPS),
-            part_section(vehicles),
-            mission_section(),
-            draw_section(vehicles),
-            sensor_section(),
-            import_section(),
-            flight_section(),
-        ]
-    )
+    return "\n".join([
+        INTRODUCTION + place_section(), SIGNALS, *map(signal_section, GROUPS),
+        part_section(vehicles), mission_section(), draw_section(vehicles), sensor_section(),
+        import_section(), flight_section(),
+    ])  # fmt: skip
 
 
 def row(name: str, dimensions: str, attributes: Mapping[str, Any]) -> tuple[str, ...]:
     """One variable that is no signal, as its attributes have it."""
-    return (f"`{name}`", dimensions, unit(attributes), meaning(attributes))
-
-
-def unit(attributes: Mapping[str, Any]) -> str:
-    """The unit of a variable; of one that stands for words, or of text, what it is."""
-    if "flag_meanings" in attributes:
-        return "flag"
-    return str(attributes.get("units", ""))
+    unit = "flag" if "flag_meanings" in attributes else str(attributes.get("units", ""))
+    return (f"`{name}`", dimensions, unit, meaning(attributes))
 
 
 def meaning(attributes: Mapping[str, Any]) -> str:
@@ -193,25 +175,16 @@ def signal_section(prefix: str) -> str:
     """The signals of one group of the schema."""
     title, comment = GROUPS[prefix]
     rows = [
-        signal_row(entry)
-        for name, entry in schema.VARIABLES.items()
-        if name.startswith(f"{prefix}_") and entry.name in shipped_signals()
+        (f"`{name}`", one.units, meaning(described(one)), frame(name), limits(name), present(name))
+        for name, one in schema.VARIABLES.items()
+        if name.startswith(f"{prefix}_") and name in OWN
     ]
     head = ("signal", "unit", "meaning", "frame", "limits", "present")
     return f"### {title}: `{prefix}_*`\n\n{comment}\n\n{table(head, rows)}"
 
 
-def shipped_signals() -> frozenset[str]:
-    """Names of the schema's own table, without what kinds of somebody's own have declared."""
-    return frozenset(entry.name for entry in schema.SIGNALS)
-
-
-def signal_row(entry: Variable) -> tuple[str, ...]:
-    """One row of the dictionary."""
-    return (
-        f"`{entry.name}`", entry.units, meaning(described(entry)), frame(entry.name),
-        limits(entry.name), present(entry.name),
-    )  # fmt: skip
+OWN = frozenset(entry.name for entry in schema.SIGNALS)
+"""Names of the schema's own table, without what kinds of somebody's own have declared"""
 
 
 def described(entry: Variable) -> dict[str, Any]:
@@ -229,24 +202,18 @@ def frame(name: str) -> str:
 
 def limits(name: str) -> str:
     """Lowest and highest value, in any store and in a simulated one."""
-    recorded, simulated = recorded_limits(name), simulated_limits(name)
-    closer = "" if simulated == recorded else f"; simulated {_range(*simulated)}"
-    return _range(*recorded) + closer
-
-
-def _range(low: float, high: float) -> str:
-    return f"±{high:g}".replace("e+0", "e") if low == -high else f"{low:g} to {high:g}"
+    recorded, simulated = (
+        f"±{high:g}".replace("e+0", "e") if low == -high else f"{low:g} to {high:g}"
+        for low, high in (recorded_limits(name), simulated_limits(name))
+    )
+    return recorded if simulated == recorded else f"{recorded}; simulated {simulated}"
 
 
 def present(name: str) -> str:
     """Which stores hold a signal."""
-    word = "all"
-    if name in schema.LOGGED_ONLY:
-        word = "logs"
-    elif name in schema.HYDROGRAPHY:
-        word = "CTD"
-    elif name in schema.WITH_FLOOR:
-        word = "sea floor"
+    sets = (("logs", schema.LOGGED_ONLY), ("CTD", schema.HYDROGRAPHY),
+            ("sea floor", schema.WITH_FLOOR))  # fmt: skip
+    word = next((word for word, names in sets if name in names), "all")
     return f"{word}; may be NaN" if schema.VARIABLES[name].gaps else word
 
 
@@ -259,12 +226,15 @@ def part_section(vehicles: Mapping[str, Vehicle]) -> str:
     entries: dict[str, dict[str, Variable]] = {}
     for name, vehicle in vehicles.items():
         for entry in (*part_variables(vehicle).values(), *energy_variables(vehicle)):
-            if entry.name not in shipped_signals():
+            if entry.name not in OWN:
                 entries.setdefault(entry.name, {})[name] = entry
-    rows = [
-        (f"`{name}`", *_same_or_each(by_vehicle), whose(by_vehicle, vehicles))
-        for name, by_vehicle in entries.items()
-    ]
+    rows = []
+    for name, by_vehicle in entries.items():  # each unit and meaning where vehicles differ
+        units = dict.fromkeys(entry.units for entry in by_vehicle.values())
+        texts = dict.fromkeys(meaning(described(entry)) for entry in by_vehicle.values())
+        rows.append(
+            (f"`{name}`", ", ".join(units), "; or: ".join(texts), whose(by_vehicle, vehicles))
+        )
     return (
         "### Parts of the vehicle\n\n"
         "A part gives three signals by its own name, `true_PART`, `commanded_PART` and, by its "
@@ -274,13 +244,6 @@ def part_section(vehicles: Mapping[str, Vehicle]) -> str:
         "The parts of the shipped vehicles, but for positions of shift, rotation and pump, which "
         "stand above:\n\n" + table(("signal", "unit", "meaning", "vehicles"), rows)
     )
-
-
-def _same_or_each(by_vehicle: Mapping[str, Variable]) -> tuple[str, str]:
-    """Unit and meaning of a part's signal; each of them where vehicles differ."""
-    units = dict.fromkeys(entry.units for entry in by_vehicle.values())
-    texts = dict.fromkeys(meaning(described(entry)) for entry in by_vehicle.values())
-    return ", ".join(units), "; or: ".join(texts)
 
 
 def whose(names: Iterable[str], vehicles: Mapping[str, Vehicle]) -> str:
@@ -336,14 +299,12 @@ def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
         for name, by_vehicle in by_name.items():
             if not name.startswith(f"{prefix}_"):
                 continue
-            every = list(by_vehicle.values())
-            names = dict.fromkeys(parameter.long_name for parameter in every)
-            reasons = dict.fromkeys(parameter.why for parameter in every)
-            said = " or ".join(names)
-            if len(reasons) == 1 and every[0].why:
-                said += f"; {every[0].why}"
-            dimensions = OF_SEGMENT if every[0].per_segment else OF_MISSION
-            units = "flag" if any(map(_is_word, every)) else every[0].unit
+            first, *others = by_vehicle.values()
+            said = " or ".join(dict.fromkeys(one.long_name for one in (first, *others)))
+            if first.why and all(one.why == first.why for one in others):
+                said += f"; {first.why}"
+            dimensions = OF_SEGMENT if first.per_segment else OF_MISSION
+            units = "flag" if any(map(_is_word, (first, *others))) else first.unit
             rows.append(
                 (f"`{name}`", dimensions, units, escaped(said), whose(by_vehicle, vehicles))
             )
@@ -353,15 +314,10 @@ def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
 
 def _is_word(parameter: Parameter) -> bool:
     """Whether one of several words is drawn, whose positions stores keep."""
-    drawn = (
-        parse_distribution(text, parameter.name) for text in (parameter.paper, parameter.field)
-    )
-    return any(
-        isinstance(option, str)
-        for distribution in drawn
-        if isinstance(distribution, Choice)
-        for option in distribution.options
-    )
+    texts = (parameter.paper, parameter.field)
+    drawn = [parse_distribution(text, parameter.name) for text in texts]
+    options = [option for one in drawn if isinstance(one, Choice) for option in one.options]
+    return any(isinstance(option, str) for option in options)
 
 
 def sensor_section() -> str:
@@ -386,22 +342,11 @@ def import_section() -> str:
     """What a store of logs has beside signals, and the payload that is known by name."""
     rows = [
         *(row(n, f"({n})" if n == TIME else OF_MISSION, said) for n, said in OF_ROWS.items()),
-        *(
-            row(name, OF_MISSION, {"units": units, "long_name": long_name})
-            for name, (units, long_name) in NUMBERS.items()
-        ),
+        *(_of(name, OF_MISSION, (*about, None)) for name, about in NUMBERS.items()),
         row(coordinates.METHOD, OF_MISSION, coordinates.METHOD_ATTRIBUTES),
     ]
     payload = [
-        row(
-            one.signal,
-            OF_SAMPLE,
-            {
-                "units": one.units or "",
-                "long_name": one.long_name,
-                "standard_name": one.standard_name,
-            },
-        )
+        _of(one.signal, OF_SAMPLE, (one.units or "", one.long_name, one.standard_name))
         for one in KNOWN
     ]
     return (

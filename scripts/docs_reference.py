@@ -26,12 +26,7 @@ from docs_markdown import escaped  # noqa: E402
 from twin.cli.program import Program, ProgramCommand  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
-FACES = {
-    "twin": "twin",
-    "control": "twin.control",
-    "factory": "factory",
-    "learn": "learn",
-}
+FACES = {"twin": "twin", "control": "twin.control", "factory": "factory", "learn": "learn"}
 """Page and package of each public face"""
 AREAS = {
     "twin.facade": "Simulate",
@@ -125,11 +120,9 @@ def parser_of(name: str, command: ProgramCommand) -> argparse.ArgumentParser:
     form = command.load()
     with warnings.catch_warnings():  # tyro's own texts have no list of options
         warnings.simplefilter("ignore", DeprecationWarning)
+        prog = f"{name} {command.name}"
         return tyro.extras.get_parser(
-            form,
-            prog=f"{name} {command.name}",
-            description=description(form),
-            config=MARKERS,
+            form, prog=prog, description=description(form), config=MARKERS
         )
 
 
@@ -172,14 +165,12 @@ def _usage_word(action: argparse.Action) -> str:
 
 def linked(text: str) -> str:
     """The text with pages that it names as links, from a page in reference/commands/."""
-    return re.sub(
-        r"docs/(\w+)/([\w\\]+)\.md",
-        lambda found: (
-            f"[{found[2].replace(chr(92), '').replace('_', ' ')}]"
-            f"(../../{found[1]}/{found[2].replace(chr(92), '')}.md)"
-        ),
-        text,
-    )
+
+    def link(found: re.Match[str]) -> str:
+        name = found[2].replace("\\", "")
+        return f"[{name.replace('_', ' ')}](../../{found[1]}/{name}.md)"
+
+    return re.sub(r"docs/(\w+)/([\w\\]+)\.md", link, text)
 
 
 # --- Python -------------------------------------------------------------------------------------

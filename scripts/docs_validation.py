@@ -23,6 +23,8 @@ PAGE = ROOT / "docs" / "results" / "validation.md"
 OURS = "independent solution"
 """How the source of a figure begins that nobody printed: equations of a paper, solved by us"""
 UNITS = {"speed": "m/s", "turn_rate": "rad/s", "vertical_speed": "m/s"}
+DECIMALS = {"turn_rate": 5, "speed": 4, "vertical_speed": 4}
+"""Decimals shown, else 3: those of the finest print, and so few that no rounding noise shows"""
 HEAD = (
     "| vehicle, source | figure | {} | MuJoCo | Fossen | allowed difference |\n"
     "|---|---|---|---|---|---|\n"
@@ -46,12 +48,15 @@ def tables() -> dict[str, str]:
 def motion_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
     """A row for each figure of one motion; vehicle, source and settings stand in the first."""
     rows = []
-    first = f"`{motion.vehicle}`, {motion.source}{settings(motion)}"
+    first = f"`{motion.vehicle}`, {motion.source}"
+    if hasattr(motion, "net_mass"):  # what was held, where the source does not say it
+        held = f"{motion.net_mass:g} kg, {1000 * motion.shift:g} mm, {motion.rotation:g} deg"
+        first += f": {held}"
     for name in FIGURES:
         value = getattr(motion, name)
         if value is None:
             continue
-        digits = decimals(name)
+        digits = DECIMALS.get(name, 3)
         ours = [getattr(trims[model], FIGURES[name]) for model in ("mujoco", "fossen")]
         limit = motion.tolerance["angle" if name in ANGLES else name]
         unit = "deg" if name in ANGLES else UNITS[name]
@@ -65,18 +70,6 @@ def motion_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
         rows.append(f"| {' | '.join(cells)} |")
         first = ""
     return rows
-
-
-def settings(motion: PublishedMotion) -> str:
-    """What was held, where the source does not say it."""
-    if not hasattr(motion, "net_mass"):
-        return ""
-    return f": {motion.net_mass:g} kg, {1000 * motion.shift:g} mm, {motion.rotation:g} deg"
-
-
-def decimals(name: str) -> int:
-    """Decimals shown: those of the finest print, and so few that rounding noise shows nowhere."""
-    return {"turn_rate": 5, "speed": 4, "vertical_speed": 4}.get(name, 3)
 
 
 def marked(name: str) -> re.Pattern[str]:

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
@@ -54,23 +55,21 @@ CURRENTS = (
 def digest(value: Any) -> str:
     """Hash of arrays by name, of a data set, a file's bytes, or of what JSON can write."""
     total = hashlib.sha256()
+
+    def add(name: str, array: np.ndarray) -> None:
+        words = array.dtype == object
+        total.update(name.encode() + (repr(array.tolist()).encode() if words else array.tobytes()))
+
     if isinstance(value, Path):
         total.update(value.read_bytes())
     elif hasattr(value, "data_vars"):
         for name in sorted(map(str, [*value.data_vars, *value.coords])):
-            total.update(name.encode())
-            array = np.asarray(value[name].values)
-            total.update(
-                repr(array.tolist()).encode() if array.dtype == object else array.tobytes()
-            )
+            add(name, np.asarray(value[name].values))
     elif isinstance(value, Mapping):
         assert value, "nothing was made"
         for name in sorted(value):
             array = np.ascontiguousarray(value[name])
-            total.update(f"{name}{array.dtype}{array.shape}".encode())
-            total.update(
-                repr(array.tolist()).encode() if array.dtype == object else array.tobytes()
-            )
+            add(f"{name}{array.dtype}{array.shape}", array)
     else:
         total.update(json.dumps(value, sort_keys=True, default=repr).encode())
     return total.hexdigest()[:16]
@@ -93,10 +92,8 @@ def flights() -> Values:
     for vehicle in twin.vehicle_names():
         for name, settings in MISSIONS.items():
             for engine in ("mujoco", "lanes"):
-                flown = attempted(
-                    twin.simulate, vehicle=vehicle, engine=engine, duration=SECONDS, **settings
-                )
-                yield f"{vehicle} {name} {engine}", flown
+                given = {"vehicle": vehicle, "engine": engine, "duration": SECONDS, **settings}
+                yield f"{vehicle} {name} {engine}", attempted(twin.simulate, **given)
 
 
 def currents() -> Values:
@@ -129,14 +126,8 @@ def runs() -> Values:
                 generate(recipe, half, workers=2, watch=interrupt)
             assert not half.exists()
             generate(recipe, half, workers=2, resume=True)
-            assert digest(_opened(half)) == digest(_opened(out)), "resumed otherwise"
-            yield f"field {engine}", _opened(out)
-
-
-def _opened(path: Path) -> Any:
-    import xarray as xr
-
-    return xr.open_zarr(path)
+            assert digest(xr.open_zarr(half)) == digest(xr.open_zarr(out)), "resumed otherwise"
+            yield f"field {engine}", xr.open_zarr(out)
 
 
 def imports() -> Values:
@@ -173,8 +164,6 @@ def exports() -> Values:
 
 def _exported(path: Path, folder: str) -> Any:
     """Read an exported file: the values of netCDF, a text without the folder's name."""
-    import xarray as xr
-
     if path.suffix == ".xml":
         return path.read_text(encoding="utf-8").replace(folder, "")
     if path.suffix != ".nc":
@@ -192,15 +181,9 @@ def networks() -> Values:
         store = Path(folder) / "run.zarr"
         factory.generate(store, preset="paper", hours=2.0, seed=1, workers=2)
         for network in learn.NETWORKS.names():
-            run = attempted(
-                learn.fit,
-                store,
-                folder=Path(folder) / network,
-                network=network,
-                epochs=2,
-                members=1,
-            )
-            yield network, run if isinstance(run, str) else _weights(Path(folder) / network)
+            place = Path(folder) / network
+            run = attempted(learn.fit, store, folder=place, network=network, epochs=2, members=1)
+            yield network, run if isinstance(run, str) else _weights(place)
 
 
 def _weights(folder: Path) -> dict[str, Any]:

@@ -72,9 +72,9 @@ def changed(node: ast.AST) -> ast.expr | None:
     new = copy.copy(node)
     match new:
         case ast.BinOp() | ast.BoolOp() if type(new.op) in SWAPPED:
-            new.op = SWAPPED[type(new.op)]()  # type: ignore[assignment]
+            new.op = SWAPPED[type(new.op)]()
         case ast.Compare(ops=[first, *more]) if type(first) in SWAPPED:
-            new.ops = [SWAPPED[type(first)](), *more]  # type: ignore[list-item]
+            new.ops = [SWAPPED[type(first)](), *more]
         case ast.UnaryOp(op=ast.USub() | ast.Not()):
             return new.operand
         case ast.Constant(value=bool(value)):
@@ -89,7 +89,6 @@ def changed(node: ast.AST) -> ast.expr | None:
             new.args = [second, first, *new.args[2:]]
         case _:
             return None
-    assert isinstance(new, ast.expr)
     return new
 
 
@@ -114,8 +113,6 @@ def written(file: str, node: ast.expr) -> Mutant:
     before = len("".join(lines[: node.lineno - 1]))
     first = before + len(lines[node.lineno - 1].encode()[: node.col_offset].decode())
     old, new = ast.get_source_segment(text, node), changed(node)
-    assert old is not None
-    assert new is not None
     plain = isinstance(node, ast.Constant | ast.Call)
     return Mutant(
         file, node.lineno, first, old, ast.unparse(new) if plain else f"({ast.unparse(new)})"

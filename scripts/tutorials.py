@@ -3,12 +3,14 @@
     python scripts/tutorials.py                          # all, and their pictures in docs/gallery
     python scripts/tutorials.py --only fly own_current       # some of them
     python scripts/tutorials.py --only fly --folder FOLDER   # into a folder; no picture is kept
+    python scripts/tutorials.py --gallery                    # the pictures of docs/gallery.md
 
 A tutorial runs block by block in one empty folder, as a reader would: `sh` in a shell, `python` in
 one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what
 the block before it printed; numbers may differ. `sh gl` needs OpenGL and `sh cc` a C compiler;
 what is marked `elsewhere` is for another machine and not run. Each example has a folder of its own.
-Examples in examples/training take minutes and run only where they are named.
+Examples in examples/training take minutes and run only where they are named. A block `sh gallery`
+runs at the top of the repository: a picture and the command beside it cannot part.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ TUTORIALS = ROOT / "docs" / "tutorials"
 EXAMPLES = ROOT / "examples"
 GALLERY = ROOT / "docs" / "gallery"
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SHOWN = re.compile(r"^```sh gallery\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PICTURE = re.compile(r"!\[[^\]]+\]\(\.\./gallery/tutorials/([\w.-]+)\)")
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 SHELL = re.compile(r"[|&;<>*$`()~]|^\s*\w+=")
@@ -174,6 +177,25 @@ def names() -> dict[str, Path]:
     return {path.stem: path for path in found}
 
 
+def commands(page: str) -> list[str]:
+    """The shell blocks of a page's text that make pictures, in order."""
+    return [block.strip() for block in SHOWN.findall(page)]
+
+
+def show(page: Path, folder: Path = ROOT) -> None:
+    """Run the blocks of a page that make its pictures.
+
+    Raises:
+      RuntimeError: there is none, or one failed.
+    """
+    blocks = commands(page.read_text())
+    if not blocks:
+        raise RuntimeError(f"no block marked `sh gallery` in {page}")
+    for block in blocks:
+        print(f"$ {block}", flush=True)
+        Lesson(folder).bash(block)
+
+
 def pictures(path: Path) -> list[str]:
     """Names of the pictures that a tutorial shows or an example makes."""
     return PICTURE.findall(path.read_text()) if path.suffix == ".md" else [f"{path.stem}.png"]
@@ -207,8 +229,12 @@ def main(arguments: list[str] | None = None) -> int:
     usual = [name for name, path in names().items() if path.parent.name != "training"]
     parser.add_argument("--only", nargs="+", choices=names(), default=usual, metavar="NAME")
     parser.add_argument("--folder", type=Path)
+    parser.add_argument("--gallery", action="store_true")
     asked = parser.parse_args(arguments)
     sys.path.insert(0, str(ROOT))
+    if asked.gallery:
+        show(ROOT / "docs" / "gallery.md")
+        return 0
     for name in asked.only:
         path, began = names()[name], time.perf_counter()
         with contextlib.ExitStack() as stack:

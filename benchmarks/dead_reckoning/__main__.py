@@ -13,7 +13,6 @@ alone: neither torch nor a training is needed for it.
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -22,13 +21,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import command
 from benchmarks.dead_reckoning import public_logs, results
-from benchmarks.dead_reckoning.predictions import Predicted, checked, read_predictions
-from benchmarks.dead_reckoning.rival import LABELS
+from benchmarks.dead_reckoning.predictions import LABELS, Predicted, checked, read_predictions
 from benchmarks.dead_reckoning.rivals import RIVALS, chosen
 from benchmarks.dead_reckoning.scoring import score
 from benchmarks.dead_reckoning.tiers import TIERS, Tier
-from twin.cli.text_table import format_table
 from twin.errors import InputError, TwinError
 from twin.records.reader import MissionStore
 
@@ -41,47 +39,28 @@ Figures = dict[str, dict[str, float]]
 def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--tier", choices=(*TIERS, PUBLIC), default="family")
-    parser.add_argument(
-        "--methods", default="", help="names, parted by commas; all, unless --method is given"
-    )
-    parser.add_argument(
-        "--method", type=Path, help="a Python file with predict(), alone or beside --methods"
-    )
-    parser.add_argument(
-        "--predictions", type=Path,
-        help="score this file alone, .nc or .csv; of tier public a folder with one a deployment",
-    )  # fmt: skip
-    parser.add_argument("--folder", type=Path, default=Path("data/dead_reckoning"))
-    parser.add_argument("--logs", type=Path, default=Path("data/public_logs"))
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--full", action="store_true", help=f"{SEEDS} seeds of training")
-    parser.add_argument(
-        "--keep", type=Path, nargs="?", const=results.FOLDER,
-        help="write the figures into the method's file of results, of which the page is made",
-    )  # fmt: skip
-    parser.add_argument(
-        "--make",
-        choices=("all", "test"),
-        nargs="?",
-        const="all",
-        help="make the stores, or those of the test alone, and end",
-    )
-    parser.add_argument(
-        "--test-seed",
-        type=int,
-        help="other test missions, which nobody has seen",
-    )
-    parser.add_argument(
-        "--labels", choices=LABELS, default="none", help="what --predictions adapted on"
-    )
-    parser.add_argument("--name", default="", help="of the method of --predictions")
-    parser.add_argument("--who", default="", help="whose method it is, for --keep")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+    add = parser.add_argument
+    add("--tier", choices=(*TIERS, PUBLIC), default="family")
+    add("--methods", default="", help="names, parted by commas; all, unless --method is given")
+    add("--method", type=Path, help="a Python file with predict(), alone or beside --methods")
+    add("--predictions", type=Path,
+        help="score this file alone; of tier public a folder with one a deployment")  # fmt: skip
+    add("--folder", type=Path, default=Path("data/dead_reckoning"))
+    add("--logs", type=Path, default=Path("data/public_logs"))
+    add("--seed", type=int, default=0)
+    add("--seconds", type=float, default=60.0)
+    add("--full", action="store_true", help=f"{SEEDS} seeds of training")
+    add("--keep", type=Path, nargs="?", const=results.FOLDER,
+        help="write the figures into the method's file of results")  # fmt: skip
+    add("--make", choices=("all", "test"), nargs="?", const="all",
+        help="make the stores, or those of the test alone, and end")  # fmt: skip
+    add("--test-seed", type=int, help="other test missions, which nobody has seen")
+    add("--labels", choices=LABELS, default="none", help="what --predictions adapted on")
+    add("--name", default="", help="of the method of --predictions")
+    add("--who", default="", help="whose method it is, for --keep")
+    add("--json", action="store_true")
     try:
-        return _run(options)
+        return _run(parser.parse_args())
     except (TwinError, OSError) as error:
         print(f"dead_reckoning: error: {error}", file=sys.stderr)
         return 2
@@ -118,10 +97,10 @@ def _run(options: argparse.Namespace) -> int:
                 results.keep(
                     options.keep, name, options.tier, found, who=options.who, how=how, code=code
                 )
+    told = {"tier": options.tier, "methods": methods}
+    command.say(told, results.rows(methods), json=options.json)
     if options.json:
-        print(json.dumps({"tier": options.tier, "methods": methods}))
         return 0
-    print(format_table(results.rows(methods)))
     count = next(iter(methods.values()))["dives"]["0"]["missions"]
     if options.tier == PUBLIC:
         print(f"{count:.0f} dives, depth and attitude as logged, pitch as the owner corrects it")
@@ -148,15 +127,11 @@ def _methods(options: argparse.Namespace) -> dict[str, Any]:
         parts = ("train", "test") if rival.trained else ("test",)
         try:
             each = [
-                _judged(
-                    options,
-                    parts,
-                    lambda *stores, r=rival, s=seed, n=name: checked(
-                        r.predict(*stores, s, options.seconds), n
-                    ),
-                )
+                _judged(options, parts, lambda *stores, r=rival, s=seed, n=name: checked(
+                    r.predict(*stores, s, options.seconds), n
+                ))
                 for seed in (seeds if rival.trained else seeds[:1])
-            ]
+            ]  # fmt: skip
         except TwinError as error:
             if options.methods or options.method:
                 raise

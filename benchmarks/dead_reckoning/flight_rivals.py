@@ -9,14 +9,13 @@ deployment's depth rate and fixes; it needs logs. Neither sees a velocity.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.dead_reckoning.predictions import Predicted
-from benchmarks.dead_reckoning.rival import table
+from benchmarks.dead_reckoning.predictions import Predicted, table
 from benchmarks.dead_reckoning.tiers import DIVES
 from benchmarks.real_logs.folds import Fitted, FoldJob, fit_fold, thinned
 from benchmarks.real_logs.public import AREA, SteadyModel, fit_balance
@@ -36,19 +35,14 @@ CHANNELS = (
 )  # fmt: skip
 
 
-@dataclasses.dataclass(frozen=True)
-class SimulatedDives:
+class SimulatedDives(NamedTuple):
     """Dives of a simulated mission, as `benchmarks.real_logs.public` fits them."""
 
     period: float
     depth: Array
     depth_rate: Array
     pump: Array
-
-    @property
-    def use(self) -> np.ndarray:
-        """All of them."""
-        return np.ones(self.depth.size, bool)
+    use: bool = True
 
 
 def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
@@ -71,19 +65,14 @@ def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicte
             )
             spans = dive_spans(mission, logged=False)
             for dives in DIVES:
-                first = spans[:dives]
-                model = nominal
+                model, first = nominal, spans[:dives]
                 if first:
+                    parts = [
+                        SimulatedDives(period, whole.depth[s], whole.depth_rate[s], whole.pump[s])
+                        for s in first
+                    ]
                     model = fit_balance(
-                        [
-                            SimulatedDives(
-                                period, whole.depth[s], whole.depth_rate[s], whole.pump[s]
-                            )
-                            for s in first
-                        ],
-                        [pitch[s] for s in first],
-                        [density[s] for s in first],
-                        nominal,
+                        parts, [pitch[s] for s in first], [density[s] for s in first], nominal
                     )
                 level = model.bridged(whole, pitch, density).level
                 level = np.where(whole.depth < 1.0, 0.0, level)
@@ -101,12 +90,9 @@ def balance_of(vehicle: Vehicle) -> SteadyModel:
     """The balance with the coefficients of a vehicle's file, before anything is fitted."""
     law, per = vehicle.flow_frame, 0.5 * vehicle.reference_density * AREA
     return SteadyModel(
-        mass=vehicle.mass,
-        volume=vehicle.neutral_volume,
-        drag=law.drag[0] / per,
-        lift=law.lift[1] / per,
-        induced=law.drag[1] / per,
-    )
+        mass=vehicle.mass, volume=vehicle.neutral_volume, drag=law.drag[0] / per,
+        lift=law.lift[1] / per, induced=law.drag[1] / per,
+    )  # fmt: skip
 
 
 def identified(train: Path, test: Path, seed: int, seconds: float) -> Predicted:

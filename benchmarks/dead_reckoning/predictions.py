@@ -1,4 +1,4 @@
-"""Predictions: surge and sway of test missions as a method says them, read and checked.
+"""Predictions: surge and sway of test missions as methods say them, read and checked.
 
     netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time) with a coordinate `dives`
              of those that it adapted on; NaN behind a mission's end; surge_interval likewise, where
@@ -10,9 +10,9 @@ A mission is its row in the test store, from 0. It needs no torch.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -25,8 +25,34 @@ Predicted = dict[int, xr.Dataset]
 VELOCITIES = ("surge", "sway")
 INTERVAL = "surge_interval"
 AXES = ("mission", "time")
+ALL_DIVES = "all dives"
+"""What a method adapts on that has seen the depths and fixes of the scored dives too"""
+LABELS = ("none", "dvl", ALL_DIVES)
 SAME_STEP = 1e-3
 """Part of the store's time between samples by which that of a table may differ"""
+
+
+class Rival(NamedTuple):
+    """A method."""
+
+    predict: Callable[..., Predicted]
+    labels: str = "none"
+    """what it adapts on beside the glider's own sensors, of LABELS"""
+    trained: bool = False
+    """whether it reads the training store, and depends on the seed"""
+
+
+def table(rows: Mapping[int, Mapping[str, Any]]) -> xr.Dataset:
+    """Surge, sway and its interval, if any, by mission; shorter missions end in NaN."""
+    longest = max(len(row["surge"]) for row in rows.values())
+    names = [name for name in (*VELOCITIES, INTERVAL) if all(name in row for row in rows.values())]
+    filled = {
+        name: np.stack([np.pad(np.asarray(row[name], np.float32), (0, longest - len(row[name])),
+                               constant_values=np.nan) for row in rows.values()])
+        for name in names
+    }  # fmt: skip
+    data = {name: (("mission", "time"), values) for name, values in filled.items()}
+    return xr.Dataset(data, coords={"mission": list(rows)})
 
 
 def read_predictions(path: Path, period: float) -> Predicted:

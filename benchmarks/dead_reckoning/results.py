@@ -6,7 +6,6 @@ python -m benchmarks.dead_reckoning.results              # writes the tables int
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import subprocess
@@ -15,7 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks.dead_reckoning.rival import ALL_DIVES
+from benchmarks import command
+from benchmarks.dead_reckoning.predictions import ALL_DIVES
 from twin.errors import InputError
 
 FOLDER = Path(__file__).with_name("methods")
@@ -123,28 +123,16 @@ def tables(folder: Path = FOLDER) -> dict[str, str]:
                 pair[0]["dives"]["0"]["dr_velocity_percent"],
             ),
         )
-        lines = [
-            {**_on_page(row), "by": f"{one['who']}, `{figures['commit']}`"}
-            for figures, one in own
-            for row in rows({one["method"]: figures})
-        ]
+        lines = []
+        for figures, one in own:
+            for row in rows({one["method"]: figures}):
+                row[PERCENT] += f" ({row.pop('95 %')})"
+                line = {f"{PERCENT} (95 %)" if k == PERCENT else k: v for k, v in row.items()}
+                lines.append({**line, "by": f"{one['who']}, `{figures['commit']}`"})
         if lines:
             used = [name for name in lines[0] if any(line[name] for line in lines)]
-            found[tier] = "\n".join(
-                f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
-                for cells in (used, ["---"] * len(used), *([x[n] for n in used] for x in lines))
-            )
-    return found
-
-
-def _on_page(row: Mapping[str, str]) -> dict[str, str]:
-    """A row with the interval in brackets behind the figure."""
-    found = {}
-    for name, cell in row.items():
-        if name == PERCENT:
-            found[f"{name} (95 %)"] = f"{cell} ({row['95 %']})"
-        elif name != "95 %":
-            found[name] = cell
+            cells = [[line[name].replace("|", "/") for name in used] for line in lines]
+            found[tier] = command.markdown(used, cells)
     return found
 
 
@@ -159,27 +147,22 @@ def page(text: str, folder: Path = FOLDER) -> str:
     return text
 
 
-def main() -> int:
-    """Write the page."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path, nargs="?", default=FOLDER, help="files of results")
-    parser.add_argument("--print", action="store_true", help="print the tables, write no page")
-    options = parser.parse_args()
-    try:
-        found = tables(options.folder)
-        if not found:
-            raise InputError(f"there are no files of results in {options.folder}")
-        if options.print:
-            print("\n\n".join(f"{tier}\n\n{table}" for tier, table in found.items()))
-            return 0
-        text = page(PAGE.read_text(encoding="utf-8"), options.folder)
-        PAGE.write_text(text, encoding="utf-8")
-    except InputError as error:
-        print(f"results: error: {error}", file=sys.stderr)
-        return 2
-    print(f"tables: {PAGE}")
-    return 0
+def main(folder: command.Positional[Path] = FOLDER, *, print: bool = False) -> None:
+    """Write the page.
+
+    Args:
+      folder: files of results.
+      print: print the tables, write no page.
+    """
+    found = tables(folder)
+    if not found:
+        raise InputError(f"there are no files of results in {folder}")
+    if print:
+        sys.stdout.write("\n\n".join(f"{tier}\n\n{table}" for tier, table in found.items()) + "\n")
+        return
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8"), folder), encoding="utf-8")
+    sys.stdout.write(f"tables: {PAGE}\n")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(command.run(main))

@@ -2,7 +2,7 @@
 
 A method of one's own is a file with
 
-    LABELS = "none"        # what it adapts on in a test mission's first dives: `rival.LABELS`
+    LABELS = "none"        # what it adapts on in a test mission's first dives: `predictions.LABELS`
     TRAINED = True         # False: it reads no training store, and there need be none
     def predict(train, test, seed, seconds):
         "Path of the training and of the test store -> predictions by dives adapted on."
@@ -16,14 +16,22 @@ import contextlib
 import dataclasses
 import importlib.util
 import inspect
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.dead_reckoning.predictions import INTERVAL, VELOCITIES, Predicted
-from benchmarks.dead_reckoning.rival import ALL_DIVES, LABELS, Rival, table
+from benchmarks.dead_reckoning.predictions import (
+    ALL_DIVES,
+    INTERVAL,
+    LABELS,
+    VELOCITIES,
+    Predicted,
+    Rival,
+    table,
+)
 from benchmarks.dead_reckoning.tiers import DIVES
 from twin.errors import InputError, StoreError, unknown_name
 
@@ -49,28 +57,31 @@ def baseline(name: str) -> Rival:
     return Rival(predict)
 
 
+def made_once(folder: Path, stores: Any, **settings: Any) -> Any:
+    """A run of `learn fit` on stores, made where it is missing."""
+    from learn.api import fit
+    from learn.run import open_run
+
+    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
+        return open_run(folder)
+    print(f"{folder} ...", file=sys.stderr)
+    return fit(stores, folder=folder, resume=True, members=1, workers=2, **settings)
+
+
 def trained(train: Path, seed: int, seconds: float, network: str, test: Path | None = None) -> Any:
     """A run of `learn fit`, made once beside the training store for all methods with it.
 
     Args:
       test: of logs: inputs and time between samples are those that these have.
     """
-    from learn.api import fit
-    from learn.run import open_run
     from twin.records.reader import MissionStore
 
     alike: dict[str, Any] = {}
     if test is not None:
         with MissionStore(test) as reader:
             alike = {"inputs": "glider", "period": reader.period} if reader.logged else {}
-
     folder = train.parent / "runs" / f"{network}-{seed}-{seconds:g}"
-    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
-        return open_run(folder)
-    return fit(
-        train, folder=folder, resume=True, seed=seed, seconds=seconds, members=1, workers=2,
-        network=network, **alike,
-    )  # fmt: skip
+    return made_once(folder, train, seed=seed, seconds=seconds, network=network, **alike)
 
 
 def flight(name: str, labels: str = "none") -> Rival:
@@ -139,7 +150,6 @@ def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predic
     said: dict[int, dict[int, Any]] = {dives: {} for dives in (DIVES[:1] if whole else DIVES)}
     with Selection(test, wanted, spread=run.spread) as selection:
         vehicle = selection.vehicle
-        assert vehicle is not None
         flight = FlightFilter(vehicle, selection.period, run.spread)
         for mission in selection.each():
             spans = dive_spans(mission, logged=False)
@@ -207,8 +217,6 @@ def _own(file: Path) -> Rival:
     if file.suffix != ".py" or not file.is_file():
         raise InputError(f"--method {file}: there is no such Python file")
     spec = importlib.util.spec_from_file_location(file.stem, file)
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
@@ -216,9 +224,9 @@ def _own(file: Path) -> Rival:
         raise InputError(f"{file} cannot be run: {type(error).__name__}: {error}") from error
     predict, labels = getattr(module, "predict", None), getattr(module, "LABELS", "none")
     try:
-        inspect.signature(predict).bind(file, file, 0, 1.0)  # type: ignore[arg-type]
+        inspect.signature(predict).bind(file, file, 0, 1.0)
     except (TypeError, ValueError):
         raise InputError(f"{file} has no function predict(train, test, seed, seconds)") from None
     if labels not in LABELS:
         raise InputError(f"{file}: {unknown_name('LABELS', labels, LABELS)}")
-    return Rival(predict, labels, bool(getattr(module, "TRAINED", True)))  # type: ignore[arg-type]
+    return Rival(predict, labels, bool(getattr(module, "TRAINED", True)))

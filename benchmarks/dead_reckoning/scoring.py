@@ -9,8 +9,7 @@ samples whose surge is as near to the truth as a method says of 68 %.
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -38,33 +37,6 @@ CHANNELS = (
 DRAWS = 2000
 WORSE = 1.05
 """times the error without adaptation"""
-
-
-@dataclasses.dataclass(frozen=True)
-class TestMission:
-    """What one test mission truly did, and where its scored part begins."""
-
-    index: int
-    period: float
-    signals: Mapping[str, Array]
-    ends: tuple[int, ...]
-    """Samples at which its dives ended, by a fix"""
-
-    def begin(self, dives: int) -> int | None:
-        """First sample after so many dives; None: it has no more than these."""
-        if not dives:
-            return 0
-        return self.ends[dives - 1] if len(self.ends) > dives else None
-
-
-def missions(store: Path) -> Iterator[TestMission]:
-    """The test missions, one at a time."""
-    with MissionStore(store) as reader:
-        names = [name for name in CHANNELS if name in reader]
-        for index, samples in enumerate(reader.samples.tolist()):
-            signals = {n: np.asarray(reader.row(n, index), np.float64)[:samples] for n in names}
-            dives = find_dives(signals, reader.period)
-            yield TestMission(index, reader.period, signals, tuple(one.end for one in dives))
 
 
 def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, dict[str, float]]:
@@ -119,25 +91,29 @@ def mission_errors(
     percent: dict[int, list[float]] = {d: [] for d in DIVES if d in said and d <= dives}
     squared: dict[int, list[tuple[float, int]]] = {d: [] for d in percent}
     within: dict[int, list[float]] = {d: [] for d in percent if INTERVAL in said[d]}
-    for mission in missions(store):
-        begin = mission.begin(dives)
-        if begin is None:
-            continue
-        for adapted in percent:
-            samples = len(mission.signals["true_surge"])
-            surge, sway = velocities_of(said[adapted], mission.index, samples)
-            off = surge[begin:] - mission.signals["true_surge"][begin:]
-            squared[adapted].append((float(off @ off), off.size))
-            percent[adapted].append(_percent(mission, surge, sway, begin))
-            if adapted in within:
-                own = said[adapted][INTERVAL].sel(mission=mission.index).values[begin:]
-                within[adapted].append(float(np.mean(np.abs(off) < own[: off.size])))
+    with MissionStore(store) as reader:
+        names = [name for name in CHANNELS if name in reader]
+        for mission, samples in enumerate(reader.samples.tolist()):
+            signals = {n: np.asarray(reader.row(n, mission), np.float64)[:samples] for n in names}
+            ends = [0, *(dive.end for dive in find_dives(signals, reader.period))]
+            if dives and len(ends) < dives + 2:
+                continue  # it has no more than these
+            begin = ends[dives]
+            for adapted in percent:
+                surge, sway = velocities_of(said[adapted], mission, samples)
+                off = surge[begin:] - signals["true_surge"][begin:]
+                squared[adapted].append((float(off @ off), off.size))
+                percent[adapted].append(_percent(signals, reader.period, surge, sway, begin))
+                if adapted in within:
+                    own = said[adapted][INTERVAL].sel(mission=mission).values[begin:]
+                    within[adapted].append(float(np.mean(np.abs(off) < own[: off.size])))
     return {dives: np.array(each) for dives, each in percent.items()}, squared, within
 
 
-def _percent(mission: TestMission, surge: Array, sway: Array, begin: int) -> float:
+def _percent(
+    signals: Mapping[str, Array], period: float, surge: Array, sway: Array, begin: int
+) -> float:
     """Error at the end of the scored part over its path, %."""
-    signals, period = mission.signals, mission.period
     attitude = AttitudeSeries.of(signals, "true")
     rate = depth_rate(signals["measured_depth"], period)
     track = integrate(horizontal_velocity(surge, sway, rate, attitude), period)

@@ -6,19 +6,20 @@ raw files, which are read here without the importers.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
-import json
+import sys
 import tempfile
 import warnings
 from collections.abc import Iterable, Sequence
+from json import dumps
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import command
 from factory.importing import import_logs
 from factory.soundness import verify_logs
 from twin.errors import InputError
@@ -42,31 +43,8 @@ class Raw:
     """Unix time [s], latitude, longitude [degree], shape (fixes, 3)."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Account:
-    """One import."""
-
-    log: str
-    kind: str
-    deployments: str = ""
-    rows: int = 0
-    with_fixes: int = 0
-    hours: float = 0.0
-    channels: int = 0
-    read: int = 0
-    left_out: int = 0
-    not_read: int = 0
-    without_value: int = 0
-    unreadable: int = 0
-    """Files."""
-    problems: int = 0
-    """Of `factory verify`."""
-    time_error_s: float = float("nan")
-    """[s] Largest distance of an original sample's time in the store from any in the files."""
-    fix_error_m: float = float("nan")
-    """[m] Largest distance of a row's fix from that of the same time in the files."""
-    fixes_compared: int = 0
-    refused: str = ""
+Account = dict[str, Any]
+"""One import: counts, and largest distances from the raw files; `refused` alone where it was"""
 
 
 def raw_slocum(paths: Sequence[Path], caches: Path) -> Raw:
@@ -143,23 +121,25 @@ def raw_arrays(paths: Sequence[Path], kind: str) -> Raw:
                 clock = file[names[0]]
                 unit = str(getattr(clock, "units", "seconds since 1970-01-01"))
                 zero = 631152000.0 if "1990" in unit else 0.0
-                own = np.ma.filled(np.ma.asarray(clock[:], float), np.nan) + zero
+                own = _plain(clock) + zero
                 times.append(own)
                 if not all(n in file.variables for n in names[2:]):
                     continue
                 when = own
                 if names[1] in file.variables and names[1] != names[0]:
-                    gps = np.ma.filled(np.ma.asarray(file[names[1]][:], float), np.nan)
+                    gps = _plain(file[names[1]])
                     gps = np.where(np.abs(gps) > 1e17, gps * 1e-9, gps)
                     when = gps if np.isfinite(gps).any() else own
-                fix = [when] + [
-                    np.ma.filled(np.ma.asarray(file[n][:], float), np.nan) for n in names[2:]
-                ]
+                fix = [when, *(_plain(file[name]) for name in names[2:])]
             if kind == "ngdac" and np.nanmax(np.abs(fix[1])) > 90.0:  # ddmm.mmm
                 fix[1:] = [np.trunc(one / 100.0) + np.fmod(one, 100.0) / 60.0 for one in fix[1:]]
             fixes.append(np.stack([np.asarray(one, float) for one in fix], axis=1))
     every = np.concatenate(fixes)
     return Raw(np.unique(np.concatenate(times)), every[np.isfinite(every).all(axis=1)])
+
+
+def _plain(variable: Any) -> Array:
+    return np.ma.filled(np.ma.asarray(variable[:], float), np.nan)
 
 
 def raw_seaexplorer(paths: Sequence[Path]) -> Raw:
@@ -202,7 +182,7 @@ def account(kind: str, folder: Path, caches: Path | None) -> Account:
                 store = write_store(dataset, Path(there) / "log.zarr")
                 checked = verify_logs(LogStore(store))
     except InputError as error:
-        return Account(log=folder.name, kind=kind, refused=str(error))
+        return {"log": folder.name, "kind": kind, "refused": str(error)}
     read = [p for p in files if p.name in report.files]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -217,24 +197,17 @@ def account(kind: str, folder: Path, caches: Path | None) -> Account:
         for state, names in states.items():
             counts[state] += len(names)
     fix_error, compared = fixes_apart(dataset, raw)
-    return Account(
-        log=folder.name,
-        kind=kind,
-        deployments=", ".join(report.deployments),
-        rows=report.rows,
-        with_fixes=report.rows_with_fixes,
-        hours=round(report.hours, 1),
-        channels=len(report.channels),
-        read=counts["read"],
-        left_out=counts["left out"],
-        not_read=counts["not read"],
-        without_value=counts["missing"],
-        unreadable=report.count("left out", "unreadable file"),
-        problems=sum(len(check.problems) for check in checked.checks),
-        time_error_s=times_apart(dataset, raw),
-        fix_error_m=fix_error,
-        fixes_compared=compared,
-    )
+    return {
+        "log": folder.name, "kind": kind, "deployments": ", ".join(report.deployments),
+        "rows": report.rows, "with_fixes": report.rows_with_fixes,
+        "hours": round(report.hours, 1), "channels": len(report.channels),
+        "read": counts["read"], "left_out": counts["left out"], "not_read": counts["not read"],
+        "without_value": counts["missing"],
+        "unreadable": report.count("left out", "unreadable file"),
+        "problems": sum(len(check.problems) for check in checked.checks),
+        "time_error_s": times_apart(dataset, raw), "fix_error_m": fix_error,
+        "fixes_compared": compared, "refused": "",
+    }  # fmt: skip
 
 
 def unix_starts(dataset: Any) -> Array:
@@ -279,40 +252,36 @@ def fixes_apart(dataset: Any, raw: Raw) -> tuple[float, int]:
 
 def table(accounts: Iterable[Account]) -> str:
     """Rows in Markdown."""
-    lines = [
-        "| log | kind | rows, from fix to fix | hours | names read, left out, not read, empty | "
-        "signals | files left out | problems | times, s | fixes, m (compared) |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    head = (
+        "log", "kind", "rows, from fix to fix", "hours", "names read, left out, not read, empty",
+        "signals", "files left out", "problems", "times, s", "fixes, m (compared)",
+    )  # fmt: skip
+    rows = []
     for one in accounts:
-        if one.refused:
-            lines.append(f"| {one.log} | {one.kind} | refused: {one.refused} | | | | | | | |")
-            continue
-        lines.append(
-            f"| {one.log} | {one.kind} | {one.rows}, {one.with_fixes} | {one.hours:g} | {one.read},"
-            f" {one.left_out}, {one.not_read}, {one.without_value} | {one.channels} | "
-            f"{one.unreadable} | {one.problems} | {one.time_error_s:.1g} | "
-            f"{one.fix_error_m:.1g} ({one.fixes_compared}) |"
-        )
-    return "\n".join(lines)
+        row: list[object] = [one["log"], one["kind"]]
+        if one["refused"]:
+            row += [f"refused: {one['refused']}", *[""] * 7]
+        else:
+            names = ("read", "left_out", "not_read", "without_value")
+            row += [
+                f"{one['rows']}, {one['with_fixes']}", f"{one['hours']:g}",
+                ", ".join(str(one[name]) for name in names), one["channels"], one["unreadable"],
+                one["problems"], f"{one['time_error_s']:.1g}",
+                f"{one['fix_error_m']:.1g} ({one['fixes_compared']})",
+            ]  # fmt: skip
+        rows.append(row)
+    return command.markdown(head, rows)
 
 
-def main() -> None:
-    """Print the accounts of the logs that are named."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("logs", nargs="+", metavar="KIND:FOLDER[+CACHES]")
-    parser.add_argument("--json", action="store_true", help="one object for each log")
-    given = parser.parse_args()
+def main(logs: command.Positional[tuple[str, ...]], *, json: bool = False) -> None:
+    """Print the accounts of the logs that are named, each KIND:FOLDER[+CACHES]."""
     found = []
-    for word in given.logs:
+    for word in logs:
         kind, _, rest = word.partition(":")
         folder, _, caches = rest.partition("+")
         found.append(account(kind, Path(folder), Path(caches) if caches else None))
-    if given.json:
-        print(json.dumps([dataclasses.asdict(one) for one in found], indent=1))
-    else:
-        print(table(found))
+    print(dumps(found, indent=1) if json else table(found))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(command.run(main))

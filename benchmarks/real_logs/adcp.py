@@ -8,8 +8,8 @@ model, regression, networks and their scales, is tuned without the dive that it 
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -36,27 +36,8 @@ ON_TWIN = (*PUBLIC_INPUTS, "twin_net_mass", "twin_level", "twin_rise")
 """Of ridge regression on the twin"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class AdcpJob:
-    """One held-out block of dives, as a process can be given it."""
-
-    fold: FoldJob
-    rows: tuple[int, ...]
-    times: Mapping[int, Array]
-    """[s] of the profiler's samples since the row's start, by row"""
-    level: Mapping[int, Array]
-    """[m/s] truth at these times"""
-    networks: Pretrained | None
-    """trained on simulation; None: no networks are judged"""
-    seed: int = 0
-
-
-@dataclasses.dataclass(frozen=True)
-class Held:
-    """What one job found."""
-
-    errors: Mapping[str, Mapping[int, Array]]
-    """[m/s] of the held-out dives, by method and row"""
+Errors = dict[str, dict[int, Array]]
+"""[m/s] By method and row of the dive"""
 
 
 def truth_of(deployment: Deployment) -> tuple[dict[int, Array], dict[int, Array]]:
@@ -86,56 +67,51 @@ def truth_of(deployment: Deployment) -> tuple[dict[int, Array], dict[int, Array]
     return found_times, found_level
 
 
-def fold_jobs(deployment: Deployment, networks: Pretrained | None) -> list[AdcpJob]:
+def fold_jobs(deployment: Deployment, networks: Pretrained | None) -> list[Callable[[], Errors]]:
     """One job per held-out block; none without a profiler or with too few dives."""
     times, level = truth_of(deployment)
-    rows = sorted(times)
-    if len(rows) < LEAST_DIVES:
+    if len(times) < LEAST_DIVES:
         return []
+    folds = jobs(deployment, sorted(times), count=min(len(times), MOST_FOLDS))
     return [
-        AdcpJob(
-            fold=fold, rows=tuple(rows), times=times, level=level, networks=networks, seed=number
-        )
-        for number, fold in enumerate(jobs(deployment, rows, count=min(len(rows), MOST_FOLDS)))
+        functools.partial(run_fold, fold, times, level, networks, number)
+        for number, fold in enumerate(folds)
     ]
 
 
-def run_fold(job: AdcpJob) -> Held:
-    """Tune everything without the block, predict the block."""
-    fitted = fit_fold(job.fold)
-    calibration = fitted.calibration
+def run_fold(
+    fold: FoldJob, times: Mapping[int, Array], level: Mapping[int, Array],
+    networks: Pretrained | None, seed: int,
+) -> Errors:  # fmt: skip
+    """Tune everything without the block, predict the block.
+
+    Args:
+      times: [s] of the profiler's samples since the row's start, by row.
+      level: [m/s] truth at these times.
+      networks: trained on simulation; None: no networks are judged.
+    """
+    calibration = fit_fold(fold).calibration
     dives: dict[int, Samples] = {}
-    errors: dict[str, dict[int, Array]] = {}
-    for log in load_logs(job.fold.store, list(job.rows)):
-        times, level = job.times[log.index], job.level[log.index]
-        dives[log.index] = sample(log, calibration, times, level)
-        if log.index in job.fold.block:
-            motion = motion_of(log, calibration)
-            own, _ = motion.level(log.roll, calibration.true_pitch(log.pitch))
+    errors: Errors = {}
+    for log in load_logs(fold.store, sorted(times)):
+        at, truth = times[log.index], level[log.index]
+        dives[log.index] = sample(log, calibration, at, truth)
+        if log.index in fold.block:
+            own, _ = motion_of(log, calibration).level(log.roll, calibration.true_pitch(log.pitch))
             clock = log.period * np.arange(len(own), dtype=np.float64)
-            put(errors, "twin", log.index, at_times(clock, own, times) - level)
-    train = [dive for row, dive in dives.items() if row not in job.fold.block]
+            errors.setdefault("twin", {})[log.index] = at_times(clock, own, at) - truth
+    train = [dive for row, dive in dives.items() if row not in fold.block]
+    tests = [dives[row] for row in fold.block if row in dives]
     wanted = np.concatenate([dive.level for dive in train])
-    for name, columns in (
-        ("ridge", PUBLIC_INPUTS),
-        ("ridge twin", ON_TWIN),
-    ):
+    said = {}
+    for name, columns in (("ridge", PUBLIC_INPUTS), ("ridge twin", ON_TWIN)):
         matrix = np.concatenate([dive.matrix(columns) for dive in train])
-        for row in job.fold.block:
-            if row in dives:
-                found = ridge(matrix, wanted, dives[row].matrix(columns))
-                put(errors, name, row, found - dives[row].level)
-    if job.networks is not None:
-        tests = [dives[row] for row in job.fold.block if row in dives]
-        for name, predictions in predict_dive(train, tests, job.networks, job.seed).items():
-            for dive, found in zip(tests, predictions, strict=True):
-                put(errors, name, dive.row, found - dive.level)
-    return Held(errors)
-
-
-def put(errors: dict[str, dict[int, Array]], method: str, row: int, values: Array) -> None:
-    """Note the errors of one dive."""
-    errors.setdefault(method, {})[row] = values
+        said[name] = [ridge(matrix, wanted, dive.matrix(columns)) for dive in tests]
+    if networks is not None:
+        said |= predict_dive(train, tests, networks, seed)
+    for name, found in said.items():
+        errors[name] = {d.row: one - d.level for d, one in zip(tests, found, strict=True)}
+    return errors
 
 
 TITLES = {
@@ -154,11 +130,9 @@ TITLES = {
 """Name, kind and note of each method of `run_fold`."""
 
 
-def rows_of(deployment: Deployment, held: Sequence[Held]) -> list[Row]:
+def rows_of(deployment: Deployment, held: Sequence[Errors]) -> list[Row]:
     """Rows of one deployment from all its folds."""
-    if not held:
-        return []
-    dives = sum(len(part.errors["twin"]) for part in held)
+    dives = sum(len(part["twin"]) for part in held)
     scheme = "leave one dive out" if dives == len(held) else f"{len(held)} blocks held out"
     methods = []
     factory = _factory(deployment)
@@ -167,11 +141,9 @@ def rows_of(deployment: Deployment, held: Sequence[Held]) -> list[Row]:
             Method(name="factory model", kind="public method", note="as logged", errors=factory)
         )
     for name, (title, kind, note) in TITLES.items():
-        errors = {row: e for part in held for row, e in part.errors.get(name, {}).items()}
+        errors = {row: e for part in held for row, e in part.get(name, {}).items()}
         if errors:
-            methods.append(
-                Method(name=title, kind=kind, note=f"{note}; {scheme}", errors=errors)  # type: ignore[arg-type]
-            )
+            methods.append(Method(name=title, kind=kind, note=f"{note}; {scheme}", errors=errors))
     rows = [*published_rows(TASK, deployment.name), *rmse_rows(TASK, deployment.name, methods)]
     equal = common(methods)
     best = min(equal, key=lambda one: rmse(np.concatenate(list(one.errors.values()))))

@@ -79,32 +79,27 @@ def _pitch_line(deployment: Deployment, time: Array, corrected: Array) -> tuple[
     return (float(scale), float(offset)) if close else (1.0, 0.0)
 
 
-@dataclasses.dataclass(frozen=True)
-class DvlJob:
-    """One deployment, as a process can be given it."""
+def rows_of(deployment: Deployment, networks: Pretrained | None) -> list[Row]:
+    """Rows of one deployment; none without a DVL.
 
-    deployment: Deployment
-    networks: Pretrained | None
-    """trained on simulation; None: no networks are judged"""
-
-
-def rows_of(job: DvlJob) -> list[Row]:
-    """Rows of one deployment; none without a DVL."""
-    deployment = job.deployment
+    Args:
+      networks: trained on simulation; None: no networks are judged.
+    """
     truth = read_truth(deployment)
     if truth is None or truth.time.size < LEAST_SAMPLES:
         return []
-    logs = deployment.logs()
-    methods = []
+    logs, methods = deployment.logs(), []
     for corrected in (True, False) if truth.pitch_scale != 1.0 else (False,):
-        methods += _methods(job, logs, truth, corrected=corrected)
+        methods += _methods(deployment, logs, truth, networks, corrected=corrected)
     return [*published_rows(TASK, deployment.name), *rmse_rows(TASK, deployment.name, methods)]
 
 
-def _methods(job: DvlJob, logs: list[Log], truth: Truth, *, corrected: bool) -> list[Method]:
+def _methods(
+    deployment: Deployment, logs: list[Log], truth: Truth, networks: Pretrained | None, *,
+    corrected: bool,
+) -> list[Method]:  # fmt: skip
     """Every method with the pitch that the author of the truth found, or with the logged one."""
-    deployment = job.deployment
-    pitch, title = "pitch as logged", "pitch as logged"
+    pitch = title = "pitch as logged"
     nominal = load_calibration(start_vehicle(deployment.store))
     if corrected:
         pitch = f"pitch {truth.pitch_scale:.3f} logged {truth.pitch_offset:+.4f} rad as its author"
@@ -114,38 +109,35 @@ def _methods(job: DvlJob, logs: list[Log], truth: Truth, *, corrected: bool) -> 
 
     def put(name: str, kind: Kind, speeds: list[Array], note: str) -> None:
         errors = score(deployment, logs, speeds, truth)
-        methods.append(Method(name=f"{name}, {title}", kind=kind, note=note, errors=errors))
+        methods.append(Method(name=name, kind=kind, note=note, errors=errors))
 
     pitches = [nominal.true_pitch(log.pitch) for log in logs]
     for degree in ATTACKS_DEG:
         attack = math.radians(degree)
         simple = [kinematic(log, p, attack).speed for log, p in zip(logs, pitches, strict=True)]
-        put(f"w/sin(pitch + {degree} deg)", "public method", simple, pitch)
+        put(f"w/sin(pitch + {degree} deg), {title}", "public method", simple, pitch)
     steady = fit_steady(logs, nominal)
     speeds = [
         steady.bridged(log, p, density_of(log, nominal)).speed
         for log, p in zip(logs, pitches, strict=True)
     ]
-    put("steady flight model", "public method", speeds, f"two parameters on depth rate; {pitch}")
+    note = f"two parameters on depth rate; {pitch}"
+    put(f"steady flight model, {title}", "public method", speeds, note)
     known = ("pitch_offset", "pitch_scale") if corrected else ()
     fit = identify(logs, nominal, fixes=False, known=known)
     found = fit.calibration
     speeds = [estimate(log, found).speed for log in logs]
-    put("twin", "twin", speeds, f"depth rate only; {pitch}")
+    put(f"twin, {title}", "twin", speeds, f"depth rate only; {pitch}")
     if not corrected:
         named = identify(logs, nominal, fixes=False, parameters=[*fit.determined, "pitch_scale"])
         speeds = [estimate(log, named.calibration).speed for log in logs]
         scale = named["pitch_scale"]
         note = f"depth rate only; pitch scale {scale.value:.3f} +- {scale.deviation:.3f} with it"
-        errors = score(deployment, logs, speeds, truth)
-        name = "twin, pitch scale estimated too"
-        methods.append(Method(name=name, kind="twin", note=note, errors=errors))
-    for kind in job.networks or {}:
-        assert job.networks is not None
-        speeds = [
-            np.hypot(level_of(log, found, job.networks, kind), log.depth_rate) for log in logs
-        ]
-        put(ZERO_SHOT[kind], "network", speeds, f"trained on simulation only; {pitch}")
+        put("twin, pitch scale estimated too", "twin", speeds, note)
+    for kind in networks or {}:
+        speeds = [np.hypot(level_of(log, found, networks, kind), log.depth_rate) for log in logs]
+        note = f"trained on simulation only; {pitch}"
+        put(f"{ZERO_SHOT[kind]}, {title}", "network", speeds, note)
     return methods
 
 

@@ -14,13 +14,14 @@ in inflections are straight lines between those before and after.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from benchmarks.real_logs.folds import Fitted, FoldJob, fold_of, jobs, later_job, own_trim
+from benchmarks.real_logs.folds import Fitted, fit_fold, fold_of, jobs, later_job, own_trim
 from benchmarks.real_logs.public import kinematic
 from benchmarks.real_logs.row import Kind, Method, Row, median_rows, published_rows, rmse_rows
 from benchmarks.real_logs.source import Deployment, tables_with
@@ -45,14 +46,15 @@ LONGEST_GAP = 30.0
 LEAST_DIVES = 6
 """Dives with fixes below which no dead reckoning is scored."""
 Tracks = dict[int, Array]
-"""Displacement through the water [m], north and east, (2,), by row."""
+"""By row: displacement through the water [m], north and east, (2,), or errors (time,)"""
 
 
-def fold_jobs(deployment: Deployment) -> list[FoldJob]:
+def fold_jobs(deployment: Deployment) -> list[Callable[[], Fitted]]:
     """The identifications that this deployment needs."""
     rows = [log.index for log in deployment.logs()]
     held_out = [dataclasses.replace(job, blind=True) for job in jobs(deployment, rows)]
-    return [*held_out, *later_job(deployment, rows)]
+    every = [*held_out, *later_job(deployment, rows)]
+    return [functools.partial(fit_fold, job) for job in every]
 
 
 def rows_of(
@@ -75,51 +77,49 @@ def rows_of(
 # --- depth rate ---------------------------------------------------------------------------------
 
 
+def _errors(log: Log, fold: Fitted) -> tuple[Array, Array]:
+    """[m/s] Depth rate of the steady model and of the twin, less the log's, (time,) each."""
+    where = np.where(log.use, 0.0, np.nan)
+    public = fold.steady.bridged(log, log.pitch, density_of(log, fold.calibration))
+    steady = log.filtered(public.sink) - log.depth_rate + where
+    return steady, -estimate(log, fold.calibration).water_rise + where
+
+
+def _pair(note: str, steady: Tracks, twin: Tracks) -> list[Method]:
+    return [
+        Method(name=STEADY, kind="public method", note=note, errors=steady),
+        Method(name="twin", kind="twin", note=note, errors=twin),
+    ]
+
+
 def _rates(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) -> list[Row]:
     name = deployment.name
     seen = any(fold.seen for fold in fitted)
     tuned = "tuned on the same dives" if seen else "tuned on other dives"
-    steady, twin, gliding, model, own = {}, {}, {}, {}, {}
+    steady, twin, calm, model, own = {}, {}, {}, {}, {}
     for log in logs:
         fold = fold_of(fitted, log.index)
-        density = density_of(log, fold.calibration)
-        public = fold.steady.bridged(log, log.pitch, density)
-        where = np.where(log.use, 0.0, np.nan)
-        steady[log.index] = log.filtered(public.sink) - log.depth_rate + where
-        twin[log.index] = -estimate(log, fold.calibration).water_rise + where
-        calm = np.where(steady_parts(log), 0.0, np.nan)
-        gliding[log.index] = twin[log.index] + calm
-        sink = factory_sink(deployment, log)
-        if sink is not None:
+        steady[log.index], twin[log.index] = _errors(log, fold)
+        calm[log.index] = np.where(steady_parts(log), 0.0, np.nan)
+        if (sink := factory_sink(deployment, log)) is not None:
+            where = np.where(log.use, 0.0, np.nan)
             model[log.index] = sink - log.depth_rate + where
             trimmed = own_trim(log, fold.calibration)
             own[log.index] = -estimate(log, trimmed).water_rise + where
-    rows = published_rows(RATE, name)
-    every = f"{tuned}; deeper than 3 m"
-    pair = [
-        Method(name=STEADY, kind="public method", note=every, errors=steady),
-        Method(name="twin", kind="twin", note=every, errors=twin),
-    ]
-    rows += rmse_rows(RATE, name, pair)
-    off = f"{tuned}; 45 s and more off inflections"
-    still = [dataclasses.replace(one, note=off) for one in pair]
-    still[0] = dataclasses.replace(
-        still[0], errors={k: e + 0.0 * gliding[k] for k, e in steady.items()}
-    )
-    still[1] = dataclasses.replace(still[1], errors=gliding)
-    rows += rmse_rows(RATE_GLIDING, name, still)
+    every, off = f"{tuned}; deeper than 3 m", f"{tuned}; 45 s and more off inflections"
+    still = ({row: e + calm[row] for row, e in one.items()} for one in (steady, twin))
+    rows = [
+        *published_rows(RATE, name), *rmse_rows(RATE, name, _pair(every, steady, twin)),
+        *rmse_rows(RATE_GLIDING, name, _pair(off, *still)),
+    ]  # fmt: skip
     if model:
         note = "tuned by the base station, trim on each dive itself"
         dive = f"{tuned}, trim on the dive itself"
-        rows += rmse_rows(
-            RATE_FACTORY,
-            name,
-            [
-                Method(name="factory model", kind="public method", note=note, errors=model),
-                Method(name="twin, trim of the dive", kind="twin", note=dive, errors=own),
-                Method(name="twin", kind="twin", note=tuned, errors=twin),
-            ],
-        )
+        rows += rmse_rows(RATE_FACTORY, name, [
+            Method(name="factory model", kind="public method", note=note, errors=model),
+            Method(name="twin, trim of the dive", kind="twin", note=dive, errors=own),
+            Method(name="twin", kind="twin", note=tuned, errors=twin),
+        ])  # fmt: skip
     return rows
 
 
@@ -127,20 +127,11 @@ def _later_rates(deployment: Deployment, fitted: Sequence[Fitted]) -> list[Row]:
     """The second half of the dives by what was tuned on the first."""
     rows: list[Row] = []
     for fold in fitted:
-        if not fold.later:
-            continue
-        steady, twin = {}, {}
-        for log in deployment.logs(fold.block):
-            public = fold.steady.bridged(log, log.pitch, density_of(log, fold.calibration))
-            where = np.where(log.use, 0.0, np.nan)
-            steady[log.index] = log.filtered(public.sink) - log.depth_rate + where
-            twin[log.index] = -estimate(log, fold.calibration).water_rise + where
-        note = "tuned on the first half of the dives; deeper than 3 m"
-        methods = [
-            Method(name=STEADY, kind="public method", note=note, errors=steady),
-            Method(name="twin", kind="twin", note=note, errors=twin),
-        ]
-        rows += rmse_rows(RATE_LATER, deployment.name, methods)
+        if fold.later:
+            found = {log.index: _errors(log, fold) for log in deployment.logs(fold.block)}
+            steady, twin = ({row: one[k] for row, one in found.items()} for k in (0, 1))
+            note = "tuned on the first half of the dives; deeper than 3 m"
+            rows += rmse_rows(RATE_LATER, deployment.name, _pair(note, steady, twin))
     return rows
 
 
@@ -209,7 +200,6 @@ def _tracks(
         note = "depth rate of other dives" if blind else "depth rate and fixes of other dives"
         put(name, "twin", f"tuned on {note}", errors)
     for kind in networks or {}:
-        assert networks is not None
         learned: Tracks = {}
         for log in logs:
             level = level_of(log, fold_of(fitted, log.index).calibration, networks, kind)

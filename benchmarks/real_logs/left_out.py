@@ -136,7 +136,7 @@ def run(job: LeftOutJob) -> list[Method]:
 
     def put(name: str, kind: str, note: str, found: Sequence[Array]) -> None:
         errors = {d.row: f - d.level for d, f in zip(tests, found, strict=True)}
-        methods.append(Method(name=name, kind=kind, note=note, errors=errors))  # type: ignore[arg-type]
+        methods.append(Method(name=name, kind=kind, note=note, errors=errors))
 
     own = "identified on the deployment's own depth rate"
     put("steady flight model", "public method", own, job.tested.steady)
@@ -147,7 +147,7 @@ def run(job: LeftOutJob) -> list[Method]:
     put("ridge on the twin", "twin", "trained on the other deployment", regressed)
     if job.networks is not None:
         first = job.networks[ON_TWIN]
-        zero = mean_of([one.predictor() for one in first], tests)
+        zero = mean_of(first, tests)
         put("network on the twin, zero shot", "network", "trained on simulation only", zero)
         tuned = [
             fit_member(job.train, ON_TWIN, member, TUNED, seed=job.seed, start=start)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,30 +57,6 @@ class Through:
     """[m/s] downward"""
 
 
-class Dived(Protocol):
-    """What the depth of a dive is fitted to, each (time,); a `Log` is one."""
-
-    @property
-    def period(self) -> float:
-        """[s]"""
-
-    @property
-    def depth(self) -> Array:
-        """[m]"""
-
-    @property
-    def depth_rate(self) -> Array:
-        """[m/s] downward"""
-
-    @property
-    def pump(self) -> Array:
-        """[cm3]"""
-
-    @property
-    def use(self) -> Mask:
-        """Which samples are compared."""
-
-
 def kinematic(log: Log, pitch: Array, attack: float = ATTACK) -> Through:
     """Speed from depth rate and a constant angle of attack; bridged at inflections."""
     slope = uniform_filter1d(pitch, max(round(PITCH_WINDOW / log.period), 1))
@@ -108,7 +84,7 @@ class SteadyModel:
     induced: float = INDUCED
     """[1/rad2] of drag"""
 
-    def fly(self, log: Dived, pitch: Array, density: Array) -> Through:
+    def fly(self, log: Any, pitch: Array, density: Array) -> Through:
         """Velocities of one mission."""
         steep = np.abs(pitch)
         attack = np.zeros_like(pitch)
@@ -122,7 +98,7 @@ class SteadyModel:
         speed = np.sqrt(np.maximum(force, 0.0) / power)
         return Through(speed, speed * np.cos(path), -np.sign(pitch) * speed * np.sin(path))
 
-    def bridged(self, log: Dived, pitch: Array, density: Array) -> Through:
+    def bridged(self, log: Any, pitch: Array, density: Array) -> Through:
         """As `fly`, with inflections bridged by straight lines."""
         raw = self.fly(log, pitch, density)
         good = raw.speed >= SLOWEST
@@ -144,12 +120,13 @@ def fit_steady(logs: Sequence[Log], calibration: Calibration) -> SteadyModel:
 
 
 def fit_balance(
-    dives: Sequence[Dived], pitches: Sequence[Array], densities: Sequence[Array], start: SteadyModel
+    dives: Sequence[Any], pitches: Sequence[Array], densities: Sequence[Array], start: SteadyModel
 ) -> SteadyModel:
     """`start` with the volume and the drag that explain the depth rate.
 
     Args:
-      dives: what was measured.
+      dives: with period [s], depth [m], depth rate [m/s] downward, pump [cm3] and a mask of the
+        samples that are compared, `use`, (time,) each; a `Log` is one.
       pitches: [rad] of each.
       densities: [kg/m3] of each.
       start: mass, lift and induced drag, and the drag to begin with; its volume has no say.

@@ -55,24 +55,17 @@ def level_speed(surge: Array, sway: Array, heave: Array, roll: Array, pitch: Arr
     return Translation(surge=surge, sway=sway, heave=heave).level(roll, pitch)[0]
 
 
-def signals_of(log: Log) -> dict[str, Array]:
-    """Channels of a log by schema name, degrees, without gaps."""
-    return {
-        "measured_depth": log.depth,
-        "measured_pitch": np.rad2deg(log.pitch),
-        "measured_roll": np.rad2deg(log.roll),
-        "measured_heading": np.rad2deg(log.heading),
-        "measured_pump": log.pump,
-    }
-
-
 def sample(log: Log, calibration: Calibration, times: Array, level: Array) -> Samples:
     """Inputs of one dive at times [s] since its first sample.
 
     Args:
       level: truth at these times.
     """
-    signals = signals_of(log)
+    signals = {
+        "measured_depth": log.depth, "measured_pitch": np.rad2deg(log.pitch),
+        "measured_roll": np.rad2deg(log.roll), "measured_heading": np.rad2deg(log.heading),
+        "measured_pump": log.pump,
+    }  # fmt: skip
     features = feature_matrix(signals, GLIDER, log.period, log.index)
     raw = {name: features[:, k].astype(float) for k, name in enumerate(GLIDER)}
     found = estimate(log, calibration)
@@ -83,11 +76,8 @@ def sample(log: Log, calibration: Calibration, times: Array, level: Array) -> Sa
         "twin_sink": found.sink_rate,
         "twin_rise": found.water_rise,
         "twin_net_mass": calibration.net_mass(density, log.depth, log.pump, warming),
-        "depth": log.depth,
-        "roll": log.roll,
-        "pitch": log.pitch,
-        "rate": log.depth_rate,
-    }
+        "depth": log.depth, "roll": log.roll, "pitch": log.pitch, "rate": log.depth_rate,
+    }  # fmt: skip
     inputs = {name: averaged(values, log.period, times) for name, values in raw.items()}
     return Samples(log.index, inputs, level)
 

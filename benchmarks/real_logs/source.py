@@ -16,8 +16,8 @@ from twin.navigation.dead_reckoning import Array
 from twin.records.logged import LogStore
 from twin.records.store import write_store
 
-PREFIXES = {"slocum": "slocum", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
-"""Kind of log by the first word of a folder's name."""
+KINDS = ("slocum", "seaglider", "seaexplorer")
+"""Kinds of logs, first words of the folders' names"""
 NOT_JUDGED = {
     "lrauv": "a propelled vehicle without attitude in its shore logs: "
     "benchmarks/real_logs/yo_yos.py sets its depth rates beside its twin's",
@@ -80,16 +80,16 @@ def gather(
     skipped: list[Skipped] = []
     for folder in folders:
         word = folder.name.split("_")[0].lower()
-        if word not in PREFIXES:
+        if word not in KINDS:
             skipped.append(Skipped(folder.name, NOT_JUDGED.get(word, "of no kind that is judged")))
             continue
         say(f"importing {folder.name}")
         try:
-            found += imported(logs_folder(folder), PREFIXES[word], work)
+            found += imported(logs_folder(folder), word, work)
         except TwinError as error:
             skipped.append(Skipped(folder.name, str(error)))
     if not found:
-        names = ", ".join(sorted(PREFIXES))
+        names = ", ".join(sorted(KINDS))
         why = f" ({skipped[0].name}: {skipped[0].why})" if skipped else ""
         raise InputError(
             f"{root} holds no logs to judge{why}; its folders must begin with one of {names}"
@@ -121,17 +121,10 @@ def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
         rows = np.array([r for r in np.flatnonzero(names == name) if r not in powered], int)
         if not rows.size:
             continue
-        deployments.append(
-            Deployment(
-                name=str(name),
-                kind=kind,
-                folder=folder,
-                store=store,
-                rows=tuple(int(r) for r in rows),
-                starts=tuple(float(t) for t in start[rows]),
-                ends=tuple(float(t) for t in end[rows]),
-            )
-        )
+        deployments.append(Deployment(
+            name=str(name), kind=kind, folder=folder, store=store, rows=tuple(rows.tolist()),
+            starts=tuple(start[rows].tolist()), ends=tuple(end[rows].tolist()),
+        ))  # fmt: skip
     return deployments
 
 

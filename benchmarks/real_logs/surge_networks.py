@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 
 from benchmarks.real_logs.samples import (
     AVERAGE,
@@ -23,12 +21,12 @@ from benchmarks.real_logs.samples import (
     averaged,
     level_speed,
     sample,
-)
+)  # fmt: skip
 from factory.generation.generation import generate
 from factory.sampling.recipe import make_recipe
 from learn.data.dataset import thinning_step
 from learn.data.sequences import Normalisation, NormalisationFit, Sequences
-from learn.networks.base import NetworkConfig, build_network
+from learn.networks.base import NetworkConfig
 from learn.networks.predictor import Predictor, free_run
 from learn.training.optimiser import TrainingConfig
 from learn.training.trainer import Trainer
@@ -82,14 +80,9 @@ def simulate(folder: Path, *, seed: int = 0, workers: int | None = None) -> list
     stores = []
     for vehicle in VEHICLES:
         recipe = make_recipe(
-            preset="field",
-            hours=HOURS / len(VEHICLES),
-            seed=RECIPE_SEED + seed,
-            vehicle=vehicle,
-            sensors="field-no-dvl",
-            changes=SPREAD,
-            engine="lanes",
-        )
+            preset="field", hours=HOURS / len(VEHICLES), seed=RECIPE_SEED + seed, vehicle=vehicle,
+            sensors="field-no-dvl", changes=SPREAD, engine="lanes",
+        )  # fmt: skip
         whole, thinned = (folder / f"simulated-{vehicle}{end}.zarr" for end in ("", "-thinned"))
         generate(recipe, whole, workers=workers, overwrite=True, history="learn benchmark real")
         stores.append(thin_store(whole, thinned, PERIOD))
@@ -115,48 +108,30 @@ def thin_store(store: Path, out: Path, period: float) -> Path:
     return out
 
 
-@dataclasses.dataclass(frozen=True)
-class SampleJob:
-    """Some missions of a simulated store."""
-
-    store: Path
-    rows: tuple[int, ...]
-
-
-def sample_jobs(store: Path) -> list[SampleJob]:
-    """All missions of a store in jobs of `TOGETHER`."""
-    dataset = open_store(store)
-    count = int(dataset.sizes[MISSION])
-    dataset.close()
-    return [
-        SampleJob(store, tuple(range(k, min(k + TOGETHER, count))))
-        for k in range(0, count, TOGETHER)
-    ]
+def missions_together(store: Path) -> list[list[int]]:
+    """All missions of a store, `TOGETHER` at a time."""
+    with open_store(store) as dataset:
+        count = int(dataset.sizes[MISSION])
+    return [list(range(k, min(k + TOGETHER, count))) for k in range(0, count, TOGETHER)]
 
 
-def simulated_samples(job: SampleJob) -> list[Samples]:
+def simulated_samples(store: Path, missions: Sequence[int]) -> list[Samples]:
     """The missions of a simulated store as the networks see real dives.
 
     The twin's inputs come from a nominal vehicle whose trim and drag are identified on each
     mission, as on real ones.
     """
-    dataset = open_store(job.store)
     names = ("true_surge", "true_sway", "true_heave", "true_roll", "true_pitch")
-    truth = {name: dataset[name].values for name in names}
-    dataset.close()
-    nominal = load_calibration(start_vehicle(job.store))
+    with open_store(store) as dataset:
+        truth = {name: dataset[name].values for name in names}
+    nominal = load_calibration(start_vehicle(store))
     found = []
-    for log in load_logs(job.store, list(job.rows)):
+    for log in load_logs(store, list(missions)):
         length = len(log.depth)
         surge, sway, heave, roll, pitch = (truth[name][log.index, :length] for name in names)
         level = level_speed(surge, sway, heave, np.deg2rad(roll), np.deg2rad(pitch))
         try:
-            own = identify(
-                [log],
-                nominal,
-                parameters=("neutral_density", "drag"),
-                fixes=False,
-            )
+            own = identify([log], nominal, parameters=("neutral_density", "drag"), fixes=False)
         except InputError:
             continue  # too short, or always turning: nothing to identify
         clock = log.period * np.arange(length)
@@ -169,54 +144,17 @@ def simulated_samples(job: SampleJob) -> list[Samples]:
     return found
 
 
-@dataclasses.dataclass(frozen=True)
-class Weights:
-    """A trained network as a process can be given it."""
-
-    state: dict[str, NDArray[np.float32]]
-    scales: Normalisation
-
-    @classmethod
-    def of(cls, predictor: Predictor) -> Weights:
-        """Of a network."""
-        state = predictor.network.state_dict()
-        return cls({k: v.detach().cpu().numpy() for k, v in state.items()}, predictor.normalisation)
-
-    def predictor(self) -> Predictor:
-        """The network."""
-        config = dataclasses.replace(NETWORK, inputs=len(self.scales.features))
-        network = build_network(config)
-        network.load_state_dict(self.tensors())
-        return Predictor(network, self.scales)
-
-    def tensors(self) -> dict[str, torch.Tensor]:
-        """The weights as torch wants them."""
-        return {name: torch.from_numpy(values.copy()) for name, values in self.state.items()}
-
-
-Pretrained = dict[str, list[Weights]]
+Pretrained = dict[str, list[Predictor]]
 """Members by the kind of inputs."""
 
 
-@dataclasses.dataclass(frozen=True)
-class PretrainJob:
-    """One network to be trained on simulation."""
-
-    dives: tuple[Samples, ...]
-    kind: str
-    member: int
-    seed: int = 0
-    """of the benchmark"""
-
-
-def pretrain(job: PretrainJob) -> Weights:
+def pretrain(dives: Sequence[Samples], kind: str, member: int, seed: int = 0) -> Predictor:
     """Train one network on simulation; every fifth mission judges when to stop."""
-    missions = sorted({dive.row for dive in job.dives})
-    held = set(missions[job.member % HELD_OUT :: HELD_OUT])
-    train = [dive for dive in job.dives if dive.row not in held]
-    rest = [dive for dive in job.dives if dive.row in held]
-    seed = MEMBERS * job.seed + job.member
-    return Weights.of(fit_network(train, rest, INPUTS[job.kind], SIMULATED, seed=seed))
+    missions = sorted({dive.row for dive in dives})
+    held = set(missions[member % HELD_OUT :: HELD_OUT])
+    train = [dive for dive in dives if dive.row not in held]
+    rest = [dive for dive in dives if dive.row in held]
+    return fit_network(train, rest, INPUTS[kind], SIMULATED, seed=MEMBERS * seed + member)
 
 
 def fit_network(
@@ -226,23 +164,23 @@ def fit_network(
     config: TrainingConfig,
     *,
     seed: int,
-    start: Weights | None = None,
+    start: Predictor | None = None,
 ) -> Predictor:
-    """Train one network; from the weights and scales of `start` when there is one."""
+    """Train one network; from weights and scales of `start` when there is one."""
     if start is None:
         fitted = NormalisationFit(inputs, "surge")
         for dive in train:
             fitted.add(dive.matrix(inputs).astype(np.float32), dive.level.astype(np.float32))
         scales = fitted.result()
     else:
-        scales = start.scales
+        scales = start.normalisation
     trained = Trainer(
         NETWORK,
         dataclasses.replace(config, seed=seed),
         _sequences(train, scales),
         _sequences(validation, scales),
         target_scale=scales.target_scale,
-        start=None if start is None else start.tensors(),
+        start=None if start is None else start.network.state_dict(),
     ).run()
     return Predictor(trained.network, scales)
 
@@ -271,7 +209,7 @@ def level_of(log: Log, calibration: Calibration, pretrained: Pretrained, kind: s
     clock = log.period * np.arange(len(log.depth), dtype=np.float64)
     times = np.arange(0.5 * AVERAGE, max(clock[-1], AVERAGE), AVERAGE)
     dive = sample(log, calibration, times, np.zeros_like(times))
-    runs = [predict(weights.predictor(), [dive])[0] for weights in pretrained[kind]]
+    runs = [predict(one, [dive])[0] for one in pretrained[kind]]
     return np.interp(clock, times, np.mean(runs, axis=0))
 
 
@@ -282,7 +220,7 @@ def fit_member(
     config: TrainingConfig,
     *,
     seed: int,
-    start: Weights | None = None,
+    start: Predictor | None = None,
 ) -> Predictor:
     """One member trained on real dives, stopped early on one of its own."""
     held = (seed + 1 + member * len(train) // MEMBERS) % len(train)
@@ -305,11 +243,8 @@ def predict_dive(
     found: dict[str, list[Array]] = {}
     for kind in INPUTS:
         first = pretrained[kind]
-        found[f"{kind}zero shot"] = mean_of([one.predictor() for one in first], tests)
-        for name, config, starts in (
-            ("real", REAL, [None] * MEMBERS),
-            ("sim real", TUNED, first),
-        ):
+        found[f"{kind}zero shot"] = mean_of(first, tests)
+        for name, config, starts in (("real", REAL, [None] * MEMBERS), ("sim real", TUNED, first)):
             members = [
                 fit_member(train, kind, k, config, seed=seed, start=start)
                 for k, start in enumerate(starts)

@@ -13,9 +13,7 @@ attitude do not say their pitch: that at which the twin has the logs' rates is i
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -24,7 +22,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, TwinError
+from benchmarks import command
+from twin.errors import InputError
 from twin.identify.replayed_dive import legs_of
 from twin.records.logged import LogStore
 
@@ -124,62 +123,32 @@ def matching_pitch(pitch: Sequence[float], have: Sequence[float], wanted: float)
     return float(np.interp(wanted, rate, angle, left=math.nan, right=math.nan))
 
 
-def compare(
-    store: Path, vehicle: str, pitches: Sequence[float], speed: float
-) -> tuple[list[dict[str, object]], dict[str, float]]:
-    """Rows of the logs and of the twin, and the pitch of the twin with the logs' rates."""
+def main(
+    store: command.Positional[Path],
+    *,
+    vehicle: str = "tethys",
+    pitch: tuple[float, ...] = (10.0, 15.0, 20.0),
+    speed: float = 1.0,
+    json: bool = False,
+) -> None:
+    """Print the rates of the logs and of the twin, and its pitch at the logs' rates.
+
+    Args:
+      speed: [m/s] through the water.
+    """
     real = logged(store)
+    twins = [flown(vehicle, one, speed, real.top, real.bottom) for one in pitch]
     rows = [real.row(store.name)]
-    twins = []
-    for pitch in pitches:
-        twins.append(flown(vehicle, pitch, speed, real.top, real.bottom))
-        rows.append(twins[-1].row(f"{vehicle}, {pitch:g} deg"))
+    rows += [t.row(f"{vehicle}, {one:g} deg") for one, t in zip(pitch, twins, strict=True)]
     match = {
         way: matching_pitch(
-            pitches,
-            [float(np.median(getattr(one, way))) for one in twins],
+            pitch, [float(np.median(getattr(one, way))) for one in twins],
             float(np.median(getattr(real, way))),
         )
         for way in ("down", "up")
-    }
-    return rows, match
-
-
-def main(words: Sequence[str] | None = None) -> int:
-    """Entry point."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("store", type=Path)
-    parser.add_argument("--vehicle", default="tethys")
-    parser.add_argument("--pitch", type=float, nargs="+", default=[10.0, 15.0, 20.0])
-    parser.add_argument("--speed", type=float, default=1.0, help="m/s through the water")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args(words)
-    try:
-        rows, match = compare(options.store, options.vehicle, options.pitch, options.speed)
-    except TwinError as error:
-        print(f"yo_yos: error: {error}", file=sys.stderr)
-        return error.exit_code
-    if options.json:
-        print(json.dumps({"rows": rows, "matching_pitch_deg": match}))
-        return 0
-    for row in rows:
-        print(
-            f"{row['of']!s:30} "
-            + "  ".join(
-                f"{way} {row[f'{way} [m/s]']:.3f} m/s "
-                f"({row[f'{way}, quartiles'][0]:.3f} to {row[f'{way}, quartiles'][1]:.3f}, "  # type: ignore[index]
-                f"{row[f'legs {way}']} legs)"
-                for way in ("down", "up")
-            )
-        )
-    print(
-        f"the twin has the logs' rates at a pitch of {match['down']:.1f} degree down and "
-        f"{match['up']:.1f} degree up"
-    )
-    return 0
+    }  # fmt: skip
+    command.say({"rows": rows, "matching_pitch_deg": match}, rows, [match], json=json)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(command.run(main))

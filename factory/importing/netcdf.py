@@ -53,9 +53,12 @@ for line in sys.stdin:
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
         self._passed: set[tuple[str, int, int]] = set()
+        self._owner = os.getpid()
+        self._others: subprocess.Popen[str] | None = None
 
     def passes(self, path: Path) -> bool:
         """Tell whether the process comes back from the file, with an error or without."""
+        self._leave()
         stat = path.stat()
         key = str(path.resolve()), stat.st_size, stat.st_mtime_ns
         with self._lock:
@@ -87,8 +90,15 @@ for line in sys.stdin:
             return False
         return True
 
+    def _leave(self) -> None:
+        """Leave the process to the parent in a fork: nobody else can wait for it."""
+        if self._owner != os.getpid():
+            self._owner, self._lock = os.getpid(), threading.Lock()
+            self._others, self._process = self._process, None
+
     def end(self) -> None:
         """End the process; the next file begins another."""
+        self._leave()
         if self._process is not None:
             self._process.communicate()
             self._process = None

@@ -12,7 +12,7 @@ import pytest
 import factory.importing
 from benchmarks import fuzz
 from benchmarks.damage import COLUMNS, OPERATIONS, read_columns, write_columns
-from benchmarks.verdict import UNDAMAGED, Mutant, Verdict, judge
+from benchmarks.fuzz import UNDAMAGED, Mutant, Verdict, judge
 from factory.importing import IMPORTERS
 from factory.importing.tally import Entry
 from twin.errors import InputError
@@ -31,7 +31,7 @@ KEPT = json.loads(fuzz.CORPUS.read_text())
 @pytest.fixture(scope="module")
 def verdicts():
     """Verdicts by name: undamaged logs of every layout, fresh mutants, and those that are kept."""
-    given = [*fuzz.mutants(FRESH, 3), *map(Mutant.parse, KEPT)]
+    given = [*fuzz.drawn(FRESH, 3), *map(Mutant.parse, KEPT)]
     found = {one.mutant.name: one for one in fuzz.run(given)}
     assert set(found) == {mutant.name for mutant in given}
     return found
@@ -48,7 +48,7 @@ def test_undamaged_logs_of_every_importer_are_read(verdicts):
 
 
 def test_every_operation_reaches_every_layout_that_it_can():
-    every = {(one.layout, one.operation) for one in fuzz.mutants(len(OPERATIONS) * 20, 1)}
+    every = {(one.layout, one.operation) for one in fuzz.drawn(len(OPERATIONS) * 20, 1)}
     for layout in fuzz.LAYOUTS:
         done = {operation for name, operation in every if name == layout}
         assert set(OPERATIONS) - done <= set(COLUMNS)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.command import markdown
 from benchmarks.figures import load
 from benchmarks.health import (
     OURS,
@@ -16,7 +17,6 @@ from benchmarks.health import (
     of_confusion,
     of_vehicles,
     sound_days,
-    table,
 )
 
 
@@ -66,7 +66,7 @@ def test_an_interval_of_no_alarms_and_of_some():
 
 
 def test_tables_are_markdown():
-    assert table(["a", "b"], [[1, "x"]]) == "| a | b |\n| --- | --- |\n| 1 | x |"
+    assert markdown(["a", "b"], [[1, "x"]]) == "| a | b |\n| --- | --- |\n| 1 | x |"
     ones = [
         judged(np.full(9, 4.0), onset=0, seen=0, truth="fouling", kind=kind)
         for kind in ("attached", "fouling", "fouling")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.histories import DONE, KINDS, Ground, fault_of, fork, generate, wait
+from benchmarks.histories import KINDS, Ground, fault_of, generate
+from benchmarks.processes import done
 
 NEEDS_DASK = pytest.mark.skipif(find_spec("distributed") is None, reason="needs dask.distributed")
 MARKS = {"dask": NEEDS_DASK, "watch": pytest.mark.skip(reason="takes a minute")}
@@ -26,7 +27,7 @@ def test_no_kill_loses_anything(ground: Ground, kind: str) -> None:
 def test_a_store_that_is_not_the_same_is_noticed(ground: Ground, tmp_path: Path) -> None:
     store = tmp_path / "missions.zarr"
     assert fault_of(ground, store) == "there is no store"
-    assert wait(fork(lambda: generate(ground.recipe, store, workers=1))) == DONE
+    assert done(lambda: generate(ground.recipe, store, workers=1))
     (tmp_path / ".missions.zarr.writing-1").mkdir()
     assert fault_of(ground, store) == "left .missions.zarr.writing-1"
     (store / "zarr.json").write_bytes(b"{}")

@@ -12,7 +12,7 @@ from benchmarks.real_logs import left_out
 from benchmarks.real_logs.left_out import Labelled
 from benchmarks.real_logs.row import Method, Row, pooled_draws, rmse
 from benchmarks.real_logs.source import Deployment, imported
-from benchmarks.real_logs.surge_networks import INPUTS, TUNED, Pretrained, Weights, fit_network
+from benchmarks.real_logs.surge_networks import INPUTS, TUNED, Pretrained, fit_network
 from factory.samples import Flight, write_csv
 from factory.samples.gliders import write_slocum
 
@@ -72,7 +72,7 @@ def test_velocities_of_the_deployment_that_is_scored_teach_nothing(
     dives = [dive for one in labelled for dive in one.dives]
     short = dataclasses.replace(TUNED, epochs=2, validations=1)
     first = fit_network(dives, dives[:1], INPUTS[left_out.ON_TWIN], short, seed=0)
-    networks: Pretrained = {left_out.ON_TWIN: [Weights.of(first)] * 3}
+    networks: Pretrained = {left_out.ON_TWIN: [first] * 3}
     job, other = left_out.jobs(labelled, networks)
     before = predicted(job)
     assert len(before) == 5

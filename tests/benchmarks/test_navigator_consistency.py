@@ -10,7 +10,7 @@ import pytest
 
 import factory
 import learn
-from benchmarks import navigator_consistency
+from benchmarks import command, navigator_consistency
 from factory.sampling.conditions import build_current, origin
 from factory.sampling.draw import Parameters, draw_values
 from factory.sampling.parameters import declared, parameter_table
@@ -92,7 +92,7 @@ def store(tmp_path_factory):
 
 
 def printed(capsys, *words: object) -> dict[str, float]:
-    assert navigator_consistency.main([*map(str, words), "--json"]) == 0
+    assert command.run(navigator_consistency.main, [*map(str, words), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import sys
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import xarray as xr
-from examples import ROOT, needs_docs
+from examples import needs_docs
 
+from benchmarks.dead_reckoning import public_logs as public
+from benchmarks.dead_reckoning import results
 from twin.errors import InputError
 
 SAMPLES = 200
@@ -20,26 +20,17 @@ PITCH = np.deg2rad(-24.0)
 SURGE, HEAVE = 0.3, 0.012
 
 
-@pytest.fixture(autouse=True)
-def _repository() -> Iterator[None]:
-    sys.path.insert(0, str(ROOT))
-    yield
-    sys.path.remove(str(ROOT))
-
-
 def glide(index: int, *, pitch: tuple[float, float] = (1.0, 0.0)):
     """A steady dive at 0.3 m/s with its truth, whose pitch sensor has a scale and an offset.
 
     Its truth is wrong in the first 5 m, where a profiler is not believed.
     """
-    from benchmarks.dead_reckoning.public_logs import PERIOD, LoggedDive
-
     down = -SURGE * np.sin(PITCH) + HEAVE * np.cos(PITCH)
     ones = np.ones(SAMPLES)
-    depth = 2.0 + down * PERIOD * np.arange(SAMPLES)
-    return LoggedDive(
+    depth = 2.0 + down * public.PERIOD * np.arange(SAMPLES)
+    return public.LoggedDive(
         index,
-        1e9 + 1e4 * index + PERIOD * np.arange(SAMPLES),
+        1e9 + 1e4 * index + public.PERIOD * np.arange(SAMPLES),
         {
             "measured_depth": depth,
             "measured_roll": 0.0 * ones,
@@ -64,8 +55,6 @@ def said(factor: float, dives: int) -> xr.Dataset:
 @pytest.mark.parametrize("pitch", [(1.0, 0.0), (0.86, -0.004)])
 def test_a_scale_error_of_the_speed_is_the_error_of_the_way(pitch, monkeypatch, tmp_path):
     """Against an ADCP in the store, and against a Doppler log's speed in a file."""
-    from benchmarks.dead_reckoning import public_logs as public
-
     level = SURGE * np.cos(PITCH) + HEAVE * np.sin(PITCH)
     dives = [glide(k, pitch=pitch) for k in range(3)]
     monkeypatch.setattr(public, "dives_of", lambda *_: dives)
@@ -107,8 +96,6 @@ def test_a_scale_error_of_the_speed_is_the_error_of_the_way(pitch, monkeypatch, 
 
 
 def test_files_are_those_that_were_published(tmp_path):
-    from benchmarks.dead_reckoning import public_logs as public
-
     for one in public.deployments():
         assert one.address.startswith("https://")
         assert one.address.endswith("/")
@@ -126,8 +113,6 @@ def test_files_are_those_that_were_published(tmp_path):
 
 
 def test_what_is_to_be_fetched_is_a_file_of_curl(capsys):
-    from benchmarks.dead_reckoning import public_logs as public
-
     assert public.main() == 0
     lines = [x for x in capsys.readouterr().out.splitlines() if not x.startswith("#")]
     assert len(lines) == 2 * sum(len(one.files) for one in public.deployments())
@@ -136,8 +121,6 @@ def test_what_is_to_be_fetched_is_a_file_of_curl(capsys):
 
 
 def test_files_of_results_make_the_page(tmp_path):
-    from benchmarks.dead_reckoning import results
-
     figures = {
         "dr_velocity_percent": 0.4, "low": 0.3, "high": 0.5, "surge_mse": 1e-5, "missions": 9.0,
         "worse": 0.0,
@@ -175,8 +158,6 @@ def test_files_of_results_make_the_page(tmp_path):
 
 @needs_docs
 def test_the_page_has_what_the_files_say():
-    from benchmarks.dead_reckoning import results
-
     text = results.PAGE.read_text(encoding="utf-8")
     assert results.page(text) == text, "run `python -m benchmarks.dead_reckoning.results`"
     assert set(results.tables()) == set(results.TIERS)

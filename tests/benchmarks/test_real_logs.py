@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from logs import SHARED
 
+from benchmarks import command
 from benchmarks.real_logs import dvl
-from benchmarks.real_logs.__main__ import PROGRAM
+from benchmarks.real_logs.__main__ import main
 from benchmarks.real_logs.folds import blocks, thinned
-from benchmarks.real_logs.page import chart, keep, kept
 from benchmarks.real_logs.public import SteadyModel, fit_steady, kinematic
-from benchmarks.real_logs.row import Row, figures, published_rows, rmse
+from benchmarks.real_logs.row import Row, figures, keep, kept, published_rows, rmse
 from benchmarks.real_logs.run import SECTIONS, TASKS, run_benchmark
 from benchmarks.real_logs.samples import AVERAGE, averaged, level_speed, ridge
 from benchmarks.real_logs.source import gather, imported
@@ -157,34 +157,21 @@ def test_one_section_alone_leaves_the_other_rows_of_the_file(
 
     monkeypatch.setattr("benchmarks.real_logs.run.run_benchmark", judged)
     options = ["--only", "speed", "--keep", str(tmp_path / "rows.json")]
-    assert PROGRAM.main(["real_logs", str(tmp_path), *options]) == 0
+    assert command.run(main, [str(tmp_path), *options]) == 0
     assert asked["only"] == ("speed",)
     values = {row.task: row.value for row in kept(tmp_path / "rows.json")}
     assert values == {task: 2.0 if task in SECTIONS["speed"] else 1.0 for task in tasks}
-    assert PROGRAM.main(["real_logs", str(tmp_path), "--only", "fixs"]) == 2
+    assert command.run(main, [str(tmp_path), "--only", "fixs"]) == 2
     assert "did you mean 'fixes'" in capsys.readouterr().err
-
-
-def test_the_chart_has_a_bar_for_each_method() -> None:
-    rows = [
-        Row(task="speed", data="a", method=f"m{k}", kind=kind, value=0.01 * (k + 1))
-        for k, kind in enumerate(("twin", "published", "network"))
-    ]
-    axes = chart(rows).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["m2", "m1", "m0"]
-    assert [text.get_text() for text in axes.texts] == ["0.03", "0.02", "0.01"]
 
 
 def test_the_command_prints_one_object_with_every_task(tmp_path: Path, capsys) -> None:
     logs_folder(tmp_path / "data")
-    options = ["--no-networks", "--workers", "1", "--json", "--out", str(tmp_path / "page")]
-    code = PROGRAM.main(["real_logs", str(tmp_path / "data"), *options])
+    options = ["--no-networks", "--workers", "1", "--json"]
+    code = command.run(main, [str(tmp_path / "data"), *options])
     said = capsys.readouterr()
     assert code == 0, said.err
     answer = json.loads(said.out)
-    page = Path(answer["page"]).read_text()
-    assert all(row["task"] in page and row["data"] in page for row in answer["rows"])
-    assert "w/tan(pitch + 3 deg)" in page
     tasks = {row["task"] for row in answer["rows"]}
     assert {"speed through the water", "depth rate", "dead reckoning between fixes"} <= tasks
     simple = next(
@@ -203,7 +190,7 @@ def test_the_twin_knows_the_speed_of_the_comet(tmp_path: Path) -> None:
     if not folder.is_dir():
         pytest.skip("the comet's logs are absent")
     (deployment,) = imported(folder, "slocum", tmp_path)
-    rows = {row.method: row for row in dvl.rows_of(dvl.DvlJob(deployment, None))}
+    rows = {row.method: row for row in dvl.rows_of(deployment, None)}
     compared = [row for row in rows.values() if row.kind != "published"]
     assert {row.samples for row in compared} == {2504}
     twin, steady = rows["twin, corrected pitch"], rows["steady flight model, corrected pitch"]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import pytest
 
 pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
@@ -14,8 +12,7 @@ from benchmarks import one_scene, vector_env
 def test_rates_stand_beside_their_limit(monkeypatch, capsys):
     monkeypatch.setattr(vector_env, "ROUNDS", 1)
     monkeypatch.setattr(vector_env, "SECONDS", 0.01)
-    monkeypatch.setattr(sys, "argv", ["vector_env", "--vehicles", "8", "--lanes", "9"])
-    vector_env.main()
+    vector_env.main(vehicles=8, lanes=9)
     head, columns, *rows = capsys.readouterr().out.splitlines()
     assert "8 vehicles" in head
     assert "9 in lanes" in head

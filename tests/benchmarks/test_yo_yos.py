@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from logs import SHARED, stored
 
+from benchmarks import command
 from benchmarks.real_logs import yo_yos
 from factory.importing import import_logs
 from factory.samples import Flight
@@ -53,13 +54,13 @@ def test_the_command_prints_logs_and_twin(
     flight = Flight(depth=40.0, speed=1.0, pitch=15.0, surface=600.0, step=2.0)
     stored(tmp_path / "shore.zarr", "lrauv", [write_mat(tmp_path / "log.mat", flight)])
     words = [str(tmp_path / "shore.zarr"), "--vehicle", "tethys", "--pitch", "12", "18", "--json"]
-    assert yo_yos.main(words) == 0
+    assert command.run(yo_yos.main, words) == 0
     answer = json.loads(capsys.readouterr().out)
     logs, gentle, steep = answer["rows"]
     assert logs["down [m/s]"] == pytest.approx(math.sin(math.radians(15.0)), rel=0.1)
     assert gentle["down [m/s]"] < logs["down [m/s]"] < steep["down [m/s]"]
     assert 12.0 < answer["matching_pitch_deg"]["down"] < 18.0
-    assert yo_yos.main([str(tmp_path / "none.zarr")]) == 2
+    assert command.run(yo_yos.main, [str(tmp_path / "none.zarr")]) == 2
     assert "none.zarr" in capsys.readouterr().err
 
 

@@ -11,8 +11,7 @@ pytestmark = needs_docs
 def test_every_table_stands_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """`python -m benchmarks.real_logs FOLDER --keep` wrote what the page shows."""
     monkeypatch.syspath_prepend(str(ROOT))
-    from benchmarks.real_logs.page import kept, markdown
-    from benchmarks.real_logs.row import NOT_COMPARED
+    from benchmarks.real_logs.row import NOT_COMPARED, kept, markdown
 
     rows = kept()
     tasks = dict.fromkeys(row.task for row in rows if row.kind not in NOT_COMPARED)

@@ -1,8 +1,8 @@
 """Nothing moves unsaid: the arrays of an hour of each preset are those of this physics.
 
 A change on purpose counts up `PHYSICS_VERSION` and keeps the new hashes
-(`python -m benchmarks.unchanged_arrays --write`); docs/physics/versions.md shows it. Ten hours of
-each are compared by `python -m benchmarks.unchanged_arrays`. Another version of MuJoCo, numba or
+(`python -m benchmarks.arrays --write`); docs/physics/versions.md shows it. Ten hours of
+each are compared by `python -m benchmarks.arrays`. Another version of MuJoCo, numba or
 numpy may change last bits; with the pinned ones a difference is a changed simulation.
 """
 

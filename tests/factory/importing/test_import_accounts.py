@@ -29,15 +29,15 @@ def test_an_import_keeps_times_and_fixes_of_the_raw_files(kind, write, fixes, tm
         pytest.importorskip("dbdreader")
     write(tmp_path, FLIGHT)
     found = account(kind, tmp_path, None)
-    assert found.refused == ""
-    assert found.rows == FLIGHT.dives
-    assert found.problems == 0
-    assert found.time_error_s < 1e-3
-    assert found.fixes_compared == fixes
+    assert found["refused"] == ""
+    assert found["rows"] == FLIGHT.dives
+    assert found["problems"] == 0
+    assert found["time_error_s"] < 1e-3
+    assert found["fixes_compared"] == fixes
     if fixes:
-        assert found.fix_error_m < 1e-3
-    assert found.read > 3
-    assert f"| {found.log} | {kind} | 3, {fixes // 2} |" in table([found])
+        assert found["fix_error_m"] < 1e-3
+    assert found["read"] > 3
+    assert f"| {found['log']} | {kind} | 3, {fixes // 2} |" in table([found])
 
 
 @pytest.mark.parametrize(
@@ -94,5 +94,5 @@ def test_what_the_raw_files_contradict_is_told(tmp_path):
 def test_a_refused_log_has_its_reason(tmp_path):
     (tmp_path / "a.nc").write_bytes(b"nothing")
     found = account("ngdac", tmp_path, None)
-    assert "a.nc" in found.refused
+    assert "a.nc" in found["refused"]
     assert "refused: " in table([found])

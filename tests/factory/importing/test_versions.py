@@ -3,7 +3,9 @@ parts that end early, libraries that never come back."""
 
 import dataclasses
 import datetime
+import multiprocessing
 import shutil
+import warnings
 
 import netCDF4
 import numpy as np
@@ -227,6 +229,21 @@ def test_a_file_from_which_its_library_does_not_come_back(tmp_path, monkeypatch,
     with open_netcdf(other) as file:
         assert "TIME" in file.variables
     trial.end()
+
+
+def test_a_fork_tries_files_by_a_process_of_its_own(tmp_path):
+    path, other = (write_og1(tmp_path / name, FLIGHT) for name in ("a.nc", "b.nc"))
+    with open_netcdf(path):
+        pass
+    context = multiprocessing.get_context("fork")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads
+        process = context.Process(target=netcdf._trial.passes, args=(other,))
+        process.start()
+    process.join(60.0)
+    assert process.exitcode == 0
+    with open_netcdf(other):
+        pass
 
 
 def test_no_module_of_the_folder_is_imported(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def gallery():
-    spec = importlib.util.spec_from_file_location("gallery", ROOT / "scripts" / "gallery.py")
+    spec = importlib.util.spec_from_file_location("tutorials", ROOT / "scripts" / "tutorials.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -53,21 +53,18 @@ def test_pictures_are_small_and_open():
     assert sum(sizes) < LARGEST_SUM
 
 
-def test_a_page_without_commands_is_an_error(tmp_path, monkeypatch, capsys):
-    module = gallery()
-    monkeypatch.setattr(module, "ROOT", tmp_path)
+def test_a_page_without_commands_is_an_error(tmp_path):
     (tmp_path / "page.md").write_text("```sh\nfalse\n```\n")
-    assert module.main(["page.md"]) == 1
-    assert "sh gallery" in capsys.readouterr().err
+    with pytest.raises(RuntimeError, match="sh gallery"):
+        gallery().show(tmp_path / "page.md")
 
 
-def test_the_first_failure_ends_it(tmp_path, monkeypatch):
-    module = gallery()
-    monkeypatch.setattr(module, "ROOT", tmp_path)
+def test_the_first_failure_ends_it(tmp_path):
     (tmp_path / "page.md").write_text(
         "```sh gallery\ntouch a\n```\n\n```sh gallery\nexit 3\ntouch b\n```\n"
     )
-    assert module.main(["page.md"]) == 3
+    with pytest.raises(RuntimeError, match="ended with 3"):
+        gallery().show(tmp_path / "page.md", tmp_path)
     assert (tmp_path / "a").exists()
     assert not (tmp_path / "b").exists()
 
