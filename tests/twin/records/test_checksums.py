@@ -16,7 +16,6 @@ from twin.records.storage.checksums import (
     ZARR_LIST,
     FileSum,
     damaged_files,
-    file_sum,
     has_checksums,
     read_checksums,
     write_checksums,
@@ -103,13 +102,6 @@ def test_a_folder_without_a_list_says_so(tmp_path):
     assert not has_checksums(tmp_path)
     with pytest.raises(StoreError, match="has no list of checksums"):
         list(damaged_files(tmp_path))
-
-
-def test_sums_that_are_known_are_not_read_again(plain):
-    given = FileSum(1, "0" * 64)
-    write_checksums(plain, {"a/one.bin": given})
-    assert read_checksums(plain)["a/one.bin"] == given
-    assert read_checksums(plain)["two.txt"] == file_sum(plain / "two.txt")
 
 
 @pytest.mark.parametrize("consolidated", [None, True, False])

@@ -9,7 +9,6 @@ from twin.records.schema import variable
 from twin.records.storage.checksums import ZARR_LIST, damaged_files, read_checksums
 from twin.records.storage.sharded import (
     DTYPE,
-    ArrayMeta,
     ShardedStore,
     ShardWriter,
     fast_pipeline,
@@ -68,10 +67,7 @@ def write(path):
         "word": (np.array(["a", "é"] * 35, np.dtypes.StringDType()), "mission", {}),
     }
     for name, (array, dimension, attributes) in numbers.items():
-        meta = ArrayMeta(array.shape, array.dtype, (dimension,), attributes)
-        step = SHARD if dimension == "mission" else len(array)
-        for number, first in enumerate(range(0, len(array), step)):
-            store.write_rows(name, number, array[first : first + step], meta)
+        store.write_rows(name, (dimension,), array, attributes)
     declared = {name: (DTYPE, variable(name).stored_attributes()) for name in signals}
     store.finish(declared, {"seed": 1})
     sums = store.sums
