@@ -46,7 +46,7 @@ CURRENTS: Registry[Any] = Registry(
     compiled=True,
     check_shipped=False,
 )
-"""Kinds of current; the shipped ones in the order of their numbers in compiled programs."""
+"""Kinds of current. A class may set `code`, its number in compiled programs."""
 
 SENSORS: Registry[Any] = Registry(
     "sensor",
@@ -135,7 +135,7 @@ FEATURES: Registry[Any] = Registry(
     folder="twin/navigation/features",
     base="twin.navigation.features.Feature",
     page="howto/extending.md#a-feature",
-    shipped={name: f"twin.navigation.features.sensed:{name.upper()}" for name in _FEATURES.split()},
+    shipped={n: f"twin.navigation.features.selection:{n.upper()}" for n in _FEATURES.split()},
     words=("group", "unit"),
     objects=True,
     check_shipped=False,

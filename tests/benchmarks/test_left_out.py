@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import Flight, write_csv, write_slocum
 
 from benchmarks.real_logs import left_out
 from benchmarks.real_logs.left_out import Labelled
 from benchmarks.real_logs.row import Method, Row, pooled_draws, rmse
 from benchmarks.real_logs.source import Deployment, imported
 from benchmarks.real_logs.surge_networks import INPUTS, TUNED, Pretrained, Weights, fit_network
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import write_slocum
 
 FLIGHTS = {"one": Flight(dives=5, depth=90.0), "two": Flight(dives=5, depth=90.0, speed=0.3)}
 

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 from examples import ROOT, needs_docs, run
-from logs import LATITUDE, LONGITUDE, Flight, write_slocum
 
 from factory.__main__ import PROGRAM as FACTORY
+from factory.samples import LATITUDE, LONGITUDE, Flight
+from factory.samples.gliders import write_slocum
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
 

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from logs import Flight, slocum_columns, write_slocum
 
 import twin
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import slocum_columns, write_slocum
 from glider_twin_ops.health import CHANNELS, answer_for
 from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.pages import write_health
@@ -68,7 +69,7 @@ def test_the_command_answers_by_json(store, capsys):
 
 
 def test_a_vehicle_of_another_kind_than_the_log_is_warned_of(store, capsys, monkeypatch):
-    monkeypatch.setattr("twin.identify.start_values._kind", lambda _: "seaglider")
+    monkeypatch.setattr("twin.identify.logged_missions._kind", lambda _: "seaglider")
     assert PROGRAM.main(["health", str(store), "--vehicle", "slocum-200"]) == 0
     assert "is of another kind" in capsys.readouterr().err
 
