@@ -114,7 +114,7 @@ Array = tuple[str, NDArray[Any], Mapping[str, Any]]
 
 def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator[Array]:
     """What a store keeps of all its missions, but for what its plan says and what says nothing."""
-    counted = {
+    counted: dict[str, NDArray[Any]] = {
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
     }
@@ -204,19 +204,21 @@ class Marker(NamedTuple):
         """Read a marker; raises ValueError, KeyError or TypeError where the file is damaged."""
         if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
             raise ValueError("it does not have its own digest")
-        number, recipe, files, missions, versions = json.loads(data[DIGEST:])
+        shard, recipe, files, missions, versions = json.loads(data[DIGEST:])
         flown = [
             FlownMission(
-                *counts,
+                number,
+                attempt,
+                samples,
                 Parameters(**{**made, "segments": tuple(made["segments"])}),
                 place,
                 sensors,
                 tuple(FailedAttempt(*one) for one in failures),
             )
-            for *counts, made, place, sensors, failures in missions
+            for number, attempt, samples, made, place, sensors, failures in missions
         ]
         sums = {key: FileSum(*one) for key, one in files.items()}
-        return cls(number, recipe, sums, flown, versions)
+        return cls(shard, recipe, sums, flown, versions)
 
 
 def read_marker(job: Job, number: int) -> Marker | None:
