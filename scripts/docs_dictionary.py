@@ -17,13 +17,15 @@ sys.path.insert(0, str(ROOT))
 
 from docs_markdown import escaped, table  # noqa: E402
 
-from factory.generation.bookkeeping import (  # noqa: E402
+from factory.generation.completion import (  # noqa: E402
+    FAILED,
+    FAILURE,
     LENGTH,
+    PLANNED,
     SEGMENT,
     SENSOR_PREFIX,
     constant_attributes,
-)  # fmt: skip
-from factory.generation.completion import FAILED, FAILURE, PLANNED  # noqa: E402
+)
 from factory.importing.dives.dive_rows import NUMBERS, OF_ROWS  # noqa: E402
 from factory.importing.payload import KNOWN  # noqa: E402
 from factory.sampling.distribution import Choice, Parameter, parse_distribution  # noqa: E402

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from factory.generation.generation import generate
-from factory.generation.target import unfinished
+from factory.generation.job import unfinished
 from factory.sampling.distribution import Parameter
 from factory.sampling.draw import Parameters, draw_parameters
 from factory.sampling.parameters import declared, override, parameter_table

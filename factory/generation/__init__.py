@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from factory.generation.generation import Summary as Summary
     from factory.generation.generation import Watcher as Watcher
     from factory.generation.generation import generate as generate
+    from factory.generation.job import unfinished as unfinished
     from factory.generation.parts import StorePart as StorePart
     from factory.generation.parts import finish as finish
     from factory.generation.parts import generate_part as generate_part
     from factory.generation.parts import hours_of as hours_of
     from factory.generation.parts import parse_part as parse_part
     from factory.generation.parts import slurm_part as slurm_part
-    from factory.generation.target import unfinished as unfinished
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

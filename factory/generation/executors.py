@@ -56,15 +56,13 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
     children = multiprocessing.active_children()
     try:
         yield executor
-    except BaseException:
-        try:  # each worker finishes its shard, and the others are dropped
-            executor.shutdown(wait=True, cancel_futures=True)
+    finally:
+        try:  # after an error each worker finishes its shard, and the others are dropped
+            executor.shutdown(cancel_futures=True)
         except KeyboardInterrupt:
             for child in children:
                 child.kill()
             raise
-        raise
-    executor.shutdown()
 
 
 def _begin() -> None:

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from factory.generation.bookkeeping import SENSOR_PREFIX, UNUSED_CODE, FailedAttempt
 from factory.generation.completion import (
     FAILED_ATTEMPT,
     FAILED_MISSION,
     FAILED_REASON,
     FAILED_TIME,
+    SENSOR_PREFIX,
+    UNUSED_CODE,
+    FailedAttempt,
 )
 from factory.sampling.distribution import Distribution, Fixed, Parameter, Value, parse_distribution
 from factory.sampling.draw import Parameters
@@ -40,14 +42,10 @@ from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.schema import MISSION
 from twin.records.storage.store_path import StorePath
-from twin.records.store import read_array
 from twin.sensors import SensorSuite
 
 if TYPE_CHECKING:
     from factory.sampling.fly import GivenCurrent
-
-ROWS = 65_536
-"""Missions of an array that is no signal that are read at a time"""
 
 
 class GeneratedStore(MissionStore):
@@ -59,8 +57,7 @@ class GeneratedStore(MissionStore):
 
     def __init__(self, path: str | StorePath):
         super().__init__(path)
-        self._read: dict[str, tuple[int, NDArray[Any]]] = {}
-        """the piece of each array that was read last, and its number"""
+        self._read: dict[str, NDArray[Any]] = {}
         if self.logged:
             raise StoreError(
                 f"store {self.path} holds logs of real vehicles, which cannot be flown again; "
@@ -143,15 +140,10 @@ class GeneratedStore(MissionStore):
         return int(self._at(ATTEMPT, mission))
 
     def _at(self, name: str, mission: int) -> Any:
-        """Value of a per-mission array; ROWS missions are read together, since reading the whole
-        array for each would take squared time."""
-        number, row = divmod(mission, ROWS)
-        if name not in self._read or self._read[name][0] != number:
-            if name not in self.dataset.variables:
-                raise StoreError(f"store {self.path} lacks the array {name!r}")
-            some = self.dataset[[name]].isel({MISSION: slice(number * ROWS, (number + 1) * ROWS)})
-            self._read[name] = number, read_array(some, name, self.path)
-        return self._read[name][1][row]
+        """Value of a per-mission array, which is kept once it is read."""
+        if name not in self._read:
+            self._read[name] = self.array(name)
+        return self._read[name][mission]
 
     def parameters(self, mission: int) -> Parameters:
         """What the mission was made of.

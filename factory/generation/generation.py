@@ -11,7 +11,7 @@ How a store is made:
 - Marker. Then it leaves the shard's marker. A run flies the shards that have none, so that a kill
   at any moment costs the shards that were being flown.
 - Finish. `complete` writes from the markers what is not in the shards, the metadata last, and
-  `give_name` gives the store its name in one step.
+  `Job.give_name` gives the store its name in one step.
 """
 
 from __future__ import annotations
@@ -28,10 +28,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from factory.generation.completion import complete, note
+from factory.generation.completion import (
+    complete,
+    failures_in,
+    finished,
+    note,
+)
 from factory.generation.executors import local_pool
-from factory.generation.job import Job, finished, locked
-from factory.generation.target import check_target, failures_in, give_name
+from factory.generation.job import Job, check_target, locked
 from factory.sampling.draw import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import StoreError, TwinError
@@ -43,10 +47,6 @@ if TYPE_CHECKING:
     from twin.records.storage.sharded import AnyStore
 
 
-WAITING = 4
-"""Shards for each worker that wait at the executor: it never runs dry, and holds few at a time"""
-UNKNOWN_WORKERS = 64
-"""Shards that wait at an executor that does not say how many workers it has"""
 Watcher = Callable[[float, int], None]
 """Called with the hours [h] of a finished mission and the attempts that it needed beyond one."""
 
@@ -118,23 +118,21 @@ def generate(
         with locked(store):
             if check_target(recipe, store, resume=resume, overwrite=overwrite, alone=True):
                 job.clear()
-                return summary_of(job, begun, [], failures_in(store))
+                return _summary(job, begun, [])
             job.begin()
             job.sweep()
             note(store, recipe, history)
             shards = missing_shards(job, job.layout.shards, watch)
             with contextlib.ExitStack() as pool:
-                waiting = UNKNOWN_WORKERS
                 if executor is None and shards:
                     recipe.warm()
                     most = min(workers or processors(), len(shards))
                     executor = pool.enter_context(local_pool(most, fork=job.local))
-                    waiting = WAITING * most
-                for shard, failures in _flown(executor, job, shards, waiting):
+                for shard, failures in _flown(executor, job, shards):
                     report_shard(job, shard, failures, watch)
-            failed = complete(job)
-            give_name(job)
-    return summary_of(job, begun, shards, failed)
+            complete(job)
+            job.give_name()
+    return _summary(job, begun, shards)
 
 
 @contextlib.contextmanager
@@ -177,33 +175,25 @@ def fly(job: Job, shard: int) -> tuple[int, ...]:
 
 
 def _flown(
-    pool: Executor | None, job: Job, shards: list[int], waiting: int
+    pool: Executor | None, job: Job, shards: Sequence[int]
 ) -> Iterator[tuple[int, tuple[int, ...]]]:
     """Have shards flown; yields each as it is kept, in any order, with its failures."""
-    todo = iter(shards)
     flying: dict[Future[tuple[int, ...]], int] = {}
-    while True:
-        for shard in todo:
+    try:
+        for shard in shards:
             assert pool is not None
             flying[pool.submit(fly, job, shard)] = shard
-            if len(flying) >= waiting:
-                break
         load_zarr()  # while others fly
-        if not flying:
-            return
-        first = concurrent.futures.FIRST_COMPLETED
-        for future in concurrent.futures.wait(flying, return_when=first).done:
-            try:
-                yield flying.pop(future), future.result()
-            except BrokenProcessPool as error:
-                raise TwinError(
-                    "a worker process ended abruptly; too little memory is the usual reason. "
-                    "Finished shards are kept: --resume goes on from them, with fewer --workers "
-                    "if need be"
-                ) from error
+        for future in concurrent.futures.as_completed(flying):
+            yield flying[future], future.result()
+    except BrokenProcessPool as error:
+        raise TwinError(
+            "a worker process ended abruptly; too little memory is the usual reason. Finished "
+            "shards are kept: --resume goes on from them, with fewer --workers if need be"
+        ) from error
 
 
-def summary_of(job: Job, begun: float, flown: Iterable[int], failed: int) -> Summary:
+def _summary(job: Job, begun: float, flown: Iterable[int]) -> Summary:
     """Summary of a run that began at `begun` [s] of `perf_counter` and flew some shards."""
     plan, layout = job.recipe.plan, job.layout
     missions = [mission for shard in flown for mission in layout.missions_of(shard)]
@@ -213,7 +203,7 @@ def summary_of(job: Job, begun: float, flown: Iterable[int], failed: int) -> Sum
         hours=plan.hours,
         flown=len(missions),
         flown_hours=sum(plan.durations_s[mission] for mission in missions) / HOUR,
-        failed=failed,
+        failed=failures_in(job.store),
         wall_s=time.perf_counter() - begun,
         stored_bytes=files_at(job.store).stored_bytes(),
     )

@@ -11,50 +11,45 @@ for runs of one recipe, which write the same bytes. Those of two recipes must no
 first one that was begun keeps the name.
 
 Layout: which missions make a shard; by their number and how many fly together.
-Marker: record of a finished shard, so that it is neither repeated nor mistaken.
+Target: the name that a store is to have: whether it is free, and how the store gets it.
 """
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import fcntl
 import functools
-import hashlib
 import json
-import math
 import os
 import re
 import shutil
-import socket
-import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from factory.generation.bookkeeping import FailedAttempt
-from factory.sampling.recipe import Recipe, read_recipe
-from twin.bounded import FREE_BYTES
+from factory.sampling.recipe import Recipe, differences, read_recipe
 from twin.errors import StoreError
-from twin.records.presence import RECIPE, begun, generating
-from twin.records.storage.disk import sweep
-from twin.records.storage.store_path import Files, FileSum, StorePath, Url, files_at
+from twin.records.attributes import CHANGES, SETTINGS, VEHICLE_MJCF, is_logged
+from twin.records.presence import (
+    RECIPE,
+    begun,
+    check_ending,
+    check_version,
+    generating,
+    is_complete,
+    is_there,
+    read_attributes,
+)
+from twin.records.storage.disk import lock, sweep, sync_tree
+from twin.records.storage.store_path import Files, StorePath, Url, files_at
+from twin.records.storage.whole import take_place
 
 DIGITS = 16
 """Of a recipe's hash, in names of folders"""
-STAGING = "staging-"
-"""Begins the names of folders in which processes make shards that are not whole yet"""
 MARKER = re.compile(r"done/(\d{7,12})-(\d{7,12})")
 """Key of a shard's marker: its first and last mission"""
-DIGEST = 32
-"""[byte] of a marker's SHA-256, with which its file begins"""
 _READY: dict[str, Recipe] = {}
-"""Recipes of this process by their hashes: each is planned and compiled once. Forked workers have
-those of their parent."""
-_MOST_READY = 4
+"""The recipe that this process had last, by its hash: it is planned and compiled once. Forked
+workers have that of their parent."""
 _HELD: set[int] = set()
 """Open files that hold locks"""
 MOST_IN_SHARD = 64
@@ -67,6 +62,8 @@ MOST_SHARDS = 192
 """Shards of a large store grow instead: a million missions stay below 20 000 files"""
 ROWS = 65_536
 """Missions in a chunk of an array that holds one value of each mission"""
+MAX_DIFFERENCES = 5
+"""Differences named when a resume is refused."""
 
 
 class Layout(NamedTuple):
@@ -108,21 +105,14 @@ class Job:
     worker that cannot read it can say so then, and would end if it could not even take the task.
     """
 
-    def __init__(self, recipe: Recipe | str, store: StorePath, digest: str = ""):
-        """`recipe` may be its text, as `document` gives it, and then has this `digest`."""
-        self.store = store
-        if isinstance(recipe, str):
-            self._text, self.digest = recipe, digest
-        else:
-            self.recipe, self.digest = recipe, recipe.digest
-            _keep(self.digest, recipe)
+    def __init__(self, recipe: Recipe, store: StorePath):
+        self.store, self.recipe, self.digest = store, recipe, recipe.digest
+        self._text = json.dumps(recipe.document())
+        _READY.clear()
+        _READY[self.digest] = recipe
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Job, (self._text, self.store, self.digest)
-
-    @functools.cached_property
-    def _text(self) -> str:
-        return json.dumps(self.recipe.document())
+    def __getstate__(self) -> dict[str, Any]:
+        return {"store": self.store, "digest": self.digest, "_text": self._text}
 
     @functools.cached_property
     def recipe(self) -> Recipe:
@@ -131,9 +121,12 @@ class Job:
         Raises:
           StoreError: libraries have other versions here, so that it would make other bytes.
         """
-        if self.digest not in _READY:
-            _keep(self.digest, read_recipe(json.loads(self._text)))
-        return _READY[self.digest]
+        found = _READY.get(self.digest)
+        if found is None:
+            found = read_recipe(json.loads(self._text))
+            _READY.clear()
+            _READY[self.digest] = found
+        return found
 
     @functools.cached_property
     def layout(self) -> Layout:
@@ -158,25 +151,12 @@ class Job:
     @functools.cached_property
     def tree(self) -> Files:
         """Files that become the store."""
-        return self.files.below("tree") if self.local else files_at(self.store)
+        return files_at(self.folder / "tree" if self.local else self.store)
 
     def marker(self, shard: int) -> str:
         """Key of the marker of a shard, in `files`."""
         missions = self.layout.missions_of(shard)
         return f"done/{missions[0]:07d}-{missions[-1]:07d}"
-
-    @contextlib.contextmanager
-    def staging(self) -> Iterator[Path]:
-        """A folder of this process on this machine, which goes away in the end."""
-        if isinstance(self.folder, Path):
-            place = self.folder / f"{STAGING}{socket.gethostname()}-{os.getpid()}"
-            shutil.rmtree(place, ignore_errors=True)  # of a process with the same number
-        else:
-            place = Path(tempfile.mkdtemp(prefix="glider-twin-")) / "shard"
-        try:
-            yield place
-        finally:
-            shutil.rmtree(place if self.local else place.parent, ignore_errors=True)
 
     def begin(self) -> None:
         """Make the folder, with the recipe in it; does nothing where it is.
@@ -198,8 +178,6 @@ class Job:
     def sweep(self) -> None:
         """Remove what processes that are gone left half-written; nobody else works here."""
         if isinstance(self.folder, Path):
-            for left in self.folder.glob(f"{STAGING}*"):
-                shutil.rmtree(left, ignore_errors=True)
             sweep(self.folder)
 
     def clear(self) -> None:
@@ -217,12 +195,16 @@ class Job:
                 (outer / "lock").unlink(missing_ok=True)
                 outer.rmdir()
 
+    def give_name(self) -> None:
+        """Make a store of the complete tree; what was under its name goes.
 
-def _keep(digest: str, recipe: Recipe) -> None:
-    """Have a recipe ready for the next job of this process."""
-    while len(_READY) >= _MOST_READY:
-        del _READY[next(iter(_READY))]
-    _READY[digest] = recipe
+        Raises:
+          OSError: the disk refuses; the tree stays, and --resume goes on from it.
+        """
+        if isinstance(self.store, Path) and isinstance(self.folder, Path):
+            sync_tree(self.folder / "tree")
+            take_place(self.folder / "tree", self.store, self.folder / "replaced")
+        self.clear()
 
 
 def missions_kept(folder: StorePath) -> int:
@@ -245,15 +227,13 @@ def locked(store: StorePath, *, shared: bool = False) -> Iterator[None]:
         yield
         return
     folder.mkdir(parents=True, exist_ok=True)
-    descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o644)
     _HELD.add(descriptor)
     try:
-        try:
-            fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not lock(descriptor, shared=shared):
             raise StoreError(
                 f"another run is generating into {store}; wait for it or use another --out"
-            ) from None
+            )
         yield
     finally:
         _HELD.discard(descriptor)
@@ -266,68 +246,118 @@ def close_locks() -> None:
         os.close(_HELD.pop())
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Marker:
-    """Record of a finished shard."""
+def check_target(
+    recipe: Recipe, store: StorePath, *, resume: bool, overwrite: bool, alone: bool = False
+) -> bool:
+    """Whether the store is there already, complete and of this recipe.
 
-    number: int
-    recipe: str
-    """hash of the recipe"""
-    files: dict[str, FileSum]
-    """by key in the tree"""
-    failures: list[FailedAttempt]
-    """every attempt that failed and was replaced"""
-    versions: Mapping[str, str]
-    """of what can change a bit of a result"""
-    rows: dict[str, NDArray[Any]]
-    """values of each mission, as `bookkeeping.rows` gives them"""
-
-    def to_bytes(self) -> bytes:
-        """As it is kept: SHA-256 of the rest, a line of JSON, the rows one after the other."""
-        table: dict[str, Any] = {**vars(self)}
-        table["rows"] = {name: (one.dtype.str, one.shape) for name, one in self.rows.items()}
-        text = json.dumps(table).encode() + b"\n"
-        data = text + b"".join(one.tobytes() for one in self.rows.values())
-        return hashlib.sha256(data).digest() + data
-
-    @classmethod
-    def of_bytes(cls, data: bytes) -> Marker:
-        """Read a marker; raises ValueError, KeyError or TypeError where the file is damaged."""
-        if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
-            raise ValueError("it does not have its own digest")
-        place = data.index(b"\n", DIGEST) + 1
-        table = json.loads(data[DIGEST:place])
-        table["files"] = {key: FileSum(*one) for key, one in table["files"].items()}
-        table["failures"] = [FailedAttempt(*one) for one in table["failures"]]
-        for name, (kind, shape) in table["rows"].items():
-            values = np.frombuffer(data, kind, math.prod(shape), place).reshape(shape)
-            table["rows"][name] = values
-            place += values.nbytes
-        return cls(**table)
-
-
-def read_marker(job: Job, number: int) -> Marker | None:
-    """The marker of a shard; None when there is none, or a damaged one: the shard is flown again.
+    Args:
+      alone: nobody else works for this store: what runs of other recipes have begun is removed
+        when `overwrite` says so.
 
     Raises:
-      StoreError: it is that of another shard or recipe.
+      StoreError: something is in the way, or another recipe is to be resumed.
     """
-    key = job.marker(number)
-    try:
-        found = Marker.of_bytes(job.files.read_small(key, FREE_BYTES))
-    except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return None
-    if (found.number, found.recipe) != (number, job.digest):
+    check_ending(store)
+    local, present = isinstance(store, Path), is_there(store)
+    if isinstance(store, Path):
+        if store.is_symlink() and not present:
+            raise StoreError(f"{store} is a link to a missing target; choose another --out")
+        present = present and not (store.is_dir() and not any(store.iterdir()))
+    complete, others = is_complete(store), begun(store)
+    way = "use --overwrite or another --out" if local else "use another --out"
+    if not local and overwrite and (present or others):
         raise StoreError(
-            f"{job.files.name}/{key} is of shard {found.number} of recipe {found.recipe[:12]}, "
-            f"expected is {number} of recipe {job.digest[:12]}: remove that folder, or use another "
-            "--out"
+            f"{store} is there already, and an object storage cannot replace a store in one step: "
+            f"choose another --out, or remove everything below {store} and {generating(store)}"
         )
-    return found
+    if present and not (complete or (others and not local)):
+        raise StoreError(f"{store} exists and is not a store; choose another --out")
+    if complete and not overwrite:
+        if not resume:
+            raise StoreError(f"store {store} already exists; {way}")
+        settings = _settings(store)
+        if differences(settings, recipe.describe()) and Job(recipe, store).folder in others:
+            raise StoreError(
+                f"store {store} is of other settings, and one of these was begun in its place: "
+                "--overwrite --resume completes that"
+            )
+        _check_same(store, settings, recipe, way)
+        return True
+    for other in others:
+        # without locks it is unknown whether a run that has kept nothing yet is alive
+        if (overwrite and not resume) or (local and not missions_kept(other)):
+            if alone:
+                files_at(other).remove_all()
+            continue
+        if not resume:
+            again = ", --overwrite starts again" if local else ""
+            raise StoreError(f"store {store} is incomplete: --resume completes it{again}")
+        _check_same(store, _document(other)[SETTINGS], recipe, way)
+    return False
 
 
-def finished(job: Job, number: int, sizes: Mapping[str, int]) -> Marker | None:
-    """The marker of a shard whose files are all in the tree, by the `sizes` there; else None."""
-    found = read_marker(job, number)
-    there = found and all(sizes.get(key) == one.bytes for key, one in found.files.items())
-    return found if there else None
+class Unfinished(NamedTuple):
+    """A store that a run has begun and not completed."""
+
+    settings: dict[str, Any]
+    missions_kept: int
+
+
+def unfinished(path: StorePath) -> Unfinished | None:
+    """Describe an unfinished store; None when the store is complete or there is none."""
+    for folder in [] if is_complete(path) else begun(path):
+        return Unfinished(_document(folder)[SETTINGS], missions_kept(folder))
+    return None
+
+
+def recipe_begun(path: StorePath) -> Recipe:
+    """The recipe of a run that was begun, from its folder; raises StoreError."""
+    return read_recipe(_document(path))
+
+
+def recipe_of(store: StorePath) -> Recipe:
+    """The recipe of a complete store; raises StoreError."""
+    attributes = read_attributes(store)
+    changes, vehicle = json.loads(attributes.get(CHANGES, "{}")), attributes.get(VEHICLE_MJCF)
+    return read_recipe({SETTINGS: _settings(store), CHANGES: changes, VEHICLE_MJCF: vehicle})
+
+
+def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe, way: str) -> None:
+    changed = differences(old, recipe.describe())
+    if changed:
+        more = len(changed) - MAX_DIFFERENCES
+        listing = "; ".join(changed[:MAX_DIFFERENCES]) + (f"; {more} more" if more > 0 else "")
+        raise StoreError(
+            f"store {store} was started with other settings ({listing}): resume with the old "
+            f"ones, or {way}"
+        )
+
+
+def _document(path: StorePath) -> dict[str, Any]:
+    """The recipe that a run was begun with."""
+    try:
+        document: dict[str, Any] = json.loads(files_at(path).read_small(RECIPE))
+        _ = document[SETTINGS]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise StoreError(
+            f"{path / RECIPE} is damaged ({type(error).__name__}); start again with --overwrite"
+        ) from error
+    return document
+
+
+def _settings(store: StorePath) -> dict[str, Any]:
+    attributes = read_attributes(store)
+    check_version(attributes, store)
+    if is_logged(attributes):
+        raise StoreError(
+            f"store {store} holds logs of real vehicles and cannot be resumed: choose another --out"
+        )
+    try:
+        settings: dict[str, Any] = json.loads(attributes[SETTINGS])
+    except (ValueError, KeyError) as error:
+        raise StoreError(
+            f"store {store} lacks the settings that made it; it is damaged or not the factory's "
+            f"({type(error).__name__})"
+        ) from error
+    return settings

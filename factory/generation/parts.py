@@ -7,24 +7,23 @@ that share a file system or an object storage.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from factory.generation.completion import complete, note
+from factory.generation.completion import note
 from factory.generation.generation import (
     Summary,
     Watcher,
     fly,
+    generate,
     missing_shards,
     report_shard,
     reported,
-    summary_of,
 )
-from factory.generation.job import Job, Layout, locked
-from factory.generation.target import check_target, failures_in, give_name, recipe_begun, recipe_of
+from factory.generation.job import Job, Layout, check_target, locked, recipe_begun, recipe_of
 from factory.sampling.draw import HOUR
 from factory.sampling.recipe import Recipe
 from twin.errors import InputError, StoreError
@@ -128,7 +127,6 @@ def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
     Raises:
       StoreError: parts are missing, which the message lists, or nothing was begun.
     """
-    started = time.perf_counter()
     store = store_path(out)
     places = begun(store)
     if not places and not is_complete(store):
@@ -141,16 +139,12 @@ def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
     recipe = recipe_begun(places[0]) if places else recipe_of(store)
     job = Job(recipe, store)
     with reported(store):
-        if check_target(recipe, store, resume=True, overwrite=False):
-            return summary_of(job, started, [], failures_in(store)), recipe
-        with locked(store):
-            missing = missing_shards(job, job.layout.shards)
+        if not check_target(recipe, store, resume=True, overwrite=False):
+            with locked(store):
+                missing = missing_shards(job, job.layout.shards)
             if missing:
                 raise StoreError(_missing(job, missing))
-            job.sweep()
-            failed = complete(job)
-            give_name(job)
-    return summary_of(job, started, [], failed), recipe
+    return generate(recipe, store, resume=True, history="factory finish"), recipe
 
 
 def _fixed(job: Job, part: StorePart) -> StorePart:
@@ -199,11 +193,7 @@ def _missing(job: Job, shards: list[int]) -> str:
         return f"{start}: complete it with the command that began it and --resume"
     first, count = _array(job)
     parts = sorted({shard % count + first for shard in shards})
-    runs: list[list[int]] = []  # as Slurm writes them: 1,3-5
-    for part in parts:
-        if runs and part == runs[-1][-1] + 1:
-            runs[-1].append(part)
-        else:
-            runs.append([part])
+    groups = itertools.groupby(enumerate(parts), lambda one: one[1] - one[0])
+    runs = [[part for _, part in group] for _, group in groups]  # as Slurm writes them: 1,3-5
     array = ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
     return f"{start}; run these parts of {count} again: --array={array}"

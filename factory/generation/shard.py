@@ -13,15 +13,17 @@ import contextlib
 import ctypes
 import re
 import socket
+import tempfile
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factory.generation.bookkeeping import FailedAttempt, FlownMission, rows
-from factory.generation.job import Job, Marker, finished, read_marker
+from factory.generation.completion import FailedAttempt, FlownMission, Marker, finished
+from factory.generation.job import Job
 from factory.sampling.conditions import mission_coordinates, mission_place
 from factory.sampling.draw import samples_in, sensor_seed
 from factory.sampling.fly import REPLACED, Draw, FlownSignals, fly_abreast
@@ -30,6 +32,7 @@ from twin.errors import InputError, SimulationUnstable, StepTooLong, StoreError,
 from twin.physics.mujoco_model import quiet_mujoco
 from twin.records.presence import RECIPE
 from twin.records.schema import VARIABLES
+from twin.records.storage.disk import WRITING
 from twin.records.storage.sharded import ShardWriter, stored_values
 from twin.vehicle.consumption import ENERGY
 
@@ -79,24 +82,21 @@ def fly_shard(job: Job, number: int) -> tuple[int, ...]:
     recipe, layout = job.recipe, job.layout
     size, samples = layout.shard_missions, recipe.plan.samples
     flown: list[FlownMission] = []
-    with job.staging() as folder, ShardWriter(folder, missions=size, samples=samples) as writer:
+    beside = tempfile.TemporaryDirectory(
+        prefix=f".shard{WRITING}",
+        dir=job.folder if isinstance(job.folder, Path) else None,
+        ignore_cleanup_errors=True,
+    )
+    with beside as place, ShardWriter(Path(place), missions=size, samples=samples) as writer:
         for group in together(recipe, layout.missions_of(number)):
             for one, signals in fly_missions(recipe, group):
                 flown.append(one)
                 writer.add(signals)
         sums = {f"{name}/c/{number}/0": one for name, one in writer.finish().items()}
-        marker = Marker(
-            number=number,
-            recipe=job.digest,
-            files=sums,
-            failures=[failure for one in flown for failure in one.failures],
-            versions=versions(recipe.vehicle),
-            rows=rows(recipe, flown),
-        )
-        before = read_marker(job, number) and finished(job, number, dict(job.tree.sizes()))
+        marker = Marker(number, job.digest, sums, flown, versions(recipe.vehicle))
+        before = finished(job, number)
         if before is None:
-            job.tree.take({key: folder / key.partition("/")[0] for key in sums})
-            job.tree.settle()
+            job.tree.take({key: writer.folder / key.partition("/")[0] for key in sums})
             job.files.write(job.marker(number), marker.to_bytes(), safe=True)
         elif before.files != sums:
             raise StoreError(_differ(number, before, marker))

@@ -20,7 +20,7 @@ from twin.records.attributes import PROGRAM_VERSION, SETTINGS, TITLE, VERSION, i
 from twin.records.schema import SCHEMA_VERSION
 from twin.records.storage.checksums import check_readable, is_listed
 from twin.records.storage.sharded import METADATA
-from twin.records.storage.store_path import StorePath, files_at, store_path
+from twin.records.storage.store_path import StorePath, files_at, named, store_path
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,8 +30,6 @@ GENERATING = ".generating"
 """Ending of the folder beside a store that `factory generate` works in until it is complete."""
 RECIPE = "recipe.json"
 """In a folder of it: what the store is made by"""
-UNFINISHED = ".generating"
-"""Folder inside a store that an older factory has begun and not completed."""
 LONGEST_VERSION = 40
 """Characters of the version of a program, as messages quote it"""
 OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
@@ -62,8 +60,7 @@ def is_complete(path: str | StorePath) -> bool:
 def generating(path: str | StorePath) -> StorePath:
     """The folder beside a store that `factory generate` works in."""
     place = store_path(path)
-    if isinstance(place, Path) and place.name in ("", ".."):  # . and .. name no folder themselves
-        place = place.resolve()
+    place = named(place) if isinstance(place, Path) else place
     return place.parent / f"{place.name}{GENERATING}"
 
 
@@ -76,12 +73,7 @@ def begun(path: str | StorePath) -> list[StorePath]:
 
 def is_unfinished(path: str | StorePath) -> bool:
     """Whether `factory generate` has begun a store at `path` and not completed it."""
-    return not is_complete(path) and (begun_within(path) or bool(begun(path)))
-
-
-def begun_within(path: str | StorePath) -> bool:
-    """Whether an older version left an unfinished store inside the folder `path`."""
-    return not is_complete(path) and UNFINISHED in files_at(path).folders()
+    return not is_complete(path) and bool(begun(path))
 
 
 def read_attributes(path: str | StorePath) -> dict[str, Any]:

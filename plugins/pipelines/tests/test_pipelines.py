@@ -123,7 +123,7 @@ def test_a_write_that_fails_leaves_the_file_as_it_was(
     def full(path: Path) -> None:
         raise WriteError(f"no space left for {path}")
 
-    monkeypatch.setattr(whole, "sync_file", full)
+    monkeypatch.setattr(whole, "sync", full)
     with pytest.raises(WriteError, match="no space left"):
         add_flight(series, "seaexplorer")
     assert series.read_bytes() == first

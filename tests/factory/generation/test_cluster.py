@@ -1,4 +1,5 @@
-"""A dask cluster makes the bytes that one process makes, also when a worker is lost."""
+"""A dask cluster that is not there, is lost or has another version is told. That it makes the bytes
+of one process, also when a worker is lost, `tests/benchmarks/test_histories.py` tests."""
 
 import concurrent.futures
 import contextlib
@@ -6,17 +7,14 @@ import os
 import time
 
 import pytest
-from clusters import dask_cluster, free_port, worker
+from clusters import dask_cluster, free_port
 from patience import HANG_S
-from trees import contents
 
 import factory
 from factory.generation import executors as cluster
 from factory.generation.executors import dask_executor
-from factory.generation.generation import generate
 from factory.generation.job import Job
 from factory.generation.shard import fly_shard
-from factory.generation.target import unfinished
 from twin.errors import InputError, StoreError, TwinError
 
 pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
@@ -26,31 +24,6 @@ pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluste
 def address():
     with dask_cluster() as found:
         yield found
-
-
-def test_a_lost_worker_and_one_that_joins_change_no_byte(tmp_path, recipe, address):
-    made = recipe(hours=2.0)  # some forty missions, eight shards
-    generate(made, tmp_path / "one.zarr", workers=1)
-    store = tmp_path / "cluster.zarr"
-    workers = [worker(address), worker(address)]
-    try:
-        with dask_executor(address) as executor:
-            lost: list[int] = []
-
-            def watch(hours, failures):
-                begun = unfinished(store)
-                if not lost and begun is not None and begun.missions_kept >= 4:
-                    workers[0].kill()
-                    workers.append(worker(address))
-                    lost.append(begun.missions_kept)
-
-            generate(made, store, executor=executor, watch=watch)
-    finally:
-        for process in workers:
-            process.kill()
-            process.wait()
-    assert lost[0] < len(made.plan)
-    assert contents(store) == contents(tmp_path / "one.zarr")
 
 
 def test_nobody_at_the_address_is_told(monkeypatch):

@@ -1,6 +1,9 @@
-"""The contract of generate: same bytes for any workers, kills, resumes, refusals, full disks."""
+"""The contract of generate: same bytes for any executor, resumes, refusals, full disks, and what
+the workers of a killed run leave behind. `test_histories` kills runs at any moment."""
 
+import contextlib
 import os
+import pickle
 import resource
 import shutil
 import signal
@@ -8,7 +11,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -22,53 +25,14 @@ import factory.generation.generation
 import factory.generation.shard
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
-from factory.generation.job import MOST_IN_SHARD, Job, locked
+from factory.generation.job import MOST_IN_SHARD, Job, locked, unfinished
 from factory.generation.shard import fly_shard
-from factory.generation.target import unfinished
 from factory.soundness import replay_failure, verify_store
 from twin.errors import InputError, StoreError, TwinError
 from twin.records.presence import generating
-from twin.records.store import open_store
 
-
-def test_one_worker_two_workers_and_two_kills_give_the_same_bytes(tmp_path, recipe):
-    settings = {"hours": 3.4, "changes": {"mission.duration_h": "uniform(0.03, 0.06)"}}
-    made = recipe(**settings)
-    assert len(made.plan) > MOST_IN_SHARD
-    generate(made, tmp_path / "one.zarr", workers=1)
-    generate(made, tmp_path / "two.zarr", workers=2)
-    expected = contents(tmp_path / "one.zarr")
-    assert contents(tmp_path / "two.zarr") == expected
-
-    killed = tmp_path / "killed.zarr"
-    command = [sys.executable, "-m", "factory", "generate", "--hours", "3.4", "--workers", "2"]
-    command += ["--out", str(killed), "--resume", "--set"]
-    command += [f"{name}={text}" for name, text in made.changes.items()]
-    there = 0
-    for _ in range(2):
-        process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        there = _kill_after(process, killed, there + 15)
-        with pytest.raises(StoreError, match=r"is incomplete.*--resume"):
-            open_store(killed)
-    assert 30 <= there < len(made.plan)
-    summary = generate(made, killed, workers=2, resume=True)
-    assert 0 < summary.flown <= len(made.plan) - 30  # what was finished is not flown again
-    assert contents(killed) == expected
-    stores = {f"{name}.zarr" for name in ("one", "two", "killed")}
-    assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == stores
-
-
-def _kill_after(process, store, missions):
-    """Send SIGKILL once that many missions are kept; how many there are then."""
-    deadline = time.monotonic() + HANG_S
-    while time.monotonic() < deadline and process.poll() is None:
-        if missions_kept(store) >= missions:
-            process.send_signal(signal.SIGKILL)
-            break
-        time.sleep(0.005)
-    process.wait()
-    assert process.returncode == -signal.SIGKILL, "the run ended before it could be killed"
-    return missions_kept(store)
+FLOWN_AGAIN = (0, 2)
+"""missions whose markers are lost before the resume"""
 
 
 def test_every_file_is_on_the_disk_before_the_store_has_its_name(tmp_path, recipe, monkeypatch):
@@ -178,7 +142,7 @@ def test_resume_with_other_settings_is_refused_with_the_difference(
     assert GeneratedStore(paper_store).seed == 0
 
 
-@contextmanager
+@contextlib.contextmanager
 def largest_file(size):
     """Writing more than `size` bytes into a file fails, as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -296,9 +260,7 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path):
         # a test run started in the background of a shell inherits an ignored SIGINT
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    deadline = time.monotonic() + HANG_S
-    while time.monotonic() < deadline and missions_kept(store) < 2:
-        time.sleep(0.02)
+    _wait_until(lambda: missions_kept(store) >= 2)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: parent and workers
     _, error = process.communicate(timeout=HANG_S)
     assert process.returncode == 130
@@ -316,3 +278,104 @@ def test_an_overwrite_that_was_stopped_is_resumed(recipe, paper_store, monkeypat
     summary = generate(recipe(seed=1), copied, workers=1, resume=True, overwrite=True)
     assert summary.flown == 0
     assert GeneratedStore(copied).seed == 1
+
+
+def test_a_job_travels_without_what_its_process_has_opened(tmp_path, recipe):
+    """A pool's thread pickles it while the process that flies opens its files."""
+    job = Job(recipe(), tmp_path / "missions.zarr")
+    assert job.files
+    assert job.tree
+    copy = pickle.loads(pickle.dumps(job))
+    assert set(vars(copy)) == {"store", "digest", "_text"}
+    assert (copy.store, copy.digest) == (job.store, job.digest)
+    assert copy.recipe is job.recipe  # of a process that has it
+
+
+def test_a_resumed_run_counts_only_what_it_flew_itself(tmp_path, recipe, monkeypatch):
+    made, store = recipe(), tmp_path / "missions.zarr"
+    _stop_before_completion(monkeypatch, made, store)
+    with pytest.raises(StoreError, match="is incomplete: --resume completes it"):
+        generate(made, store, workers=1)
+    markers = sorted((Job(made, store).folder / "done").iterdir())
+    assert len(markers) == len(made.plan) > len(FLOWN_AGAIN)
+    for mission in FLOWN_AGAIN:
+        markers[mission].unlink()
+    hours = [duration / 3600.0 for duration in made.plan.durations_s]
+    heard: list[float] = []
+    summary = generate(
+        made, store, workers=1, resume=True, watch=lambda done, _: heard.append(done)
+    )
+    assert summary.flown == len(FLOWN_AGAIN)
+    assert summary.flown_hours == pytest.approx(sum(hours[m] for m in FLOWN_AGAIN))
+    assert summary.hours == pytest.approx(sum(hours))
+    assert summary.times_real_time == pytest.approx(
+        summary.flown_hours * 3600.0 / summary.wall_s, rel=1e-12
+    )
+    # the progress bar hears of every mission once: of those that were there first
+    kept = [hour for mission, hour in enumerate(hours) if mission not in FLOWN_AGAIN]
+    assert heard[: len(kept)] == pytest.approx(kept)
+    assert sorted(heard) == pytest.approx(sorted(hours))
+    again = generate(made, store, workers=1, resume=True)
+    assert (again.flown, again.flown_hours) == (0, 0.0)
+    assert again.missions == len(made.plan)
+
+
+def test_what_a_run_of_another_recipe_left_as_it_began_goes(tmp_path, recipe):
+    store = tmp_path / "missions.zarr"
+    left = Job(recipe(seed=1), store).folder
+    left.mkdir(parents=True)
+    (left / ".recipe.json.writing-0123abcd").touch()
+    generate(recipe(), store, workers=1)
+    assert not generating(store).exists()
+
+
+def _workers_of(process):
+    """Process numbers of its children."""
+    return [int(n) for n in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+def _lives(process):
+    """Whether it runs; one that has ended and waits to be collected does not."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+def _wait_until(condition, seconds=HANG_S):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="reads /proc, which Linux has")
+def test_workers_whose_run_is_killed_end_and_never_hold_the_store(tmp_path):
+    """A stopped worker outlives its parent; the store is free all the same, and then it ends."""
+    store = tmp_path / "missions.zarr"
+    command = [sys.executable, "-m", "factory", "generate", "--hours", "100", "--workers", "2"]
+    process = subprocess.Popen(
+        [*command, "--out", str(store)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    left: list[int] = []
+    try:
+        _wait_until(lambda: process.poll() is not None or missions_kept(store) >= 1)
+        assert process.poll() is None
+        left = _workers_of(process.pid)
+        assert len(left) == 2
+        for worker in left:
+            os.kill(worker, signal.SIGSTOP)
+        process.kill()
+        process.wait()
+        assert all(_lives(worker) for worker in left)
+        with locked(store):  # refused while another run holds it
+            kept = missions_kept(store)
+        for worker in left:
+            os.kill(worker, signal.SIGCONT)
+        _wait_until(lambda: not any(_lives(worker) for worker in left))
+        # each may finish the shard that it was flying
+        assert missions_kept(store) <= kept + 2 * MOST_IN_SHARD
+    finally:
+        process.kill()
+        process.wait()
+        for worker in filter(_lives, left):
+            os.kill(worker, signal.SIGKILL)

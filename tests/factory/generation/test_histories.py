@@ -20,7 +20,7 @@ from trees import contents
 
 import factory.generation.shard
 from factory.generation import StorePart, finish, generate, generate_part
-from factory.generation.target import unfinished
+from factory.generation.job import unfinished
 from factory.sampling import make_recipe
 from factory.store_check import check_files
 from twin.errors import StoreError

@@ -2,18 +2,18 @@
 
 import hashlib
 
-import numpy as np
 import pytest
 
 import factory.sampling.fly
 from factory.__main__ import PROGRAM
-from factory.generation.job import Job, Marker, missions_kept, read_marker
+from factory.generation.completion import FailedAttempt, FlownMission, Marker, read_marker
+from factory.generation.job import Job, missions_kept, recipe_begun
 from factory.generation.parts import ARRAY, StorePart, generate_part
 from factory.generation.shard import fly_missions
-from factory.generation.target import recipe_begun
+from factory.sampling.draw import Parameters
 from twin.errors import FloorError, NoSteadyState, StoreError
 from twin.records.presence import read_attributes
-from twin.records.storage.store_path import Files, GiantFile
+from twin.records.storage.store_path import Files, FileSum, GiantFile
 from twin.records.store import open_store
 
 GIANT = 200 * 2**20
@@ -69,19 +69,20 @@ def test_a_damaged_count_of_parts_is_told(tmp_path, recipe, text):
 
 def test_a_damaged_marker_is_none(tmp_path, recipe):
     job = Job(recipe(), tmp_path / "missions.zarr")
-    rows = {"attempt": np.zeros(3, np.int16), "speed": np.array([[1.5, np.nan]])}
-    marker = Marker(number=0, recipe=job.digest, files={}, failures=[], versions={}, rows=rows)
+    drawn = Parameters(duration_s=1.5, values={"a.b": 0.1, "c": "word"}, segments=({"d": 1e-9},))
+    failed = FailedAttempt(0, 0, "why", None)
+    flown = FlownMission(0, 1, 4, drawn, {"start_latitude": 36.8}, {"bias": -0.3}, (failed,))
+    sums = {"true_depth/c/0/0": FileSum(3, "ab")}
+    marker = Marker(0, job.digest, sums, [flown], {"numpy": "2"})
     whole = marker.to_bytes()
     job.files.write(job.marker(0), whole)
-    found = read_marker(job, 0)
-    assert found is not None
-    np.testing.assert_equal(found.rows, rows)
+    assert read_marker(job, 0) == marker
     flipped = [whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :] for at in range(len(whole))]
     for data in (b"", b"PK", whole[:-1], whole + b"x", *flipped):
         job.files.write(job.marker(0), data)
         assert read_marker(job, 0) is None
     for table in (b"[]", b"{}", b"[" * 100_000, b'{"files": 1}', b""):
-        job.files.write(job.marker(0), hashlib.sha256(table + b"\n").digest() + table + b"\n")
+        job.files.write(job.marker(0), hashlib.sha256(table).digest() + table)
         assert read_marker(job, 0) is None
 
 

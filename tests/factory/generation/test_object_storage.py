@@ -12,8 +12,8 @@ from factory.__main__ import main
 from factory.generation.executors import dask_executor
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
+from factory.generation.job import unfinished
 from factory.generation.parts import StorePart, finish, generate_part
-from factory.generation.target import unfinished
 from factory.store_check import check_files
 from learn.data.dataset import load_missions
 from twin.errors import InputError, StoreError, WriteError

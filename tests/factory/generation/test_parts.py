@@ -29,24 +29,33 @@ def test_shards_fill_the_store(missions, abreast):
 
 
 def test_parts_in_any_order_make_the_store(tmp_path, recipe, paper_store):
+    """Tasks of Slurm that run again are an array of their own, with another count."""
+
+    def part(task, count, first):
+        names = ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN")
+        found = slurm_part(dict(zip(names, map(str, (task, count, first)), strict=True)))
+        assert found is not None
+        return found
+
     made, store = recipe(), tmp_path / "missions.zarr"
-    for index in (2, 0):
-        assert generate_part(made, store, StorePart(index, 3))[0] > 0
+    for task in (3, 1):
+        assert generate_part(made, store, part(task, 3, 1))[0] > 0
     with pytest.raises(StoreError, match=r"is incomplete.*--resume"):
         open_store(store)
-    with pytest.raises(
-        StoreError, match=r"1 of 4 missions .* run these parts of 3 again: --array=1$"
-    ):
+    message = r"1 of 4 missions .* run these parts of 3 again: --array=2$"
+    with pytest.raises(StoreError, match=message):
         finish(store)
-    again, missions = generate_part(made, store, StorePart(2, 3))
-    assert (again, missions) == (0, 1)
-    generate_part(made, store, StorePart(1, 3))
+    assert generate_part(made, store, part(3, 3, 1)) == (0, 1)
+    generate_part(made, store, part(2, 1, 2))
     summary, same = finish(store)
     assert same.digest == made.digest
     assert summary.missions == len(made.plan)
     assert contents(store) == contents(paper_store)
     assert finish(store)[0].flown == 0  # once more is harmless
-    assert generate_part(made, store, StorePart(0, 3)) == (0, 0)
+    assert generate_part(made, store, part(1, 3, 1)) == (0, 0)
+    assert slurm_part({}) is None
+    with pytest.raises(InputError, match="SLURM_ARRAY_TASK_COUNT"):
+        slurm_part({"SLURM_ARRAY_TASK_ID": "3"})
 
 
 def test_eight_commands_at_once_make_the_same_bytes(tmp_path, recipe, paper_store):
@@ -64,28 +73,6 @@ def test_eight_commands_at_once_make_the_same_bytes(tmp_path, recipe, paper_stor
     assert contents(store) == contents(paper_store)
     log = (tmp_path / "missions.zarr.log").read_text()
     assert log.count("--shard") == len(commands)
-
-
-def test_slurm_counts_parts_as_the_first_array_did(tmp_path, recipe, paper_store):
-    """Tasks that run again are an array of their own, with another count."""
-
-    def part(task, count, first):
-        names = ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN")
-        found = slurm_part(dict(zip(names, map(str, (task, count, first)), strict=True)))
-        assert found is not None
-        return found
-
-    made, store = recipe(), tmp_path / "missions.zarr"
-    generate_part(made, store, part(1, 3, 1))
-    generate_part(made, store, part(3, 3, 1))
-    with pytest.raises(StoreError, match=r"--array=2$"):
-        finish(store)
-    generate_part(made, store, part(2, 1, 2))
-    finish(store)
-    assert contents(store) == contents(paper_store)
-    assert slurm_part({}) is None
-    with pytest.raises(InputError, match="SLURM_ARRAY_TASK_COUNT"):
-        slurm_part({"SLURM_ARRAY_TASK_ID": "3"})
 
 
 def test_a_part_that_there_is_not_is_refused(tmp_path, recipe):

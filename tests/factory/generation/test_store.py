@@ -1,21 +1,33 @@
 """Stores of the factory as others see them: xarray, zarr, the reader of single missions."""
 
+import asyncio
 import json
 import re
+import shutil
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
+import gsw
 import numpy as np
 import pytest
 import xarray as xr
 import zarr
+from unchanged import PRESETS, SEED, differences, expected_hashes
+from zarr.storage import MemoryStore
 
+import factory
 from factory.generation.generated_store import GeneratedStore
+from factory.generation.generation import generate, generate_into
 from factory.sampling.distribution import Fixed
-from factory.sampling.draw import samples_in, sensor_seed
+from factory.sampling.draw import sensor_seed
 from factory.sampling.fly import fly
 from factory.sampling.recipe import make_recipe
-from twin.errors import StoreError
+from factory.soundness import replay_mission
+from twin.errors import InputError, StoreError
+from twin.geodesy import from_tangent_plane
+from twin.records.coordinates import COORDINATES, NO_TIME, PLACE
 from twin.records.schema import SCHEMA_VERSION, SIMULATED, VARIABLES
+from twin.records.storage.checksums import array_checksums
 from twin.records.storage.sharded import stored_values
 from twin.records.store import open_store, read_trajectory
 from twin.sensors import SensorSuite
@@ -41,18 +53,6 @@ def test_xarray_opens_it_without_options_and_shows_units(field_store):
     assert data["true_pitch"].attrs["standard_name"] == "platform_pitch_fore_up"
     assert data.attrs["schema_version"] == SCHEMA_VERSION
     assert "Simulated" in data.attrs["comment"]
-
-
-def test_padding_is_nan_and_samples_are_counted(field_store):
-    data = open_store(field_store)
-    for mission in range(data.sizes["mission"]):
-        samples = int(data["n_samples"][mission])
-        assert samples == samples_in(float(data["duration"][mission]))
-        depth = data["true_depth"][mission].values
-        assert np.isfinite(depth[:samples]).all()
-        assert np.isnan(depth[samples:]).all()
-    assert data["n_samples"].max() == data.sizes["time"]
-    np.testing.assert_array_equal(data["time"], np.arange(data.sizes["time"]) * 0.5)
 
 
 def test_the_stored_numbers_are_the_flown_ones(paper_store, recipe):
@@ -173,3 +173,184 @@ def test_a_store_of_another_table_of_parameters_is_told(copied):
     assert len(run) > 0  # its signals can still be read
     with pytest.raises(StoreError, match=r"other parameters \(vehicle.ballast_g, vehicle.lead_g\)"):
         run.parameters(0)
+
+
+def test_a_store_in_memory_has_every_byte(recipe, paper_store):
+    kept: dict = {}
+    store = MemoryStore(kept)
+    made = recipe()
+    summary = factory.generate(store=store, hours=made.plan.hours, changes=made.changes, workers=1)
+    assert summary.store is store
+    assert summary.missions == len(made.plan)
+    assert {key: value.to_bytes() for key, value in kept.items()} == {
+        path.relative_to(paper_store).as_posix(): path.read_bytes()
+        for path in paper_store.rglob("*")
+        if path.is_file()
+    }
+    with pytest.raises(StoreError, match="holds something already"):
+        generate_into(recipe(), MemoryStore(kept), workers=1)
+    with pytest.raises(StoreError, match="is read-only"):
+        generate_into(recipe(), MemoryStore(read_only=True), workers=1)
+
+
+def test_a_store_and_a_path_exclude_each_other(tmp_path):
+    for settings in ({}, {"out": tmp_path / "a.zarr", "store": MemoryStore()}):
+        with pytest.raises(InputError, match="give either out, a path or an address, or store"):
+            factory.generate(**settings)
+    with pytest.raises(InputError, match="a zarr store must be empty"):
+        factory.generate(store=MemoryStore(), resume=True)
+    with pytest.raises(InputError, match="either a scheduler or an executor"):
+        factory.generate(store=MemoryStore(), scheduler="tcp://x", executor=ThreadPoolExecutor())
+
+
+def test_icechunk_keeps_it_in_one_commit(recipe, paper_store):
+    icechunk = pytest.importorskip("icechunk", reason='needs pip install "glider-twin[icechunk]"')
+    repository = icechunk.Repository.create(icechunk.in_memory_storage())
+    session = repository.writable_session("main")
+    generate_into(recipe(), session.store, workers=1)
+    before = repository.readonly_session("main").store
+    assert asyncio.run(before.is_empty(""))
+    session.commit("missions of preset paper")
+    assert len(list(repository.ancestry(branch="main"))) == 2  # the empty one and this
+    there = xr.open_zarr(repository.readonly_session("main").store, consolidated=False)
+    here = xr.open_zarr(paper_store)
+    np.testing.assert_array_equal(there["true_depth"], here["true_depth"])
+    assert there.attrs == here.attrs
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_an_hour_has_the_same_arrays(tmp_path, preset):
+    """A change on purpose counts up `PHYSICS_VERSION` and keeps the new hashes
+    (`python -m benchmarks.arrays --write`); docs/physics/versions.md shows it. Another
+    version of MuJoCo, numba or numpy may change last bits."""
+    store = tmp_path / "missions.zarr"
+    generate(make_recipe(preset=preset, hours=1.0, seed=SEED), store, workers=2)
+    assert differences(array_checksums(store), expected_hashes(1, preset)) == []
+
+
+def test_a_changed_array_is_named():
+    kept = expected_hashes(1, "paper")
+    assert differences({**kept, "true_surge": "other"}, kept) == ["true_surge"]
+    assert differences({**kept, "new": "x"}, kept) == ["new"]
+
+
+# --- time and place, from the true track and the draws --------------------------------------------
+
+
+def test_time_and_place_are_coordinates_and_carry_cf_attributes(field_store):
+    data = xr.open_zarr(field_store)
+    assert {*COORDINATES, *PLACE} <= set(data.coords)
+    assert {*COORDINATES} <= set(data["true_depth"].coords)
+    for name, standard, units in (
+        ("latitude", "latitude", "degree_north"),
+        ("longitude", "longitude", "degree_east"),
+        ("start_latitude", "latitude", "degree_north"),
+        ("start_longitude", "longitude", "degree_east"),
+    ):
+        assert data[name].attrs["standard_name"] == standard
+        assert data[name].attrs["units"] == units
+    for name in ("datetime", "start_time"):
+        assert data[name].attrs["standard_name"] == "time"
+        assert data[name].dtype.kind == "M"
+    assert {data[name].attrs["axis"] for name in COORDINATES} == {"T", "Y", "X"}
+
+
+def test_a_sample_is_where_and_when_the_vehicle_was(field_store):
+    data = xr.open_zarr(field_store)
+    raw = zarr.open_group(field_store, mode="r")["datetime"]
+    for mission in range(data.sizes["mission"]):
+        one, samples = data.isel(mission=mission), int(data["n_samples"][mission])
+        elapsed = one["datetime"].values[:samples] - one["start_time"].values
+        np.testing.assert_array_equal(
+            elapsed, (1e3 * one["time"].values[:samples]).astype("timedelta64[ms]")
+        )
+        place = float(one["start_latitude"]), float(one["start_longitude"])
+        track = (one[f"true_{name}"].values[:samples].astype(float) for name in ("north", "east"))
+        expected = from_tangent_plane(*track, *place)
+        for name, values in zip(("latitude", "longitude"), expected, strict=True):
+            np.testing.assert_allclose(one[name].values[:samples], values, rtol=0, atol=1e-7)
+            assert np.isnan(one[name].values[samples:]).all()
+        assert np.isnat(one["datetime"].values[samples:]).all()
+        assert (np.asarray(raw[mission])[samples:] == NO_TIME).all()
+
+
+def test_field_missions_are_in_the_open_atlantic_on_any_day_of_a_year(field_store):
+    run = GeneratedStore(field_store)
+    for mission in range(len(run)):
+        drawn = run.parameters(mission)
+        assert run.array("start_latitude")[mission] == drawn.number("water.latitude")
+        assert -38.0 <= run.array("start_longitude")[mission] <= -32.0
+        days = run.array("start_time")[mission] - np.datetime64("2020-01-01")
+        assert 0.0 <= days / np.timedelta64(1, "D") <= 366.0
+    assert len(set(run.array("start_time"))) == len(run)
+
+
+def test_paper_missions_are_off_monterey_bay(paper_store):
+    data = xr.open_zarr(paper_store)
+    starts = np.stack([data["start_latitude"], data["start_longitude"]], axis=1)
+    assert (starts == (36.8, -122.4)).all()
+    assert (data["start_time"].values == np.datetime64("2020-01-01")).all()
+
+
+def test_a_gridded_current_says_where_it_is(tmp_path):
+    days = np.array(["2003-08-01", "2003-08-04"], "datetime64[ns]")
+    latitude, longitude = np.arange(47.0, 52.0), np.arange(-18.0, -13.0)
+    flow = (("time", "lat", "lon"), np.full((2, 5, 5), 0.1))
+    names = (("u", "eastward_sea_water_velocity"), ("v", "northward_sea_water_velocity"))
+    path = tmp_path / "water.nc"
+    xr.Dataset(
+        {n: (*flow, {"standard_name": standard, "units": "m s-1"}) for n, standard in names},
+        {
+            "time": days,
+            "lat": ("lat", latitude, {"units": "degrees_north"}),
+            "lon": ("lon", longitude, {"units": "degrees_east"}),
+        },
+    ).to_netcdf(path)
+    text = f"grid:{path},lat=49,lon=-16,time=2003-08-02"
+    store = tmp_path / "missions.zarr"
+    generate(make_recipe(preset="paper", hours=0.05, current=text), store, workers=1)
+    data = xr.open_zarr(store)
+    assert (data["start_latitude"] == 49.0).all()
+    assert (data["start_longitude"] == -16.0).all()
+    assert (data["start_time"].values == np.datetime64("2003-08-02")).all()
+
+
+def test_a_store_without_coordinates_still_opens_and_replays(paper_store, tmp_path):
+    """As stores were before: no coordinates, and parameters that did not exist."""
+    old = tmp_path / "old.zarr"
+    shutil.copytree(paper_store, old)
+    for name in (*COORDINATES, *PLACE):
+        shutil.rmtree(old / name)
+    metadata = old / "zarr.json"
+    group = json.loads(metadata.read_text())
+    for name in (*COORDINATES, *PLACE):
+        del group["consolidated_metadata"]["metadata"][name]
+    for array in group["consolidated_metadata"]["metadata"].values():
+        array["attributes"].pop("coordinates", None)
+    del group["attributes"]["coordinates"]
+    settings = json.loads(group["attributes"]["settings"])
+    for name in ("water.longitude", "mission.start_day"):
+        del settings["distributions"][name]
+    group["attributes"]["settings"] = json.dumps(settings)
+    metadata.write_text(json.dumps(group))
+    with GeneratedStore(old) as run:
+        assert "latitude" not in run
+        assert run.parameters(0).number("water.longitude") == pytest.approx(-121.8)
+        assert replay_mission(run, 0).identical
+
+
+def test_the_density_is_that_of_temperature_and_salinity_where_the_mission_is(field_store):
+    """TEOS-10 with the composition of the salt at the mission's own place."""
+    data = xr.open_zarr(field_store)
+    for mission in range(data.sizes["mission"]):
+        one = data.isel(mission=mission, time=slice(0, int(data["n_samples"][mission])))
+        place = float(one["start_longitude"]), float(one["start_latitude"])
+        pressure = gsw.p_from_z(-one["true_depth"].values.astype(float), place[1])
+        absolute = gsw.SA_from_SP(one["true_salinity"].values, pressure, *place)
+        conservative = gsw.CT_from_t(absolute, one["true_temperature"].values, pressure)
+        expected = gsw.rho(absolute, conservative, pressure)
+        error = np.abs(one["true_density"].values - expected)
+        # depths are linear between the metres of the profile, densities kept to 1e-4
+        assert error.max() < 3e-4
+        conductivity = one["measured_conductivity"].values
+        assert np.isfinite(conductivity).all()

@@ -18,14 +18,12 @@ from twin.records.storage.checksums import (
     ZARR_LIST,
     FileSum,
     damaged_files,
-    file_sum,
     has_checksums,
     read_checksums,
     write_checksums,
 )
 from twin.records.storage.sharded import (
     DTYPE,
-    ArrayMeta,
     ShardedStore,
     ShardWriter,
     fast_pipeline,
@@ -114,13 +112,6 @@ def test_a_folder_without_a_list_says_so(tmp_path):
     assert not has_checksums(tmp_path)
     with pytest.raises(StoreError, match="has no list of checksums"):
         list(damaged_files(tmp_path))
-
-
-def test_sums_that_are_known_are_not_read_again(plain):
-    given = FileSum(1, "0" * 64)
-    write_checksums(plain, {"a/one.bin": given})
-    assert read_checksums(plain)["a/one.bin"] == given
-    assert read_checksums(plain)["two.txt"] == file_sum(plain / "two.txt")
 
 
 @pytest.mark.parametrize("consolidated", [None, True, False])
@@ -238,10 +229,7 @@ def write(path):
         "word": (np.array(["a", "é"] * 35, np.dtypes.StringDType()), "mission", {}),
     }
     for name, (array, dimension, attributes) in numbers.items():
-        meta = ArrayMeta(array.shape, array.dtype, (dimension,), attributes)
-        step = SHARD if dimension == "mission" else len(array)
-        for number, first in enumerate(range(0, len(array), step)):
-            store.write_rows(name, number, array[first : first + step], meta)
+        store.write_rows(name, (dimension,), array, attributes)
     declared = {name: (DTYPE, variable(name).stored_attributes()) for name in signals}
     store.finish(declared, {"seed": 1})
     sums = store.sums

@@ -290,19 +290,3 @@ def test_many_writers_at_once_leave_one_whole_folder(tmp_path):
     assert [other.wait() for other in others] == [0, 0, 0]
     assert text_of(target) == "new"
     assert names(tmp_path) == ["target"]
-
-
-def test_a_small_file_taken_for_left_over_before_its_lock_is_written_again(tmp_path, monkeypatch):
-    lock, taken = disk.lock, []
-
-    def late(descriptor):
-        if not taken:
-            taken.extend(disk.temporaries(tmp_path / "small"))
-            taken[0].unlink()
-        return lock(descriptor)
-
-    monkeypatch.setattr(disk, "lock", late)
-    disk.write_whole(tmp_path / "small", b"all of it")
-    assert taken
-    assert (tmp_path / "small").read_bytes() == b"all of it"
-    assert [path.name for path in tmp_path.iterdir()] == ["small"]

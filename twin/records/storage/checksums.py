@@ -75,19 +75,15 @@ def is_listed(folder: str | StorePath) -> bool:
     return all(name in sums for name in _names(files_at(folder)))
 
 
-def write_checksums(folder: str | Path, known: Mapping[str, FileSum] | None = None) -> Path:
+def write_checksums(folder: str | Path) -> Path:
     """Write the list of all files that a folder holds now; returns its path.
-
-    Args:
-      known: sums of files that were taken when these were written; the others are read.
 
     Raises:
       OSError: a file cannot be read, or the list not be written.
     """
-    root, known = Path(folder), known or {}
+    root = Path(folder)
     target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
-    names = _names(Files(root))
-    sums = {name: known[name] if name in known else file_sum(root / name) for name in names}
+    sums = {name: file_sum(root / name) for name in _names(Files(root))}
     target.parent.mkdir(exist_ok=True)
     write_whole(target, list_text(sums, zarr=target.name == ZARR_METADATA))
     return target
@@ -189,7 +185,6 @@ def damaged_files(
             raise
         yield Damage(key, "changed", str(error))
         return
-    chosen = None if only is None else tuple(only)
 
     def compare(name: str) -> Damage | None:
         size, expected = sums[name].bytes, sums[name]
@@ -205,11 +200,8 @@ def damaged_files(
             return Damage(name, "unreadable", error.strerror or str(error))
         return None
 
-    asked = [
-        name
-        for name in sums
-        if chosen is None or any(name == one or name.startswith(f"{one}/") for one in chosen)
-    ]
+    chosen = None if only is None else {f"{one}/" for one in only}
+    asked = [n for n in sums if chosen is None or any(f"{n}/".startswith(one) for one in chosen)]
     with ThreadPoolExecutor(workers) as pool:
         for first in range(0, len(asked), FILES_AT_ONCE):
             yield from filter(None, pool.map(compare, asked[first : first + FILES_AT_ONCE]))
@@ -268,8 +260,9 @@ def content_hash(store: str | StorePath, names: Iterable[str]) -> str:
     The store's own attributes are left out: they say when it was made, and the same recipe makes
     the same arrays again.
     """
-    root = files_at(store)
-    return _hash({f"{n}/": root.below(n) for n in sorted({TIME, N_SAMPLES, SPLIT, *names})})
+    root = store_path(store)
+    wanted = sorted({TIME, N_SAMPLES, SPLIT, *names})
+    return _hash({f"{name}/": files_at(root / name) for name in wanted})
 
 
 def _hash(places: Mapping[str, Files]) -> str:

@@ -19,7 +19,6 @@ import re
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from twin.errors import InputError
@@ -156,7 +155,9 @@ class ObjectFiles(Files):
 
     def __init__(self, url: Url):
         require("obstore", extra="cloud", purpose=f"the address {url}")
-        self.url = url
+        import obstore
+
+        self.url, self._obstore = url, obstore
 
     def __reduce__(self) -> tuple[Any, ...]:
         return ObjectFiles, (self.url,)
@@ -172,20 +173,10 @@ class ObjectFiles(Files):
         _meet(Url(*self.url.parts[:2]))
         return _open(self.url, PATIENT)
 
-    @functools.cached_property
-    def _obstore(self) -> ModuleType:
-        import obstore
-
-        return obstore
-
     @property
     def name(self) -> str:
         """Its address."""
         return str(self.url)
-
-    def below(self, key: str) -> ObjectFiles:
-        """The objects whose keys go on with `key`."""
-        return ObjectFiles(self.url / key)
 
     def read(self, key: str) -> bytes:
         """All of an object."""
@@ -209,9 +200,6 @@ class ObjectFiles(Files):
         with ThreadPoolExecutor(PUT_AT_ONCE) as threads:
             for _ in threads.map(put, files):
                 pass
-
-    def settle(self) -> None:
-        """What a storage has taken, it keeps."""
 
     def size(self, key: str) -> int | None:
         """Size of an object."""
@@ -240,10 +228,6 @@ class ObjectFiles(Files):
             for some in self._obstore.list(self._objects, chunk_size=LISTED):
                 for one in some:
                     yield str(one["path"]), int(one["size"])
-
-    def all_keys(self) -> Iterator[str]:
-        """Keys of all objects."""
-        return (key for key, _ in self.sizes())
 
     def folders(self) -> list[str]:
         """First parts of longer keys."""

@@ -17,7 +17,7 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +105,7 @@ class ShardWriter:
         # with threads, the order of the blocks in a chunk would be one of chance
         self._opened.callback(setattr, numcodecs.blosc, "use_threads", numcodecs.blosc.use_threads)
         numcodecs.blosc.use_threads = False
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Self:
         return self
@@ -167,15 +167,6 @@ class _SignalFile:
         self._size += len(checked)
 
 
-class ArrayMeta(NamedTuple):
-    """An array that is not a signal: a coordinate, or one value or a few of each mission."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    dimensions: tuple[str, ...]
-    attributes: Mapping[str, Any]
-
-
 class ShardedStore:
     """All of a store that is not in its shards; it is complete when `finish` has written its
     `zarr.json`."""
@@ -198,25 +189,32 @@ class ShardedStore:
         # many arrays of a store are alike but for their values, and making one takes milliseconds
         self._alike = functools.cache(self._rows)
 
-    def write_rows(self, name: str, number: int, values: NDArray[Any], meta: ArrayMeta) -> None:
-        """Write chunk `number` of an array other than the signals, whose first axis may be shorter
-        than the array's."""
+    def write_rows(
+        self,
+        name: str,
+        dimensions: tuple[str, ...],
+        values: NDArray[Any],
+        attributes: Mapping[str, Any],
+    ) -> None:
+        """Write an array other than the signals."""
         import zarr
 
         # zarr encodes by itself, whatever an environment sets
         with zarr.config.set({"codec_pipeline.path": PYTHON_PIPELINE}):
-            memory, array = self._alike(*meta[:3])
-            first = number * array.chunks[0]
-            array[first : first + len(values)] = values
-        (chunk,) = (key for key in memory if key != METADATA)
-        key = f"{name}/{chunk}"
-        self.sums[key] = self.files.put(key, memory.pop(chunk).to_bytes())
-        self._metadata[name] = _document(array, meta.attributes)
+            memory, array = self._alike(values.shape, values.dtype, dimensions)
+            array[:] = values
+        for chunk in [key for key in memory if key != METADATA]:
+            self._put(f"{name}/{chunk}", memory.pop(chunk).to_bytes())
+        self._metadata[name] = _document(array, attributes)
 
     def write_group(self, name: str, attributes: Mapping[str, Any]) -> None:
         """Write a group that holds nothing but attributes."""
-        key = f"{name}/{METADATA}"
-        self.sums[key] = self.files.put(key, _compact(_group(attributes)))
+        self._put(f"{name}/{METADATA}", _compact(_group(attributes)))
+
+    def _put(self, key: str, data: bytes) -> None:
+        """Write a file and keep its checksum."""
+        self.files.write(key, data)
+        self.sums[key] = FileSum(len(data), hashlib.sha256(data).hexdigest())
 
     def finish(
         self,
@@ -234,8 +232,7 @@ class ShardedStore:
         for name, (dtype, said) in signals.items():
             self._metadata[name] = _document(like[dtype], said)
         for name, document in self._metadata.items():
-            key = f"{name}/{METADATA}"
-            self.sums[key] = self.files.put(key, _compact(document))
+            self._put(f"{name}/{METADATA}", _compact(document))
         table = {"kind": "inline", "must_understand": False, "metadata": self._metadata}
         group = _group({**SIMULATED_ATTRIBUTES, **attributes}) | {"consolidated_metadata": table}
         root = _compact(group)

@@ -6,6 +6,7 @@ or not at all.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
 import os
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 from twin.bounded import MOST_TEXT, check_regular
 from twin.errors import InputError, unknown_name
 from twin.lazy import resolve
-from twin.records.storage.disk import files_below, remove, sync_all, temporary_name, write_whole
+from twin.records.storage.disk import files_below, sync_all, write_whole
 
 SCHEMES = {"s3": "Amazon S3 and what speaks like it", "gs": "Google Cloud", "az": "Azure"}
 """What may stand before :// in an address, and whose it is"""
@@ -118,17 +119,11 @@ class Files:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self._fresh: set[Path] = set()
-        """written and perhaps not on the disk yet"""
 
     @property
     def name(self) -> str:
         """How people call the place: a path or an address."""
         return str(self.folder)
-
-    def below(self, key: str) -> Files:
-        """The place that begins at `key`."""
-        return Files(self.folder / key)
 
     def read(self, key: str) -> bytes:
         """All of a file."""
@@ -147,37 +142,21 @@ class Files:
         """Make or replace a file, under another name first.
 
         Args:
-          safe: of a small file: it is safe from a loss of power when this returns.
+          safe: whether it is safe from a loss of power when this returns.
         """
-        target = self._parent(key)
-        if safe:
-            write_whole(target, data)
-            return
-        temporary = temporary_name(target)
-        try:
-            temporary.write_bytes(data)
-            temporary.replace(target)
-        except BaseException:
-            remove(temporary)
-            raise
-        self._fresh.add(target)
-
-    def put(self, key: str, data: bytes) -> FileSum:
-        """`write`, and the checksum of what was written."""
-        self.write(key, data)
-        return FileSum(len(data), hashlib.sha256(data).hexdigest())
+        target = self.folder / key
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(target, data, safe=safe)
 
     def take(self, files: Mapping[str, Path]) -> None:
-        """Make or replace files, by key, from some of this machine, which are moved away."""
-        for key, path in files.items():
-            target = self._parent(key)
+        """Make or replace files, by key, from some of this machine, which are moved away and safe
+        from a loss of power when this returns."""
+        sync_all(files.values())
+        targets = {self.folder / key: path for key, path in files.items()}
+        for target, path in targets.items():
+            target.parent.mkdir(parents=True, exist_ok=True)
             path.replace(target)
-            self._fresh.add(target)
-
-    def settle(self) -> None:
-        """Return when all that was written through this object is safe from a loss of power."""
-        sync_all(sorted(self._fresh), {path.parent for path in self._fresh})
-        self._fresh.clear()
+        sync_all({target.parent for target in targets})
 
     def size(self, key: str) -> int | None:
         """Size [bytes] of a file, None when there is none; raises OddFile for no regular file."""
@@ -195,14 +174,15 @@ class Files:
         return file_sum(self.folder / key)
 
     def sizes(self) -> Iterator[tuple[str, int]]:
-        """Key and size [bytes] of every file, those of a folder in the order of their names."""
-        for key in self.all_keys():
-            yield key, (self.folder / key).lstat().st_size
+        """Key and size [bytes] of every file, those of a folder in the order of their names; some
+        may go away meanwhile."""
+        for path in files_below(self.folder) if self.folder.is_dir() else ():
+            with contextlib.suppress(FileNotFoundError):
+                yield path.relative_to(self.folder).as_posix(), path.lstat().st_size
 
     def all_keys(self) -> Iterator[str]:
-        """Keys of all files, of which some may go away meanwhile."""
-        if self.folder.is_dir():
-            yield from (p.relative_to(self.folder).as_posix() for p in files_below(self.folder))
+        """Keys of all files."""
+        return (key for key, _ in self.sizes())
 
     def stored_bytes(self) -> int:
         """Size of all files together."""
@@ -223,17 +203,10 @@ class Files:
     def remove(self, key: str) -> None:
         """Remove a file if there is one."""
         (self.folder / key).unlink(missing_ok=True)
-        self._fresh.discard(self.folder / key)
 
     def remove_all(self) -> None:
         """Remove every file as far as that is allowed."""
         shutil.rmtree(self.folder, ignore_errors=True)
-
-    def _parent(self, key: str) -> Path:
-        """The file of a key, in a folder that is there."""
-        target = self.folder / key
-        target.parent.mkdir(parents=True, exist_ok=True)
-        return target
 
 
 def files_at(place: str | StorePath) -> Files:

@@ -27,8 +27,7 @@ from twin.records.storage.disk import (
     is_temporary,
     lock,
     remove,
-    sync_file,
-    sync_folder,
+    sync,
     sync_tree,
     temporaries,
     temporary_name,
@@ -85,10 +84,10 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
         yield content
         if target.exists():
             content.chmod(stat.S_IMODE(target.stat().st_mode))
-        sync_file(content)
+        sync(content)
         check_file_target(path, overwrite=overwrite)  # another writer may have ended
         content.replace(target)
-        sync_folder(target.parent)
+        sync(target.parent)
 
 
 def check_folder_target(
@@ -157,12 +156,22 @@ def recover(path: str | Path) -> None:
     Does nothing where something is under the name, or its writer lives.
     """
     target = _target(path)
-    for hidden in [] if target.exists() else temporaries(target):
+    if not target.exists():
+        clean(target)
+
+
+def clean(target: Path) -> None:
+    """Remove what writers of this target left that are gone, after a rename that one of them began
+    is finished."""
+    for hidden in temporaries(target):
         with dead(hidden) as gone:
-            if gone and (hidden / REPLACED).is_dir() and not target.exists():
+            if not gone:
+                continue
+            if (hidden / REPLACED).is_dir() and not target.exists():
                 new = hidden / target.name
                 # the old one was moved aside when the new one was complete
                 (new if new.is_dir() else hidden / REPLACED).rename(target)
+            remove(hidden)
 
 
 def _target(path: str | Path) -> Path:
@@ -222,23 +231,11 @@ def _is_of_writing(error: OSError, target: Path) -> bool:
     )
 
 
-def clean(target: Path) -> None:
-    """Remove what writers of this target left that are gone, after `recover`."""
-    recover(target)
-    for hidden in temporaries(target):
-        with dead(hidden) as gone:
-            if gone and (target.exists() or not (hidden / REPLACED).exists()):
-                remove(hidden)
-
-
 def _hidden(target: Path) -> tuple[Path, int]:
     """A new folder beside the target, and the open descriptor that holds its lock."""
     while True:
         hidden = temporary_name(target)
-        try:
-            hidden.mkdir()  # /proc says ENOENT, though the parent is there
-        except FileExistsError:
-            continue
+        hidden.mkdir()  # /proc says ENOENT, though the parent is there
         try:
             descriptor = os.open(hidden, os.O_RDONLY | os.O_DIRECTORY)
         except FileNotFoundError:
@@ -262,4 +259,4 @@ def take_place(content: Path, target: Path, aside: Path) -> None:
                 raise
     else:
         content.rename(target)  # onto an empty folder too
-    sync_folder(target.parent)
+    sync(target.parent)
