@@ -1,6 +1,6 @@
 """Every code block of every page runs, here or in the test that is named, as it stands there.
 
-Tutorials run in test_tutorials.py, all of them and whole. A block that nothing can run has a mark.
+Tutorials run in test_front_page.py, all of them and whole. A block that nothing can run has a mark.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RUN = {
     "docs/howto/erddap.md": {"tests/factory/exporting/test_erddap_export.py": 1},
     "docs/howto/extending.md": {"tests/docs/test_extending.py": 14},
     "docs/howto/flight.md": {HERE: 3},
-    "docs/howto/forecast.md": {"tests/docs/test_forecast.py": 3},
+    "docs/howto/forecast.md": {"tests/docs/test_front_page.py": 3},
     "docs/howto/identify.md": {HERE: 2},
     "docs/howto/import_logs.md": {HERE: 1},
     "docs/howto/import_messages.md": {

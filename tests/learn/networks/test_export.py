@@ -1,7 +1,10 @@
 """ONNX step models against the networks that they were made from."""
 
+from __future__ import annotations
+
 import json
 import logging
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +14,7 @@ import torch
 from navigation import PERIOD, trimmed_mission
 from onnx import helper
 
+from learn.commands.trained import ExportNetwork
 from learn.data.dataset import MissionSequence
 from learn.data.sequences import Normalisation
 from learn.networks.base import NetworkConfig, build_network
@@ -24,7 +28,8 @@ from learn.networks.onnx_export import (
 )
 from learn.networks.predictor import Predictor
 from learn.seams import NETWORKS
-from twin.errors import StoreError
+from twin.cli.console import Console
+from twin.errors import InputError, StoreError
 
 FEATURES = ("sin_roll", "sin_pitch", "cos_pitch", "depth_rate", "pump")
 
@@ -149,3 +154,25 @@ def test_a_model_that_differs_is_not_kept(mission, tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="differs by"):
         export_step(network, tmp_path / "step.onnx", mission)
     assert not (tmp_path / "step.onnx").exists()
+
+
+# --- `learn export` says how to install what it needs, before it reads anything
+
+
+@pytest.mark.parametrize("package", ["onnx", "onnxscript", "onnxruntime"])
+def test_export_needs_the_extra_onnx(
+    package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=rf'{package},.* pip install "glider-twin\[onnx\]"$'):
+        ExportNetwork(run_folder=tmp_path / "none").run(Console("learn"))
+
+
+def test_running_a_model_needs_the_extra_onnx(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from learn.networks.onnx_export import StepModel
+
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(InputError, match=r'pip install "glider-twin\[onnx\]"$'):
+        StepModel(tmp_path / "none.onnx")
