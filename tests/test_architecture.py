@@ -1,11 +1,10 @@
 """The rules of docs/project/architecture.md, over the source: imports, folders, names."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import importlib.util
 import re
+import sys
 from collections import defaultdict
 from collections.abc import Iterable
 from functools import cache
@@ -58,7 +57,7 @@ FLIPS = {
 PLACE = re.compile(rf"(?:{'|'.join(PACKAGES)})(?:\.\w+)+(?::\w+)?$").match
 """A text that names a module of the project, or what stands in one"""
 LAZY_BOTH_WAYS = {
-    "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn",
+    "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn"
 }
 """Folders of which one names the other only for when it is asked, and why"""
 MOST_DOUBLED_FILES, MOST_DOUBLED_CLASSES = 25, 10
@@ -125,10 +124,16 @@ def tree(module: str) -> ast.Module:
     return ast.parse(modules()[module].read_text(encoding="utf-8"))
 
 
+@cache
+def nodes(module: str) -> list[ast.AST]:
+    """All of a module's tree."""
+    return list(ast.walk(tree(module)))
+
+
 def imported(module: str) -> set[str]:
     """Modules of the project that a module imports anywhere, for type checkers too."""
     found: set[str] = set()
-    for node in ast.walk(tree(module)):
+    for node in nodes(module):
         if isinstance(node, ast.Import):
             found |= {known(alias.name) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -215,11 +220,11 @@ def words(module: str) -> set[str]:
     """Parts of every name and text in a module's code; docstrings are not code."""
     texts = {
         id(node.value)
-        for node in ast.walk(tree(module))
+        for node in nodes(module)
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     }
     names: list[str] = []
-    for node in ast.walk(tree(module)):
+    for node in nodes(module):
         for field in ("id", "attr", "arg", "name"):
             if isinstance(value := getattr(node, field, None), str):
                 names.append(value)
@@ -338,18 +343,14 @@ def test_few_public_classes_share_a_name() -> None:
     assert doubled([("Hold", "a"), ("Dvl", "b"), ("Hold", "c")]) == {"Hold": ["a", "c"]}
 
 
-def public_objects(package: str) -> set[str]:
-    """Names in a lazy face that are not modules beside it, which it may show as such."""
-    found = twin.lazy.places(importlib.import_module(package).__name__)
-    return {name for name, place in found.items() if ":" in place}
-
-
 def test_a_lazy_face_shows_no_name_of_a_module_beside_it() -> None:
-    """`from twin.records import store` would give the name or the module, by what came before."""
-    for package, path in modules().items():
-        if "attach(__name__" in path.read_text(encoding="utf-8"):
-            beside = {each.stem for each in path.parent.iterdir()}
-            assert not beside & shown(importlib.import_module(package).__name__), package
+    """`from twin.records import store` would give the name or the module, by what came before;
+    and `twin.simulate` must stay the function."""
+    lazy = {p for p, path in modules().items() if "attach(__name__" in path.read_text("utf-8")}
+    assert set(PACKAGES) < lazy
+    for package in lazy:
+        beside = {each.stem for each in modules()[package].parent.iterdir()}
+        assert not beside & shown(package), package
 
 
 def shown(package: str) -> set[str]:
@@ -360,12 +361,6 @@ def shown(package: str) -> set[str]:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_top_levels_hold_folders_and_little_else(package: str) -> None:
     assert {path.stem for path in (ROOT / package).glob("*.py")} == TOP_LEVEL[package]
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_no_module_has_the_name_of_a_public_function(package: str) -> None:
-    """`twin.simulate` must stay the function, whatever was imported before."""
-    assert not shown(package) & {path.stem for path in (ROOT / package).iterdir()}
 
 
 def test_axes_flip_in_known_places() -> None:
@@ -381,7 +376,7 @@ def test_axes_flip_in_known_places() -> None:
 def _names(module: str) -> set[str]:
     return {
         alias.name
-        for node in ast.walk(tree(module))
+        for node in nodes(module)
         if isinstance(node, ast.ImportFrom) and node.module == "twin.frames"
         for alias in node.names
     }
@@ -411,8 +406,6 @@ def script():
         "architecture_script", ROOT / "scripts" / "architecture.py"
     )
     module = importlib.util.module_from_spec(spec)
-    import sys
-
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module

@@ -1,7 +1,5 @@
 """The examples in examples/ run as a reader would run them, and what they show is so."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import subprocess

@@ -1,7 +1,5 @@
 """The public faces of `twin` and `factory`: light, complete, typed, documented."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib
@@ -102,16 +100,6 @@ def _typed(face) -> dict[str, str]:
             module = (ROOT / str(node.module).replace(".", "/") / f"{name.name}.py").is_file()
             places[name.asname] = f"{node.module}{'.' if module else ':'}{name.name}"
     return places
-
-
-@every_face
-def test_no_module_bears_a_public_name(face):
-    """Else importing the module would put it in the place of the function."""
-    folder = Path(face.__file__).parent
-    modules = {path.stem for path in folder.glob("*.py")} | {
-        path.name for path in folder.iterdir() if path.is_dir()
-    }
-    assert not modules & {name for name, place in face._PLACES.items() if ":" in place}
 
 
 @pytest.mark.parametrize(

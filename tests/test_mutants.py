@@ -1,7 +1,5 @@
 """Changes of the code at places drawn by chance: they change it, and tests that prove notice."""
 
-from __future__ import annotations
-
 import ast
 import json
 from collections.abc import Iterator

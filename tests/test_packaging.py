@@ -1,7 +1,5 @@
 """The distribution: the wheel works on its own, names and versions agree, documents are true."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import json
@@ -23,6 +21,7 @@ from examples import script
 from packaging.requirements import Requirement
 from trees import keep_compiled
 
+import factory
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
@@ -329,8 +328,6 @@ def test_versions_agree() -> None:
 
 def test_import_factory_is_this_package() -> None:
     # factory_boy installs a package of the same name.
-    import factory
-
     assert Path(factory.__file__).resolve().parent == ROOT / "factory"
     names = {_name(dist.metadata["Name"]) for dist in metadata.distributions()}
     assert "factory-boy" not in names
@@ -360,11 +357,7 @@ def test_every_dependency_is_pinned_within_its_range() -> None:
             assert requirement.specifier.contains(pins[_name(requirement.name)]), text
 
 
-CONDA_NAMES = {
-    "mujoco": "mujoco-python",
-    "glfw": "pyglfw",
-    "matplotlib": "matplotlib-base",
-}
+CONDA_NAMES = {"mujoco": "mujoco-python", "glfw": "pyglfw", "matplotlib": "matplotlib-base"}
 """What conda-forge calls packages differently."""
 
 

@@ -1,7 +1,5 @@
 """Plugins of this project: public faces only, one version, a README of one screen, entry points."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

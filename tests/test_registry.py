@@ -1,7 +1,5 @@
 """Registries: lazy, checked, open to a user's own kinds; every shipped kind is complete."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib
@@ -28,14 +26,7 @@ from twin import control
 from twin.control.registry import TASKS, check_task
 from twin.errors import InputError
 from twin.plugins import PLUGINS, imported
-from twin.records.schema import (
-    HYDROGRAPHY,
-    LOGGED_ONLY,
-    SIMULATED,
-    VARIABLES,
-    WITH_FLOOR,
-    Variable,
-)
+from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, VARIABLES, WITH_FLOOR, Variable
 from twin.records.trajectory import actuator_names
 from twin.registry import Registry
 from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
@@ -353,16 +344,16 @@ def test_an_installed_sensor_needs_no_import(tmp_path):
         "[glider_twin.sensors]\nturbidity = turbidity:Turbidity\n"
     )
     with files_of("docs/reference/sensors.md", tmp_path):
-        for words in (
-            "generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr",
-            "verify m.zarr --replay 1",
-        ):
-            done = subprocess.run(
-                [sys.executable, "-m", "factory", *words.split()], cwd=tmp_path,
-                env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
-                capture_output=True, text=True, check=False,
-            )  # fmt: skip
-            assert done.returncode == 0, done.stderr
+        code = (
+            "from factory.__main__ import PROGRAM; made = PROGRAM.main("
+            "'generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr'.split());"
+            "raise SystemExit(made or PROGRAM.main('verify m.zarr --replay 1'.split()))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True,
+            env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
     data = twin.open_store(tmp_path / "m.zarr")
     assert data["measured_turbidity"].attrs["valid_max"] == 1000.0
     assert data.attrs["sensors"] == "field+turbidity"

@@ -1,7 +1,5 @@
 """The benchmarks of `make bench` run as they are told to, and print their figures."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import math
@@ -14,6 +12,7 @@ import pytest
 from examples import ROOT
 from logs import SHARED, Flight, write_mat
 
+import benchmarks.left_out_kinds
 import factory
 from benchmarks import (
     current_sampling,
@@ -255,8 +254,6 @@ def test_under_water_it_errs_by_at_most_0_6_of_the_linear_correction(tmp_path) -
 @pytest.fixture
 def bench(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT))
-    import benchmarks.left_out_kinds
-
     return benchmarks.left_out_kinds
 
 

@@ -1,7 +1,5 @@
 """The open benchmark of dead reckoning: its scorer, its files, a method of one's own."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re
@@ -15,6 +13,13 @@ import pytest
 import xarray as xr
 from examples import ROOT, needs_docs
 
+from benchmarks.dead_reckoning import public_logs as public
+from benchmarks.dead_reckoning import results
+from benchmarks.dead_reckoning.__main__ import main
+from benchmarks.dead_reckoning.predictions import checked, read_predictions
+from benchmarks.dead_reckoning.rivals import RIVALS, chosen
+from benchmarks.dead_reckoning.scoring import score
+from benchmarks.dead_reckoning.tiers import TIERS, Checksum
 from twin.errors import InputError
 
 
@@ -22,8 +27,6 @@ from twin.errors import InputError
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
     """Small stores of the tier `family`, and the dives before its score begins."""
     sys.path.insert(0, str(ROOT))
-    from benchmarks.dead_reckoning.tiers import TIERS
-
     tier = TIERS["family"]
     changes = {**tier.test["changes"], "mission.duration_h": "2", "mission.max_depth_m": "40"}
     small = dataclasses.replace(
@@ -48,9 +51,6 @@ def truth(test: Path) -> xr.Dataset:
 
 
 def test_the_truth_has_no_error_and_a_scale_error_is_seen(made, tmp_path):
-    from benchmarks.dead_reckoning.predictions import read_predictions
-    from benchmarks.dead_reckoning.scoring import score
-
     _, test, dives = made
     data = truth(test)
     data.to_netcdf(tmp_path / "truth.nc")
@@ -86,9 +86,6 @@ def test_the_truth_has_no_error_and_a_scale_error_is_seen(made, tmp_path):
 
 
 def test_a_table_says_the_same_as_netcdf(made, tmp_path):
-    from benchmarks.dead_reckoning.predictions import read_predictions
-    from benchmarks.dead_reckoning.scoring import score
-
     _, test, dives = made
     data = truth(test) * 1.03
     with xr.open_zarr(test, decode_times=False) as store:
@@ -106,9 +103,6 @@ def test_a_table_says_the_same_as_netcdf(made, tmp_path):
 
 
 def test_a_method_of_ones_own_is_a_file(made, tmp_path):
-    from benchmarks.dead_reckoning.rivals import chosen
-    from benchmarks.dead_reckoning.scoring import score
-
     train, test, dives = made
     (tmp_path / "mine.py").write_text(
         "from benchmarks.dead_reckoning.rivals import RIVALS\n"
@@ -131,9 +125,6 @@ def test_scoring_needs_no_torch():
 
 def test_a_method_that_adapts_says_more_after_more_dives(made, monkeypatch):
     """Networks that are hardly trained, on hulls with 40 % more drag: the hull is what helps."""
-    from benchmarks.dead_reckoning.rivals import chosen
-    from benchmarks.dead_reckoning.scoring import score
-
     monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     train, test, dives = made
     found = chosen("flight filter,ema,ema adapted", None)
@@ -152,9 +143,6 @@ def test_a_method_that_adapts_says_more_after_more_dives(made, monkeypatch):
 
 def test_a_balance_of_forces_is_fitted_to_the_first_dives(made):
     """40 % more drag: without a dive the file's hull is too fast by a sixth."""
-    from benchmarks.dead_reckoning.rivals import RIVALS
-    from benchmarks.dead_reckoning.scoring import score
-
     train, test, dives = made
     found = score(test, dives, RIVALS["gliderflight"].predict(train, test, 0, 1.0))
     assert found["1"]["surge_mse"] < 0.8 * found["0"]["surge_mse"]
@@ -164,8 +152,6 @@ def test_a_balance_of_forces_is_fitted_to_the_first_dives(made):
 
 
 def test_a_store_of_another_physics_is_not_taken_for_the_published_one(made):
-    from benchmarks.dead_reckoning.tiers import TIERS, Checksum
-
     _, test, _ = made
     found = Checksum.of(test)
     assert found.samples > 1000 * found.missions
@@ -193,8 +179,6 @@ MISTAKES = {
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_table_that_is_none_is_told(mistake, tmp_path):
-    from benchmarks.dead_reckoning.predictions import read_predictions
-
     text, message = MISTAKES[mistake]
     (tmp_path / "mine.csv").write_text(text)
     with pytest.raises(InputError, match=rf"mine\.csv.*{message}"):
@@ -207,8 +191,6 @@ def test_a_table_that_is_none_is_told(mistake, tmp_path):
 
 
 def test_what_a_method_gives_back_is_looked_at():
-    from benchmarks.dead_reckoning.predictions import checked
-
     good = xr.Dataset({n: (("mission", "time"), np.zeros((1, 2))) for n in ("surge", "sway")})
     assert checked({0: good.transpose("time", "mission")}, "mine")[0]["surge"].shape == (1, 2)
     for said, message in (
@@ -224,8 +206,6 @@ def test_what_a_method_gives_back_is_looked_at():
 
 
 def test_a_file_that_is_no_method_is_told(tmp_path):
-    from benchmarks.dead_reckoning.rivals import chosen
-
     for text, message in (
         ("import nowhere", "mine.py cannot be run: ModuleNotFoundError"),
         ("def predict(:", "mine.py cannot be run: SyntaxError"),
@@ -248,8 +228,6 @@ def test_a_file_that_is_no_method_is_told(tmp_path):
 
 
 def test_options_that_do_not_go_together_are_refused(tmp_path, capsys, monkeypatch):
-    from benchmarks.dead_reckoning.__main__ import main
-
     for words, message in (
         (["--keep", str(tmp_path)], "--keep needs --who NAME"),
         (["--who", "me"], "--who is for --keep"),
@@ -315,8 +293,6 @@ def said(factor: float, dives: int) -> xr.Dataset:
 @pytest.mark.parametrize("pitch", [(1.0, 0.0), (0.86, -0.004)])
 def test_a_scale_error_of_the_speed_is_the_error_of_the_way(pitch, monkeypatch, tmp_path):
     """Against an ADCP in the store, and against a Doppler log's speed in a file."""
-    from benchmarks.dead_reckoning import public_logs as public
-
     level = SURGE * np.cos(PITCH) + HEAVE * np.sin(PITCH)
     dives = [glide(k, pitch=pitch) for k in range(3)]
     monkeypatch.setattr(public, "dives_of", lambda *_: dives)
@@ -358,8 +334,6 @@ def test_a_scale_error_of_the_speed_is_the_error_of_the_way(pitch, monkeypatch, 
 
 
 def test_files_are_those_that_were_published(tmp_path):
-    from benchmarks.dead_reckoning import public_logs as public
-
     for one in public.deployments():
         assert one.address.startswith("https://")
         assert one.address.endswith("/")
@@ -377,8 +351,6 @@ def test_files_are_those_that_were_published(tmp_path):
 
 
 def test_what_is_to_be_fetched_is_a_file_of_curl(capsys):
-    from benchmarks.dead_reckoning import public_logs as public
-
     assert public.main() == 0
     lines = [x for x in capsys.readouterr().out.splitlines() if not x.startswith("#")]
     assert len(lines) == 2 * sum(len(one.files) for one in public.deployments())
@@ -387,8 +359,6 @@ def test_what_is_to_be_fetched_is_a_file_of_curl(capsys):
 
 
 def test_files_of_results_make_the_page(tmp_path):
-    from benchmarks.dead_reckoning import results
-
     figures = {
         "dr_velocity_percent": 0.4, "low": 0.3, "high": 0.5, "surge_mse": 1e-5, "missions": 9.0,
         "worse": 0.0,
@@ -426,8 +396,6 @@ def test_files_of_results_make_the_page(tmp_path):
 
 @needs_docs
 def test_the_page_has_what_the_files_say():
-    from benchmarks.dead_reckoning import results
-
     text = results.PAGE.read_text(encoding="utf-8")
     assert results.page(text) == text, "run `python -m benchmarks.dead_reckoning.results`"
     assert set(results.tables()) == set(results.TIERS)

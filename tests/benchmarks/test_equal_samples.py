@@ -1,7 +1,5 @@
 """Methods are compared on equal samples, with intervals over dives; the factory's model too."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

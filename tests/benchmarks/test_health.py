@@ -1,7 +1,5 @@
 """What the benchmark of health counts: alarms in time, days at risk, levels by false alarms."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A little of `python -m benchmarks.histories`."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
 

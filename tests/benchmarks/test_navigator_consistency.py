@@ -1,7 +1,5 @@
 """The navigator errs as it says: 70 simulated missions in currents of preset field."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """Benchmark on real logs: folders, public methods, regression, folds, what is skipped and why."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

@@ -3,8 +3,6 @@
 Tutorials run in test_front_page.py, all of them and whole. A block that nothing can run has a mark.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re
@@ -83,7 +81,7 @@ RUN = {
     },
     "docs/reference/import.md": {HERE: 1},
     "docs/reference/missions.md": {"tests/twin/mission/test_mission_docs.py": 8},
-    "docs/reference/networks.md": {"tests/learn/test_kinds_of_users.py": 1},
+    "docs/reference/networks.md": {"tests/learn/test_registries.py": 1},
     "docs/reference/sensors.md": {"tests/test_registry.py": 3},
     "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},
 }

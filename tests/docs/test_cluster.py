@@ -4,8 +4,6 @@ What belongs to an installation is replaced by programs of the same name that st
 `sbatch` runs the tasks of an array here, `pip` only notes what it was asked for.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

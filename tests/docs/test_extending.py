@@ -1,7 +1,5 @@
 """Every kind of one's own that docs/howto/extending.md shows: its file and command, as written."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -90,11 +88,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(
         [sys.executable, "driver.py"],
         cwd=folder,
-        env={
-            **os.environ,
-            "PYTHONPATH": str(ROOT),
-            PLUGINS: os.pathsep.join(sorted(plugins)),
-        },
+        env={**os.environ, "PYTHONPATH": str(ROOT), PLUGINS: os.pathsep.join(sorted(plugins))},
         capture_output=True,
         text=True,
         check=False,

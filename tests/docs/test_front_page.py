@@ -1,7 +1,6 @@
 """What the front page shows does what it says, on smaller numbers."""
 
-from __future__ import annotations
-
+import dataclasses
 import importlib.util
 import json
 import os
@@ -142,8 +141,6 @@ def test_the_program_runs(capsys) -> None:
 
 
 def test_every_option_of_the_table_is_one_of_the_command() -> None:
-    import dataclasses
-
     from glider_twin_ops.commands.forecast import ForecastSurfacings
 
     fields = {field.name for field in dataclasses.fields(ForecastSurfacings)} - {"json"}

@@ -1,7 +1,5 @@
 """A digit of a page is the digit that was measured: docs/results/figures.json has each."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

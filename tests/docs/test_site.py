@@ -1,7 +1,6 @@
 """The documentation as a site: it builds without a warning, is whole, and needs no other host."""
 
-from __future__ import annotations
-
+import importlib
 import os
 import re
 import shlex
@@ -77,11 +76,7 @@ nav: [index.md, other.md]
 
 @pytest.mark.parametrize(
     ("link", "told"),
-    [
-        ("other.md#a-heading", ""),
-        ("other.md#no-heading", "no-heading"),
-        ("gone.md", "gone.md"),
-    ],
+    [("other.md#a-heading", ""), ("other.md#no-heading", "no-heading"), ("gone.md", "gone.md")],
 )
 def test_make_docs_fails_for_a_dead_link_and_a_dead_anchor(
     tmp_path: Path, link: str, told: str
@@ -231,8 +226,6 @@ def test_the_pages_of_commands_have_every_option(
 def test_the_pages_of_python_have_every_public_name(
     site: Path, reference: ModuleType, page: str
 ) -> None:
-    import importlib
-
     face = reference.FACES[page]
     names = [name for name in importlib.import_module(face).__all__ if not name.startswith("__")]
     assert set(names) == set(reference.public_names(face))

@@ -1,7 +1,5 @@
 """Verify and replay: sound stores pass, every kind of damage is found and named."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil
@@ -212,7 +210,7 @@ def test_every_flipped_bit_of_a_shard_is_found(monkeypatch, whole, copied):
     monkeypatch.setattr("factory.store_check.SAMPLES_AT_ONCE", 1)
     shard = copied / "true_surge/c/0/0"
     sound = shard.read_bytes()
-    for place in np.linspace(0, len(sound) - 1, 9).astype(int).tolist():
+    for place in np.linspace(0, len(sound) - 1, 5).astype(int).tolist():
         flip_byte(shard, place)
         (chunks,) = (c for c in verify_store(GeneratedStore(copied)).checks if c.name == "chunks")
         assert any("true_surge of mission" in problem for problem in chunks.problems), place

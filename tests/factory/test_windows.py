@@ -104,8 +104,9 @@ def test_what_does_not_fit_is_read_once_an_epoch(small, windows, monkeypatch):
     assert small._kept.keys() < set(small.missions.tolist())
 
 
-@pytest.mark.parametrize("context", ["fork", "spawn"])
-@pytest.mark.parametrize("memory", ["enough", "too little"])
+@pytest.mark.parametrize(
+    ("context", "memory"), [("fork", "enough"), ("fork", "too little"), ("spawn", "too little")]
+)
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork.*:DeprecationWarning")
 def test_workers_of_a_data_loader_read_the_same(context, memory, small, windows):
     torch = pytest.importorskip("torch")

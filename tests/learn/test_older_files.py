@@ -1,7 +1,5 @@
 """Stores and a run that e2ff189 made, kept as they were, are read as they were then."""
 
-from __future__ import annotations
-
 import json
 import math
 import random

@@ -1,7 +1,5 @@
 """`ds.glider`: what it says is what the log's own import says, on the data set's own times."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Files of pyglider and basestation3 get what a flight model says, and keep all that they had."""
 
-from __future__ import annotations
-
 import functools
 import os
 import shutil

@@ -1,5 +1,7 @@
 """Import of tables by a mapping: units, axes, rows, refusals, and every column accounted for."""
 
+import datetime
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -47,8 +49,6 @@ def with_signals(**signals):
 
 def text_of(data):
     """A mapping as TOML, by JSON, of which its values are a part."""
-    import json
-
     lines = [f"{key} = {_value(value)}" for key, value in data.items() if key != "corrections"]
     for one in data.get("corrections", []):
         lines.append("[[corrections]]")
@@ -57,9 +57,6 @@ def text_of(data):
 
 
 def _value(value):
-    import datetime
-    import json
-
     if isinstance(value, dict):
         inside = ", ".join(f"{json.dumps(k)} = {_value(v)}" for k, v in value.items())
         return "{ " + inside + " }"

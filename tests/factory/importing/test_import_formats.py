@@ -3,6 +3,7 @@
 import gzip
 from datetime import UTC, datetime
 
+import netCDF4
 import numpy as np
 import pytest
 from logs import (
@@ -18,6 +19,7 @@ from logs import (
     write_seaexplorer,
 )
 
+from factory.exporting.og1.deployments import export_og1_logs
 from factory.exporting.og1.missions import export_og1
 from factory.generation.generated_store import GeneratedStore
 from factory.importing import import_logs
@@ -152,8 +154,6 @@ def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path):
     assert [e.detail for e in report.entries if e.subject == "magnetic variation"] == [
         "magnetic: the log has none; -18.05 degree by IGRF-14 at its place and date"
     ]
-    import netCDF4
-
     with netCDF4.Dataset(path, "a") as file:
         file["LATITUDE_GPS"][:] = np.nan
     refused(r"HEADING is magnetic .*no position is there", "og1", [path])
@@ -161,8 +161,6 @@ def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path):
 
 def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_own(tmp_path):
     """As converters of Seaglider files write it: integer nanoseconds since an odd moment."""
-    import netCDF4
-
     right, _ = import_logs(
         "og1", [write_og1(tmp_path / "a.nc", FLIGHT)], variation_deg=FLIGHT.variation
     )
@@ -206,10 +204,6 @@ def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_ow
 )
 def test_real_logs_come_back_from_their_og1_files(tmp_path, log, kind):
     """Fixes just below the surface, and silent logs around them, make the same rows again."""
-    from factory.exporting.og1.deployments import export_og1_logs
-    from twin.records.logged import LogStore
-    from twin.records.store import write_store
-
     pytest.importorskip("pyarrow")
     if not (SHARED / log).is_dir():
         pytest.skip("needs the shared logs")
@@ -238,8 +232,6 @@ def test_ngdac_profiles_make_one_log_with_its_currents(tmp_path):
     assert np.nanmedian(dataset["measured_heading"]) == pytest.approx(FLIGHT.heading, abs=1e-3)
     # what the file's own quality control calls bad goes; where the vehicle's own fixes are, rows
     # run from fix to fix
-    import netCDF4
-
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
             under = file["depth"][:] > 0.0

@@ -1,6 +1,7 @@
 """Import of Slocum logs: segments, units, repairs and refusals, on written and on real files."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -361,8 +362,6 @@ def test_files_that_are_no_slocum_log_are_named_in_one_line(tmp_path, name, cont
 
 
 def test_without_dbdreader_the_extra_is_named(tmp_path, monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "dbdreader", None)
     path = tmp_path / "a.dbd"
     path.write_bytes(b"dbd_label: x\n")

@@ -1,13 +1,15 @@
 """Memory of an import: small files, made to fill it, take less than 1 GB."""
 
 import gzip
+import json
 import struct
 import subprocess
 import sys
 
+import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, refused, table_columns, write_dbd
+from logs import Flight, pack, refused, table_columns, write_dbd
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table, tidy
@@ -20,28 +22,37 @@ MOST = 2**30
 SMALL = 20 * 2**20
 """[byte]"""
 IMPORT = """
-import re, sys
+import gc, json, re, sys
 from factory.importing import import_logs
 from twin.errors import InputError
-kind, path, mapping = sys.argv[1:]
-try:
-    import_logs(kind, [path], **({"mapping": mapping} if mapping else {}))
-    print("read")
-except InputError as error:
-    print(error)
-print(1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]))
+
+for line in sys.stdin:
+    kind, path, mapping = json.loads(line)
+    open("/proc/self/clear_refs", "w").write("5")  # the largest memory is counted again
+    try:
+        import_logs(kind, [path], **({"mapping": mapping} if mapping else {}))
+        said = "read"
+    except InputError as error:
+        said = str(error)
+    most = 1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
+    print(json.dumps([said, most]), flush=True)
+    gc.collect()
 """
 
 
-def imported(kind, path, mapping=""):
-    """What a process of its own says of a file, and its largest memory [byte]."""
-    assert path.stat().st_size < SMALL
-    done = subprocess.run(
-        [sys.executable, "-c", IMPORT, kind, str(path), str(mapping)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    *said, most = done.stdout.splitlines()
-    return "\n".join(said), int(most)
+@pytest.fixture(scope="module")
+def imported():
+    """A function: what a process of its own says of a file, and its largest memory [byte]."""
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", IMPORT], **pipes) as process:
+
+        def bring(kind, path, mapping=""):
+            assert path.stat().st_size < SMALL
+            print(json.dumps([kind, str(path), str(mapping)]), file=process.stdin, flush=True)
+            return json.loads(process.stdout.readline())
+
+        yield bring
+        process.stdin.close()
 
 
 def gzip_table(folder):
@@ -77,8 +88,6 @@ def lz4_blocks(folder):
 
 
 def deflated(folder):
-    import netCDF4
-
     path = folder / "a.nc"
     with netCDF4.Dataset(path, "w") as file:
         file.createDimension("time", 50_000_000)
@@ -90,8 +99,6 @@ def deflated(folder):
 
 def empty_hdf5(folder):
     """Chunks that were never written."""
-    import netCDF4
-
     path = folder / "a.mat"
     with netCDF4.Dataset(path, "w") as file:
         for name in ("depth", "latitude", "longitude"):
@@ -137,7 +144,7 @@ def parquet_of_zeros(folder):
         (endless_line, "first line of more than"), (parquet_of_zeros, "unpacks to"), (parquet, ""),
     ],
 )  # fmt: skip
-def test_a_small_file_fills_no_memory(make, told, tmp_path):
+def test_a_small_file_fills_no_memory(imported, make, told, tmp_path):
     kind, path = make(tmp_path)
     said, most = imported(kind, path)
     assert most < MOST
@@ -174,7 +181,7 @@ def write_jump(path, jump, rows=1):
 
 
 @pytest.mark.parametrize("rows", ["dives", "gaps", "file"])
-def test_a_clock_that_jumps_once_costs_its_row_alone(tmp_path, rows):
+def test_a_clock_that_jumps_once_costs_its_row_alone(imported, tmp_path, rows):
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows=rows))
     write_jump(tmp_path / "right.csv", 0.0)
@@ -191,7 +198,7 @@ def test_a_clock_that_jumps_once_costs_its_row_alone(tmp_path, rows):
 
 
 @pytest.mark.parametrize("jump", [2e7, 1e8, 1e9])
-def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(tmp_path, jump):
+def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(imported, tmp_path, jump):
     """So many rows that nobody can say which clock is right: both parts stay."""
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows="dives").replace("gap_s = 1e12\n", ""))
@@ -203,7 +210,7 @@ def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(tmp_path, jump
     assert found.sizes["mission"] == 2
 
 
-def test_a_row_that_is_a_hole_is_left_out(tmp_path):
+def test_a_row_that_is_a_hole_is_left_out(imported, tmp_path):
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows="file"))
     write_jump(tmp_path / "jump.csv", 2e7)
@@ -261,8 +268,6 @@ def test_a_table_of_text_is_what_it_was(tmp_path):
 
 def test_a_packed_log_of_a_vehicle_is_read(tmp_path):
     """Plain dives compress by far less than the bound."""
-    from logs import pack
-
     pytest.importorskip("dbdreader")
     content = write_dbd(tmp_path, Flight())[0].read_bytes()
     assert len(content) < 0.2 * MOST_UNPACKED * len(pack(content))

@@ -39,8 +39,7 @@ def currents(tmp_path, **reported):
     """Why each of three dives is suspect whose vehicle reported these currents [m/s]."""
     ends = np.array([FLIGHT.dive_times(k)[1] + 60.0 for k in range(3)])
     log = dataclasses.replace(
-        plain_log(),
-        auxiliary={f"dac_{n}": Channel(ends, np.array(v)) for n, v in reported.items()},
+        plain_log(), auxiliary={f"dac_{n}": Channel(ends, np.array(v)) for n, v in reported.items()}
     )
     tally = Tally()
     log = within_limits(log, tally)

@@ -1,7 +1,5 @@
 """Units of logs: a declaration converts, contradictions are told, and guesses come last."""
 
-from __future__ import annotations
-
 import dataclasses
 from datetime import UTC, datetime
 
@@ -669,8 +667,6 @@ def test_degrees_and_minutes_are_still_told():
 
 
 def test_an_og1_temperature_in_kelvin_is_converted_once(tmp_path):
-    import netCDF4
-
     path = write_og1(tmp_path / "a.nc", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         warm = file.createVariable("TEMP", "f8", ("N_MEASUREMENTS",))

@@ -1,7 +1,5 @@
 """Dataset: reading, split, windows, and what is said when a store cannot be used."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -44,8 +42,6 @@ def test_splits_are_disjoint_and_complete(small_store):
 
 
 def test_words_and_numbers_name_the_same_split(tmp_path, small_store):
-    import xarray as xr
-
     words = xr.open_zarr(small_store)[["measured_pitch", "n_samples"]].load()
     words["split"] = ("mission", np.array(["train", "test"] * 4))
     path = tmp_path / "words.zarr"

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from navigation import PERIOD, steady_mission, write_store
 
-from learn.data.dataset import MissionSequence
-from learn.data.labels import (
-    STORE_CURRENT,
-    LabelConfig,
-    count_labels,
-    label_config,
-    measured,
-)
+from learn.data.dataset import MissionSequence, filled
+from learn.data.labels import STORE_CURRENT, LabelConfig, count_labels, label_config, measured
 from learn.data.preparation import prepare
 from learn.data.stores import few_labels, few_missions, labels_in
 from learn.networks.base import NetworkConfig
@@ -254,8 +248,6 @@ def test_settings_of_labels_are_kept_and_refused_where_they_have_no_use(flown_st
 
 
 def test_the_holes_of_a_log_are_not_filled_with_labels():
-    from learn.data.dataset import filled
-
     log = np.array([1.0, np.nan, np.nan, 0.7])
     np.testing.assert_array_equal(filled("measured_dvl_surge", log), log)
     assert np.isfinite(filled("measured_pitch", log)).all()

@@ -1,7 +1,5 @@
 """Real logs in learn: truth with holes, sample periods, splits, folds, dead reckoning of rows."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Predicted deviations against the errors that they predict."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -9,12 +7,7 @@ import pytest
 from navigation import PERIOD, steady_mission
 
 from learn.data.dataset import MissionSequence
-from learn.evaluation.deviation import (
-    COMPASS_SD,
-    ErrorModel,
-    network_position_sd,
-    position_sd,
-)
+from learn.evaluation.deviation import COMPASS_SD, ErrorModel, network_position_sd, position_sd
 from learn.evaluation.score import ReferenceVelocity
 from twin.errors import InputError
 from twin.navigation.dead_reckoning import integrate

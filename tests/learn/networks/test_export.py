@@ -1,7 +1,5 @@
 """ONNX step models against the networks that they were made from."""
 
-from __future__ import annotations
-
 import json
 import logging
 import sys
@@ -171,8 +169,6 @@ def test_export_needs_the_extra_onnx(
 def test_running_a_model_needs_the_extra_onnx(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from learn.networks.onnx_export import StepModel
-
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(InputError, match=r'pip install "glider-twin\[onnx\]"$'):
         StepModel(tmp_path / "none.onnx")

@@ -1,7 +1,5 @@
 """A trained run on board: sample by sample what its networks say of whole missions."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every network under the one interface."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

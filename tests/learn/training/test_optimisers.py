@@ -1,7 +1,5 @@
 """Scaled conjugate gradients on problems with known answers."""
 
-from __future__ import annotations
-
 import copy
 
 import pytest
@@ -87,9 +85,7 @@ def test_negative_curvature_is_left():
         return (x * x - 1) ** 2 + y * y, gradient
 
     found = minimise(
-        saddle,
-        torch.tensor([0.05, 0.0], dtype=torch.float64),
-        gradient_tolerance=1e-9,
+        saddle, torch.tensor([0.05, 0.0], dtype=torch.float64), gradient_tolerance=1e-9
     )
     assert abs(abs(float(found.parameters[0])) - 1.0) < 1e-6
 
@@ -99,11 +95,7 @@ def test_an_infinite_candidate_is_refused_and_the_step_shortened():
         value = torch.where(w > 3.0, torch.nan, (w - 1.0) ** 2 + 0.1 * (w - 1.0) ** 4)
         return float(value.sum()), 2 * (w - 1.0) + 0.4 * (w - 1.0) ** 3
 
-    found = minimise(
-        walled,
-        torch.tensor([-4.0], dtype=torch.float64),
-        gradient_tolerance=1e-9,
-    )
+    found = minimise(walled, torch.tensor([-4.0], dtype=torch.float64), gradient_tolerance=1e-9)
     assert abs(float(found.parameters[0]) - 1.0) < 1e-6
 
 

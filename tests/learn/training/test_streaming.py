@@ -1,17 +1,17 @@
 """Streaming: training from the store gives what training from memory gives, in bounded memory."""
 
-from __future__ import annotations
-
 import json
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 import torch
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
-from learn_missions import write_synthetic_store
+from learn_missions import FLAGS, PERIOD, write_dataset, write_synthetic_store
 
 from learn.data.preparation import prepare, training_lengths
 from learn.data.sequences import ahead
@@ -23,6 +23,9 @@ from learn.training.resources import choose_residence, free_memory
 from learn.training.trainer import Trainer, mean_squared_error
 from twin.errors import InputError, StoreError
 from twin.navigation.features import INPUT_SETS, select_features
+from twin.records.attributes import SIMULATED_ATTRIBUTES
+from twin.records.reader import MissionStore
+from twin.records.schema import SCHEMA_VERSION, VARIABLES
 from twin.records.windows import buffers
 
 FEATURES = select_features(("attitude", "depth_rate", "glide_speed"))
@@ -116,10 +119,7 @@ def test_a_streamed_training_goes_on_within_a_buffer(store, tmp_path):
 
 def test_scales_and_sequences_are_equal_both_ways(store):
     options = {"target": "surge", "features": FEATURES}
-    with (
-        prepare(store, **options) as kept,
-        prepare(store, **options, resident=False) as streamed,
-    ):
+    with prepare(store, **options) as kept, prepare(store, **options, resident=False) as streamed:
         assert kept.normalisation == streamed.normalisation
         places = np.array([4, 0, 2])
         one, other = kept.train.take(places), streamed.train.take(places)
@@ -132,8 +132,6 @@ def test_scales_and_sequences_are_equal_both_ways(store):
 
 
 def test_a_store_that_goes_away_under_a_training_is_an_error(tmp_path):
-    import shutil
-
     path = write_synthetic_store(tmp_path / "s.zarr", LENGTHS, SPLITS)
     with prepare(path, target="surge", features=FEATURES, resident=False) as data:
         (chunk,) = list((path / "measured_depth").rglob("c"))
@@ -185,8 +183,6 @@ def test_the_memory_decides_and_is_told(store):
 
 
 def test_a_store_larger_than_its_memory_is_streamed(tmp_path, monkeypatch):
-    from twin.records.reader import MissionStore
-
     path = write_synthetic_store(tmp_path / "s.zarr", [300] * 4, [0, 0, 0, 1])
     many = np.full(40_000, 20_000)  # what the store says of its missions; nothing is read
     config = config_of(path, buffer=2**17)
@@ -235,12 +231,6 @@ def test_memory_is_bounded_by_the_buffer_and_not_by_the_store(tmp_path):
 
 def _write_flat(path, missions, samples):
     """Missions of a few channels, quickly written."""
-    import xarray as xr
-    from learn_missions import FLAGS, PERIOD, write_dataset
-
-    from twin.records.attributes import SIMULATED_ATTRIBUTES
-    from twin.records.schema import SCHEMA_VERSION, VARIABLES
-
     time = PERIOD * np.arange(samples)
     wave = np.sin(time / 50.0, dtype=np.float32)
     scale = np.linspace(0.5, 1.0, missions, dtype=np.float32)[:, None]
@@ -267,15 +257,10 @@ def _write_flat(path, missions, samples):
 def test_a_validation_of_streamed_missions_is_that_of_those_in_memory(store):
     import torch
 
-    from learn.networks.base import build_network
-
     torch.manual_seed(0)
     network = build_network(NetworkConfig(kind="elman", inputs=len(FEATURES), hidden=4, layers=1))
     options = {"target": "surge", "features": FEATURES}
-    with (
-        prepare(store, **options) as kept,
-        prepare(store, **options, resident=False) as streamed,
-    ):
+    with prepare(store, **options) as kept, prepare(store, **options, resident=False) as streamed:
         one = mean_squared_error(network, kept.train)
         assert mean_squared_error(network, streamed.train) == one
 

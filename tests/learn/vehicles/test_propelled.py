@@ -1,7 +1,5 @@
 """Networks for a vehicle of other parts: a torpedo with a propeller, a rudder, an elevator."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Logs of a propelled vehicle without depth: networks learn a Doppler log and are judged by it."""
 
-from __future__ import annotations
-
 import dataclasses
 import html
 from pathlib import Path
