@@ -2,7 +2,6 @@
 
 import json
 import runpy
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -11,7 +10,7 @@ from examples import ROOT, script
 SLOW = json.loads((ROOT / "tests" / "slow.json").read_text(encoding="utf-8"))
 
 
-def test_the_slow_files_are_there() -> None:
+def test_the_slow_files_are_there():
     """After a move: scripts/durations.py, as CONTRIBUTING.md says."""
     assert [name for name in SLOW if not (ROOT / name).is_file()] == []
 
@@ -19,14 +18,14 @@ def test_the_slow_files_are_there() -> None:
 CONFTEST = runpy.run_path(str(ROOT / "tests" / "conftest.py"))
 
 
-def runs(name: str, *, quick: bool = False, part: str | None = None) -> bool:
+def runs(name, *, quick=False, part=None):
     """Whether a run with these options collects a file."""
     options = {"--quick": quick, "--part": part}
     ignored = CONFTEST["pytest_ignore_collect"]
     return ignored(ROOT / name, SimpleNamespace(getoption=lambda o, _=None: options[o])) is None
 
 
-def test_the_longest_begin_and_a_quick_run_leaves_them_out() -> None:
+def test_the_longest_begin_and_a_quick_run_leaves_them_out():
     long, short = "tests/test_mutants.py", "tests/test_durations.py"
     assert long in SLOW
     items = [SimpleNamespace(path=ROOT / name) for name in (short, long)]
@@ -44,7 +43,7 @@ def test_the_longest_begin_and_a_quick_run_leaves_them_out() -> None:
     assert fast == set(files) - set(SLOW)
 
 
-def test_every_file_is_in_one_part_of_the_tests() -> None:
+def test_every_file_is_in_one_part_of_the_tests():
     """`make check` runs all of them, `make test` those of the code."""
     parts = json.loads((ROOT / "tests" / "parts.json").read_text(encoding="utf-8"))
     places = [place for several in parts.values() for place in several]
@@ -63,7 +62,7 @@ def test_every_file_is_in_one_part_of_the_tests() -> None:
     assert not runs("tests/docs", part="code")
 
 
-def test_a_report_gives_seconds_of_files(tmp_path: Path) -> None:
+def test_a_report_gives_seconds_of_files(tmp_path):
     durations = script("durations")
     report = tmp_path / "report.xml"
     case = '<testcase classname="tests.test_{}" name="a" time="{}"/>'

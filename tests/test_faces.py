@@ -25,7 +25,7 @@ every_face = pytest.mark.parametrize("face", FACES, ids=lambda face: face.__name
 STARTS = 5
 
 
-def python(code: str) -> subprocess.CompletedProcess[str]:
+def python(code):
     return subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT
     )
@@ -66,7 +66,7 @@ def test_every_public_name_has_a_docstring_of_its_own(name):
     assert [n for n, value in public.items() if not own_docstring(value)] == []
 
 
-def own_docstring(value) -> str:
+def own_docstring(value):
     """What stands below a class or function, or says what an object is."""
     if inspect.isclass(value):
         told = value.__dict__.get("__doc__") or ""
@@ -86,7 +86,7 @@ def test_a_docstring_that_is_inherited_or_made_up_is_none_of_its_own():
     assert own_docstring(twin.Scenario)
 
 
-def _typed(face) -> dict[str, str]:
+def _typed(face):
     """The places that type checkers see, from the text of the package."""
     block = next(
         node

@@ -8,9 +8,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +33,7 @@ from twin.physics.mujoco_model import compile_model
 from twin.records.tracks import read_tracks
 from twin.sensors import SensorSuite
 from twin.vehicle.presets import apply_preset, asset_path
-from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.water.current.base import current_from_dict, parse_current
 from twin.water.current.profile import Profile
 from twin.water.density import parse_density, read_density_csv
@@ -52,7 +50,7 @@ WORDS = [*NUMBERS, *MARKS, "none", "true", "except", "[[", "]]", "<!--", "<![CDA
 
 
 @st.composite
-def mutated(draw: Any, *bases: str, words: tuple[str, ...] = ()) -> str:
+def mutated(draw, *bases, words=()):
     """One of the texts with some pieces replaced by words, or by random text."""
     text = draw(st.sampled_from(bases))
     piece = st.sampled_from([*words, *WORDS]) | st.text(max_size=8)
@@ -74,11 +72,11 @@ VALUES = st.recursive(
 
 
 @st.composite
-def altered(draw: Any, base: dict[str, Any]) -> Any:
+def altered(draw, base):
     """A tree of tables with some values replaced, left out or added."""
     table = json.loads(json.dumps(base))
     for _ in range(draw(st.integers(0, 3))):
-        place: Any = table
+        place = table
         while isinstance(place, dict | list) and place:
             keys = list(place) if isinstance(place, dict) else list(range(len(place)))
             key = draw(st.sampled_from(keys))
@@ -94,7 +92,7 @@ def altered(draw: Any, base: dict[str, Any]) -> Any:
     return table
 
 
-def distribution(text: str) -> None:
+def distribution(text):
     """A distribution's text form reads back as itself, and draws what it allows."""
     found = parse_distribution(text, "p")
     assert parse_distribution(found.text(), "p").text() == found.text()
@@ -102,27 +100,27 @@ def distribution(text: str) -> None:
     assert found.allows(drawn), f"{drawn!r} cannot be drawn"
 
 
-def current(text: str) -> None:
+def current(text):
     found = parse_current(text)
     assert current_from_dict(found.describe()).describe() == found.describe()
 
 
-def floor(text: str) -> None:
+def floor(text):
     found = parse_floor(text)
     assert found is None or floor_from_dict(found.describe()) == found
 
 
-def mission(text: str) -> None:
+def mission(text):
     found = Mission.from_toml(_file("m.toml", text))
     assert Mission.from_dict(found.to_dict()) == found
 
 
-def slocum(text: str) -> None:
+def slocum(text):
     reading = read_slocum(_file("m.mi", text))
     assert all("\n" not in note for note in reading.notes)
 
 
-def profile(text: str) -> None:
+def profile(text):
     """CSV profiles of density and current."""
     path = _file("d.csv", text)
     try:
@@ -131,7 +129,7 @@ def profile(text: str) -> None:
         read_density_csv(path).compile()
 
 
-def sniffed(data: bytes) -> None:
+def sniffed(data):
     """The kind of log that a file looks like, and its names as each importer asks for them."""
     for name in ("a.csv", "a.csv.gz", "a.dbd", "a.dcd", "a.nc", "a.parquet"):
         with contextlib.suppress(TwinError):
@@ -139,19 +137,19 @@ def sniffed(data: bytes) -> None:
     read_table(_file("a.csv", data))
 
 
-def pattern(text: str) -> None:
+def pattern(text):
     """A regular expression of a user, on the longest names that files have."""
     compiled = compile_pattern(text, "p")
     for letter in "a1_":
         compiled.search(letter * LONGEST_NAME)
 
 
-def parsed(text: str) -> Vehicle:
+def parsed(text):
     """A vehicle file, without the memory of those that were read."""
     return parse_vehicle.__wrapped__(text, Path("mine.xml"))
 
 
-def numbers(text: str) -> None:
+def numbers(text):
     """`twin trim --set`"""
     assert all(math.isfinite(value) for value in parse_numbers("set", (text,), "").values())
 
@@ -220,7 +218,7 @@ START_BYTES = (
     b"\x1f\x8b\x08", b"a,b\n1,2\n", b"time;lat\n", b"\xef\xbb\xbfa,b\n",
 )  # fmt: skip
 
-TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
+TARGETS = {
     "distribution": (distribution, mutated(*DISTRIBUTIONS, words=("uniform(", "choice(", "inf"))),
     "current": (current, mutated(*CURRENTS, words=("speed=", "none", "uniform:", "m2="))),
     "density": (parse_density, mutated("usual", "constant", "x.csv", "grid", "thermocline")),
@@ -313,7 +311,7 @@ TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
 }
 """What is asked: the function that takes a case, and what cases are drawn from"""
 
-_FOLDER: list[Path] = []
+_FOLDER = []
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -321,14 +319,14 @@ def folder(tmp_path_factory):
     _FOLDER[:] = [tmp_path_factory.mktemp("given")]
 
 
-def _file(name: str, content: str | bytes) -> Path:
+def _file(name, content):
     path = _FOLDER[0] / name
     data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     path.write_bytes(data)
     return path
 
 
-def check(target: Callable[[Any], None], case: Any) -> str:
+def check(target, case):
     """Run one case; "value" or the name of the `TwinError` that it gave."""
     start = time.process_time()
     try:

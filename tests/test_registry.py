@@ -8,9 +8,6 @@ import inspect
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -78,8 +75,8 @@ def test_kinds_are_imported_when_they_are_asked_for():
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
 
 
-def made(**entry_points: str) -> Registry[object]:
-    registry: Registry[object] = Registry(
+def made(**entry_points):
+    registry = Registry(
         "toy", group="toys", shipped={"a": "math:pi"}, check=lambda name, kind: kind
     )
     points = {
@@ -455,12 +452,12 @@ NO_KINDS = {
 SEAMS = script("architecture").seams()
 
 
-def base_of(seam: Any) -> Any:
+def base_of(seam):
     """The class or protocol that all kinds of a seam share."""
     return imported(":".join(seam.base.rsplit(".", 1)))
 
 
-def unregistered(modules: Sequence[ModuleType], base: type, table: Sequence[Any]) -> list[str]:
+def unregistered(modules, base, table):
     """Kinds that modules define and a table lacks, as `module:Name`.
 
     A kind is an object of the base, or a class derived from it that nothing else in the folder
@@ -491,11 +488,11 @@ def unregistered(modules: Sequence[ModuleType], base: type, table: Sequence[Any]
     ]
 
 
-def _classes_of(table: Sequence[Any]) -> set[type]:
+def _classes_of(table):
     return {kind for kind in table if isinstance(kind, type)}
 
 
-def modules_of(folder: str) -> list[ModuleType]:
+def modules_of(folder):
     """The modules of a seam's folder and of the folders in it."""
     files = sorted((ROOT / folder).rglob("*.py"))
     names = (".".join(path.relative_to(ROOT).with_suffix("").parts) for path in files)

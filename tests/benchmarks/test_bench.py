@@ -34,7 +34,7 @@ from twin.sensors import SensorSuite
 MAKEFILE = Path(__file__).parents[2] / "Makefile"
 
 
-def numbers(line: str) -> list[float]:
+def numbers(line):
     """The numbers after the name that a line begins with."""
     return [float(word) for word in re.findall(r"(?<= )[0-9.]+(?= |$)", line)]
 
@@ -81,7 +81,7 @@ def test_windows_are_read_in_every_way(monkeypatch, capsys):
 # --- The closed loop's budget: which device is ideal, and what the attitude alone costs
 
 
-def test_one_device_or_all_others_are_made_ideal() -> None:
+def test_one_device_or_all_others_are_made_ideal():
     field, ideal = SensorSuite.preset("field"), SensorSuite.preset("ideal")
     without, only = suite_of("field", without="compass"), suite_of("field", only="compass")
     for name in field:
@@ -97,7 +97,7 @@ class Run(dict):
     time = 0.5 * np.arange(1000)
 
 
-def test_the_floor_is_what_a_wrong_heading_makes_of_the_way() -> None:
+def test_the_floor_is_what_a_wrong_heading_makes_of_the_way():
     zeros = np.zeros(1000)
     run = Run(true_surge=zeros + 0.4, true_sway=zeros, true_heave=zeros)
     for name in ("roll", "pitch", "heading"):
@@ -107,7 +107,7 @@ def test_the_floor_is_what_a_wrong_heading_makes_of_the_way() -> None:
     assert attitude_floor(run, 600) == pytest.approx(2.0 * way * math.sin(math.radians(0.5)))
 
 
-def test_a_box_is_swung_before_on_request() -> None:
+def test_a_box_is_swung_before_on_request():
     plain, swung = box(100.0), box(100.0, swing=2)
     assert [one.kind for one in swung.segments] == ["spiral", "spiral", "waypoint"]
     assert swung.segments[2] == plain.segments[0]
@@ -119,7 +119,7 @@ def test_a_box_is_swung_before_on_request() -> None:
 HOUR = 3600.0
 
 
-def steady(rng: np.random.Generator, seas: int, noise: float, scale: float = 0.0) -> Dives:
+def steady(rng, seas, noise, scale=0.0):
     """Three dives of an hour in one steady current, north alone, of 0.1 m/s either way."""
     way = np.array([900.0 + 0j, 800.0j, -700.0 + 0j])
     current = HOUR * rng.normal(0.0, 0.1, 1) * np.ones(3) + 0j
@@ -129,7 +129,7 @@ def steady(rng: np.random.Generator, seas: int, noise: float, scale: float = 0.0
     return Dives(over_ground=way + current + error, way=way, current=current, seas=drawn)
 
 
-def test_what_one_dive_told_leaves_the_noise_of_the_ways() -> None:
+def test_what_one_dive_told_leaves_the_noise_of_the_ways():
     """Normal currents and errors: the miss is Kalman's, and the first one the current's."""
     rng, noise = np.random.default_rng(0), 20.0
     size = np.array([1e-6, 1e-6, noise])
@@ -143,7 +143,7 @@ def test_what_one_dive_told_leaves_the_noise_of_the_ways() -> None:
     assert found[:, 0].mean() == pytest.approx(0.1 * HOUR * np.sqrt(2.0 / np.pi), rel=0.15)
 
 
-def test_errors_of_the_ways_are_found_beside_the_true_current() -> None:
+def test_errors_of_the_ways_are_found_beside_the_true_current():
     rng = np.random.default_rng(1)
     missions = [steady(rng, 0, 15.0, scale=0.04) for _ in range(300)]
     scale, turn, noise = way_errors(missions)
@@ -158,13 +158,13 @@ def test_errors_of_the_ways_are_found_beside_the_true_current() -> None:
 SHORE = SHARED / "lrauv_shore_2013"
 
 
-def triangle(down: float, up: float, period: float = 2.0) -> np.ndarray:
+def triangle(down, up, period=2.0):
     """Three yo-yos of 50 m."""
     one = np.concatenate([np.arange(0.0, 50.0, down * period), np.arange(50.0, 0.0, -up * period)])
     return np.tile(one, 3)
 
 
-def test_rates_are_those_of_the_legs() -> None:
+def test_rates_are_those_of_the_legs():
     found = yo_yos.rates([(triangle(0.2, 0.25), 2.0)])
     assert np.median(found.down) == pytest.approx(0.2, rel=0.01)
     assert np.median(found.up) == pytest.approx(0.25, rel=0.01)
@@ -172,7 +172,7 @@ def test_rates_are_those_of_the_legs() -> None:
     assert found.bottom == pytest.approx(50.0, abs=0.5)
 
 
-def test_a_leg_with_a_hole_is_left_out() -> None:
+def test_a_leg_with_a_hole_is_left_out():
     depth = triangle(0.2, 0.25)
     depth[20:80] = np.nan  # in the first descent
     assert len(yo_yos.rates([(depth, 2.0)]).down) == 2
@@ -180,14 +180,12 @@ def test_a_leg_with_a_hole_is_left_out() -> None:
         yo_yos.rates([(np.full(100, 3.0), 2.0)])
 
 
-def test_the_pitch_of_the_logs_rates() -> None:
+def test_the_pitch_of_the_logs_rates():
     assert yo_yos.matching_pitch([10.0, 20.0], [0.1, 0.3], 0.2) == pytest.approx(15.0)
     assert math.isnan(yo_yos.matching_pitch([10.0, 20.0], [0.1, 0.3], 0.4))
 
 
-def test_the_command_prints_logs_and_twin(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_logs_and_twin(tmp_path, capsys):
     flight = Flight(depth=40.0, speed=1.0, pitch=15.0, surface=600.0, step=2.0)
     dataset, _ = import_logs("lrauv", [write_mat(tmp_path / "log.mat", flight)])
     write_store(dataset, tmp_path / "shore.zarr")
@@ -203,7 +201,7 @@ def test_the_command_prints_logs_and_twin(
 
 
 @pytest.mark.skipif(not SHORE.is_dir(), reason="needs the shared LRAUV logs")
-def test_the_shore_logs(tmp_path: Path) -> None:
+def test_the_shore_logs(tmp_path):
     write_store(import_logs("lrauv", [SHORE])[0], tmp_path / "shore.zarr")
     found = yo_yos.logged(tmp_path / "shore.zarr")
     # as others computed it from the same files: 0.230 and 0.245
@@ -240,7 +238,7 @@ def test_a_scene_has_as_many_gliders_as_asked_for():
 # --- The smoother beside the linear correction on simulated missions with all their errors
 
 
-def test_under_water_it_errs_by_at_most_0_6_of_the_linear_correction(tmp_path) -> None:
+def test_under_water_it_errs_by_at_most_0_6_of_the_linear_correction(tmp_path):
     path = tmp_path / "field.zarr"
     factory.generate(path, preset="field", hours=10.0, seed=7200)
     found = figures(path)

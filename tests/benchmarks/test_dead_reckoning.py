@@ -5,8 +5,6 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +22,7 @@ from twin.errors import InputError
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
+def made(tmp_path_factory):
     """Small stores of the tier `family`, and the dives before its score begins."""
     sys.path.insert(0, str(ROOT))
     tier = TIERS["family"]
@@ -43,7 +41,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, int]:
 PERIOD = 0.5
 
 
-def truth(test: Path) -> xr.Dataset:
+def truth(test):
     with xr.open_zarr(test, decode_times=False) as store:
         return xr.Dataset(
             {n: (("mission", "time"), store[f"true_{n}"].values) for n in ("surge", "sway")}
@@ -250,13 +248,13 @@ SURGE, HEAVE = 0.3, 0.012
 
 
 @pytest.fixture(autouse=True)
-def _repository() -> Iterator[None]:
+def _repository():
     sys.path.insert(0, str(ROOT))
     yield
     sys.path.remove(str(ROOT))
 
 
-def glide(index: int, *, pitch: tuple[float, float] = (1.0, 0.0)):
+def glide(index, *, pitch=(1.0, 0.0)):
     """A steady dive at 0.3 m/s with its truth, whose pitch sensor has a scale and an offset.
 
     Its truth is wrong in the first 5 m, where a profiler is not believed.
@@ -282,7 +280,7 @@ def glide(index: int, *, pitch: tuple[float, float] = (1.0, 0.0)):
     )
 
 
-def said(factor: float, dives: int) -> xr.Dataset:
+def said(factor, dives):
     surge = np.full((dives, SAMPLES), factor * SURGE)
     return xr.Dataset(
         {"surge": (("mission", "time"), surge), "sway": (("mission", "time"), 0.0 * surge)},

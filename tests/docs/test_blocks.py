@@ -9,9 +9,6 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 from examples import ROOT, blocks, needs_docs, script
@@ -94,7 +91,7 @@ SHOWN = "text"
 """The language of blocks that show what is printed or lies in a folder"""
 
 
-def runnable(page: Path) -> int:
+def runnable(page):
     """How many blocks of a page a reader could run: fenced ones, and indented programs."""
     text = page.read_text(encoding="utf-8")
     fenced = [language for language, _, _ in FENCE.findall(text) if language != SHOWN]
@@ -103,7 +100,7 @@ def runnable(page: Path) -> int:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_some_test_runs_every_block(page: Path) -> None:
+def test_some_test_runs_every_block(page):
     """After a new block: run it in a test, and count it in RUN."""
     tests = RUN.get(page.relative_to(ROOT).as_posix(), {})
     assert runnable(page) == sum(tests.values())
@@ -112,7 +109,7 @@ def test_some_test_runs_every_block(page: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A folder with what the pages name: a log, its store, a vehicle's own file."""
     folder = tmp_path_factory.mktemp("pages")
     for name in ("unit334", "offload"):
@@ -130,14 +127,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def lesson(folder: Path) -> Iterator[Any]:
+def lesson(folder):
     """One run of scripts/tutorials.py in that folder."""
     before = list(sys.path)
     yield script("tutorials").Lesson(folder)
     sys.path[:] = before
 
 
-def text_of(page: str, heading: str = "") -> str:
+def text_of(page, heading=""):
     """A page, or one of its sections."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     return text.partition(f"# {heading}\n")[2].partition("\n#")[0] if heading else text
@@ -146,31 +143,31 @@ def text_of(page: str, heading: str = "") -> str:
 @pytest.mark.parametrize(
     "page", ["howto/flight.md", "howto/identify.md", "howto/import_logs.md", "reference/import.md"]
 )
-def test_pages_about_logs_run(lesson: Any, page: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pages_about_logs_run(lesson, page, capsys):
     lesson.run(text_of(page))
     if page == "howto/import_logs.md":
         assert lesson.said == "slocum\n"
     assert capsys.readouterr().out
 
 
-def test_navigation_runs(lesson: Any) -> None:
+def test_navigation_runs(lesson):
     lesson.run(text_of("howto/navigation.md"))
     assert lesson.session["run"].complete
     assert lesson.session["ahead"].current.shape == (2, 2)
 
 
-def test_a_log_as_a_time_series_runs(lesson: Any) -> None:
+def test_a_log_as_a_time_series_runs(lesson):
     lesson.run(text_of("reference/factory.md", "As a time series"))
     assert lesson.session["series"].sizes["time"] > 1000
 
 
-def test_the_factory_in_python_runs(lesson: Any) -> None:
+def test_the_factory_in_python_runs(lesson):
     (program,) = [t for _, t in blocks("docs/reference/factory.md") if "summary = generate(" in t]
     lesson.python(program.replace("hours=1.0", "hours=0.2"))
     assert lesson.session["run"].parameters(0).values["vehicle.k_m"] > 0.0
 
 
-def test_files_of_the_factory_are_read(folder: Path) -> None:
+def test_files_of_the_factory_are_read(folder):
     text = text_of("reference/factory.md")
     found = {language: block for language, _, block in FENCE.findall(text) if language != "python"}
     (folder / "spread.toml").write_text(found["toml"])
@@ -183,7 +180,7 @@ def test_files_of_the_factory_are_read(folder: Path) -> None:
     assert parse_metadata(found["yaml"], "m.yml").attributes["license"] == "CC-BY-4.0"
 
 
-def test_the_first_command_runs(lesson: Any) -> None:
+def test_the_first_command_runs(lesson):
     install, *commands = FENCE.findall(text_of("index.md"))[0][2].splitlines()
     assert install == "pip install ."
     lesson.shell("\n".join(commands))
@@ -196,7 +193,7 @@ SHOWN_COMMAND = re.compile(
 """A command of a code block; a synopsis has what may be left out in brackets"""
 
 
-def test_every_command_of_a_page_is_one_that_its_parser_takes() -> None:
+def test_every_command_of_a_page_is_one_that_its_parser_takes():
     """With all its words, as the program itself reads them."""
     reference = script("docs_reference")
     parsers = {
@@ -221,7 +218,7 @@ def test_every_command_of_a_page_is_one_that_its_parser_takes() -> None:
     assert not wrong
 
 
-def test_every_benchmark_of_a_page_has_its_options() -> None:
+def test_every_benchmark_of_a_page_has_its_options():
     wrong, shown = [], 0
     for page in PAGES:
         text = page.read_text(encoding="utf-8").replace("\\\n", " ")

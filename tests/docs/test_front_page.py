@@ -9,8 +9,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from pathlib import Path
-from types import ModuleType
 
 import pytest
 from examples import ROOT, needs_docs, run
@@ -36,7 +34,7 @@ SMALLER = {
 """Options behind those of the page, so that a test takes seconds"""
 
 
-def commands(heading: str) -> list[list[str]]:
+def commands(heading):
     """Words of the commands of a section."""
     text = (ROOT / PAGE).read_text(encoding="utf-8")
     section = text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
@@ -44,13 +42,13 @@ def commands(heading: str) -> list[list[str]]:
     return [shlex.split(line) for line in block.splitlines()]
 
 
-def flown(words: list[str]) -> int:
+def flown(words):
     """Exit code of a command with the smaller numbers."""
     program, *rest = words
     return PROGRAMS[program].main([*rest, *SMALLER.get(" ".join(words[:2]), [])])
 
 
-def test_networks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_networks(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for words in commands("Your networks"):
         assert flown(words) == 0, words
@@ -61,7 +59,7 @@ def test_networks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (tmp_path / "data" / "missions.parquet").is_file()
 
 
-def compile_example(header: Path) -> None:
+def compile_example(header):
     """The C of docs/howto/on_board.md, inside a function."""
     text = (ROOT / "docs/howto/on_board.md").read_text(encoding="utf-8")
     (include, body) = re.findall(r"```c\n(#include .*?\n)(.*?)```", text, re.DOTALL)[0]
@@ -72,7 +70,7 @@ def compile_example(header: Path) -> None:
         subprocess.run([*words, f"-I{header}"], input=program, text=True, check=True)
 
 
-def test_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_logs(tmp_path, monkeypatch):
     """The tables of an imaginary Slocum stand for its binary files."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tables").mkdir()
@@ -86,12 +84,12 @@ def test_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         assert (tmp_path / made).exists(), made
 
 
-def nearby(words: list[str]) -> list[str]:
+def nearby(words):
     """A place that the log's vehicle can reach, in place of the page's."""
     return ["--goto", f"{LATITUDE + 0.02},{LONGITUDE}"] if "--goto" in words else []
 
 
-def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
+def test_robots(capsys):
     names = run(PAGE)
     assert names["run"]["true_altitude"].min() > 0.0
     ends = [one["true_north"][-1] for one in names["fleet"]]
@@ -102,11 +100,11 @@ def test_robots(capsys: pytest.CaptureFixture[str]) -> None:
 # --- The commands and the program of docs/howto/forecast.md run as they stand there
 
 
-def page() -> str:
+def page():
     return (ROOT / "docs/howto/forecast.md").read_text(encoding="utf-8")
 
 
-def test_the_commands_run(tmp_path: Path) -> None:
+def test_the_commands_run(tmp_path):
     lines = [
         line
         for block in re.findall(r"^```sh\n(.*?)^```", page(), re.M | re.S)
@@ -132,7 +130,7 @@ def test_the_commands_run(tmp_path: Path) -> None:
     assert (tmp_path / "next/index.html").is_file()
 
 
-def test_the_program_runs(capsys) -> None:
+def test_the_program_runs(capsys):
     (program,) = re.findall(r"^```python\n(.*?)^```", page(), re.M | re.S)
     exec(compile(program, "docs/howto/forecast.md", "exec"), {})
     said = capsys.readouterr().out.splitlines()
@@ -140,7 +138,7 @@ def test_the_program_runs(capsys) -> None:
     assert "Ellipse" in said[-1]
 
 
-def test_every_option_of_the_table_is_one_of_the_command() -> None:
+def test_every_option_of_the_table_is_one_of_the_command():
     from glider_twin_ops.commands.forecast import ForecastSurfacings
 
     fields = {field.name for field in dataclasses.fields(ForecastSurfacings)} - {"json"}
@@ -160,7 +158,7 @@ NEED_GL = {"dive.png"}
 
 
 @pytest.fixture(scope="module")
-def tutorials() -> ModuleType:
+def tutorials():
     """scripts/tutorials.py"""
     spec = importlib.util.spec_from_file_location("tutorials", ROOT / "scripts/tutorials.py")
     assert spec is not None
@@ -171,7 +169,7 @@ def tutorials() -> ModuleType:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_tutorial_runs(page: Path, tmp_path: Path, tutorials: ModuleType) -> None:
+def test_a_tutorial_runs(page, tmp_path, tutorials):
     done = subprocess.run(
         [sys.executable, "scripts/tutorials.py", "--only", page.stem, "--folder", str(tmp_path)],
         cwd=ROOT,
@@ -187,7 +185,7 @@ def test_a_tutorial_runs(page: Path, tmp_path: Path, tutorials: ModuleType) -> N
             assert len(picture.convert("RGB").getcolors(1 << 24)) > 50, name
 
 
-def test_the_pictures_are_those_of_the_pages(tutorials: ModuleType) -> None:
+def test_the_pictures_are_those_of_the_pages(tutorials):
     shown = [name for page in PAGES for name in tutorials.pictures(page)]
     assert all(tutorials.pictures(page) for page in PAGES)
     assert len(set(shown)) == len(shown), "two tutorials make pictures of one name"
@@ -196,7 +194,7 @@ def test_the_pictures_are_those_of_the_pages(tutorials: ModuleType) -> None:
         assert path.stat().st_size < LARGEST, path.name
 
 
-def test_the_first_page_leads_to_all() -> None:
+def test_the_first_page_leads_to_all():
     index = (ROOT / "docs/tutorials/index.md").read_text(encoding="utf-8")
     assert [page.stem for page in PAGES if f"({page.name})" not in index] == []
 
@@ -210,16 +208,12 @@ def test_the_first_page_leads_to_all() -> None:
         ("```rust\n1\n```\n", "no way to run a block marked rust"),
     ],
 )
-def test_what_fails_or_was_not_printed_ends_it(
-    tutorials: ModuleType, tmp_path: Path, page: str, told: str
-) -> None:
+def test_what_fails_or_was_not_printed_ends_it(tutorials, tmp_path, page, told):
     with pytest.raises(RuntimeError, match=told):
         tutorials.Lesson(tmp_path).run(page)
 
 
-def test_numbers_may_differ_and_other_machines_are_left_out(
-    tutorials: ModuleType, tmp_path: Path
-) -> None:
+def test_numbers_may_differ_and_other_machines_are_left_out(tutorials, tmp_path):
     page = "```sh\necho 'up to +4.5e-3 m'\n```\n\n```text\nup to  -1 m\n```\n"
     lesson = tutorials.Lesson(tmp_path)
     lesson.run(page + "```sh elsewhere\nfalse\n```\n\n```sh file=a.sh\nls\n```\n")

@@ -4,9 +4,6 @@ import json
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
-from types import ModuleType
 
 import pytest
 import yaml
@@ -26,7 +23,7 @@ PAGES = [page for page in sorted(RESULTS.glob("*.md")) if page.name not in ELSEW
 
 
 @pytest.fixture
-def figures(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def figures(monkeypatch):
     """benchmarks/figures.py"""
     monkeypatch.syspath_prepend(str(ROOT))
     from benchmarks import figures
@@ -35,13 +32,13 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_figure_of_a_page_is_the_one_in_the_file(page: Path, figures: ModuleType) -> None:
+def test_every_figure_of_a_page_is_the_one_in_the_file(page, figures):
     """After a measurement: python -m benchmarks.figures, as its docstring says."""
     assert figures.wrong(page.read_text(encoding="utf-8")) == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_table_with_figures_is_marked(page: Path) -> None:
+def test_every_table_with_figures_is_marked(page):
     text = page.read_text(encoding="utf-8")
     blocks = text.split("\n\n")
     for before, block in zip(["", *blocks], blocks, strict=False):
@@ -49,7 +46,7 @@ def test_every_table_with_figures_is_marked(page: Path) -> None:
             assert before.startswith("<!-- figures: "), block.splitlines()[0]
 
 
-def test_the_file_has_nothing_that_no_page_shows(figures: ModuleType) -> None:
+def test_the_file_has_nothing_that_no_page_shows(figures):
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     kept = figures.load()
     assert {key for _, _, key in figures.ONE.findall(text)} == set(kept["measured"])
@@ -59,7 +56,7 @@ def test_the_file_has_nothing_that_no_page_shows(figures: ModuleType) -> None:
     )
 
 
-def test_every_benchmark_of_the_file_measures_its_figures(figures: ModuleType) -> None:
+def test_every_benchmark_of_the_file_measures_its_figures(figures):
     for key in figures.load()["measured"]:
         benchmark, _, name = key.partition(".")
         code = (ROOT / "benchmarks" / f"{benchmark}.py").read_text(encoding="utf-8")
@@ -67,7 +64,7 @@ def test_every_benchmark_of_the_file_measures_its_figures(figures: ModuleType) -
         assert name in code or "of_{count}" in code, key
 
 
-def test_a_changed_digit_shows(figures: ModuleType) -> None:
+def test_a_changed_digit_shows(figures):
     for page, old, new in [
         ("networks.md", "2.1e-7 (1.7e-7", "2.2e-7 (1.7e-7"),
         (
@@ -84,9 +81,7 @@ def test_a_changed_digit_shows(figures: ModuleType) -> None:
         assert len(figures.wrong(text.replace(old, new))) in (1, 2)
 
 
-def test_what_a_benchmark_measures_is_kept_and_widens_a_range(
-    figures: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_benchmark_measures_is_kept_and_widens_a_range(figures, tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "FILE", tmp_path / "figures.json")
     monkeypatch.setattr(figures, "KEEPING", {"on": False, "fresh": False})
     figures.FILE.write_text('{"measured": {}, "tables": {}}')
@@ -109,7 +104,7 @@ def test_what_a_benchmark_measures_is_kept_and_widens_a_range(
 # --- The figures of docs/results/real_logs.md are those that the benchmark measured and stored
 
 
-def test_every_table_stands_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_table_stands_on_the_page(monkeypatch):
     """`python -m benchmarks.real_logs FOLDER --keep` wrote what the page shows."""
     monkeypatch.syspath_prepend(str(ROOT))
     from benchmarks.real_logs.page import kept, markdown
@@ -133,7 +128,7 @@ BENCH = "physics_step"
 """The benchmark that is also the command `twin bench`"""
 
 
-def rows(text: str) -> Iterator[tuple[str, str]]:
+def rows(text):
     """What was measured with its figure, and the command, of tables `what | figure | command`."""
     for line in text.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
@@ -141,13 +136,13 @@ def rows(text: str) -> Iterator[tuple[str, str]]:
             yield f"{cells[0]}: {cells[1]}", cells[2]
 
 
-def numbers(figure: str) -> set[str]:
+def numbers(figure):
     """The numbers of a text, thousands joined: `36 000` and `36,000` are 36000."""
     joined = re.sub(r"(?<=\d)[ ,](?=\d{3}\b)", "", figure)
     return set(re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", joined))
 
 
-def program(command: str) -> str:
+def program(command):
     """The first command of a cell, without its options and arguments."""
     words = re.search(r"`([^`]+)`", command)
     assert words is not None, command
@@ -158,7 +153,7 @@ def program(command: str) -> str:
 
 def test_the_evidence_claims_what_the_page_has():
     """Or what the page has that a row links to."""
-    page: dict[str, set[str]] = {}
+    page = {}
     for figure, command in rows(PAGE.read_text()):
         page.setdefault(program(command), set()).update(numbers(figure))
     compared = 0
@@ -195,7 +190,7 @@ HEAD, TEXT = (FOLDER / "paper.md").read_text().removeprefix("---\n").split("\n--
 LIBRARY = (FOLDER / "paper.bib").read_text()
 
 
-def test_its_head_has_what_the_journal_asks_for() -> None:
+def test_its_head_has_what_the_journal_asks_for():
     head = yaml.safe_load(HEAD)
     assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= set(head)
     indices = {entry["index"] for entry in head["affiliations"]}
@@ -216,19 +211,19 @@ SECTIONS = [
 """That the journal requires, https://joss.readthedocs.io/en/latest/paper.html"""
 
 
-def test_it_has_the_sections_that_the_journal_requires_and_none_is_empty() -> None:
+def test_it_has_the_sections_that_the_journal_requires_and_none_is_empty():
     _, *parts = re.split(r"^# (.+)$", TEXT, flags=re.MULTILINE)
     assert parts[::2] == SECTIONS
     for name, text in zip(parts[::2], parts[1::2], strict=True):
         assert name == "References" or len(text.split()) >= 20, name
 
 
-def test_it_is_as_long_as_the_journal_wants() -> None:
+def test_it_is_as_long_as_the_journal_wants():
     for words in (TEXT.split(), re.findall(r"[A-Za-z]{2,}", TEXT)):  # however they are counted
         assert 750 <= len(words) <= 1750
 
 
-def test_everything_cited_is_listed_and_everything_listed_is_cited() -> None:
+def test_everything_cited_is_listed_and_everything_listed_is_cited():
     cited = set(re.findall(r"@([A-Za-z]+\d{4})", TEXT))
     listed = re.findall(r"^@\w+\{(\w+),$", LIBRARY, re.MULTILINE)
     assert sorted(cited) == sorted(listed)
@@ -243,7 +238,7 @@ def test_everything_cited_is_listed_and_everything_listed_is_cited() -> None:
             assert key[1][:-4] == letters
 
 
-def test_its_figures_are_those_of_the_documents() -> None:
+def test_its_figures_are_those_of_the_documents():
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     documents = "\n".join(page.read_text() for page in pages)
     rows = re.findall(r"^\| (.+?) \| (.+?) \| `(.+?)` \|$", TEXT, re.MULTILINE)
@@ -262,7 +257,7 @@ def test_its_figures_are_those_of_the_documents() -> None:
 
 
 @pytest.mark.skipif(shutil.which("pandoc") is None, reason="pandoc is not installed")
-def test_it_builds_without_a_warning(tmp_path: Path) -> None:
+def test_it_builds_without_a_warning(tmp_path):
     page = tmp_path / "paper.html"
     command = ["pandoc", "paper.md", "--citeproc", "--fail-if-warnings", "-s", "-o", page]
     subprocess.run(command, cwd=FOLDER, check=True, capture_output=True)

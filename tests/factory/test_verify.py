@@ -193,7 +193,7 @@ def test_what_is_found_does_not_depend_on_the_workers(tmp_path, recipe, monkeypa
     generate(recipe(), store, workers=1)
     cut_in_half(store)
     run = GeneratedStore(store)
-    read: list[int] = []
+    read = []
     alone, together = verify_store(run), verify_store(run, read.append, workers=2)
     assert together == alone
     assert not alone.ok

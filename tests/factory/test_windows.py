@@ -83,7 +83,7 @@ def test_the_order_follows_from_the_seed(windows, field_store):
 def test_what_does_not_fit_is_read_once_an_epoch(small, windows, monkeypatch):
     assert windows.fits
     assert not small.fits
-    decoded: list[int] = []
+    decoded = []
     whole = Windows._decoded
 
     def counted(self, missions):
@@ -170,7 +170,7 @@ def test_the_page_is_true(tmp_path, monkeypatch):
     page = (ROOT / "docs/reference/factory.md").read_text()
     section = page.split("## Windows for training")[1].split("\n## ")[0]
     monkeypatch.chdir(tmp_path)
-    names: dict = {}
+    names = {}
     for _, text in BLOCK.findall(section):
         exec(text, names)
     assert names["windows"][0].shape == (64, 3)

@@ -33,7 +33,7 @@ SMALL = {"epochs": 1, "hidden": 6, "layers": 1, "members": 1, "workers": 1}
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory) -> Path:
+def place(tmp_path_factory):
     """A folder with a run of the preset `family`, and two missions of a fouled hull."""
     folder = tmp_path_factory.mktemp("adaptation")
     dives = {"mission.duration_h": "1.5", "mission.yos": "1", "mission.max_depth_m": "60"}

@@ -4,7 +4,6 @@ import json
 import math
 import random
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +29,7 @@ KEPT = Path(__file__).resolve().parents[1] / "data" / "e2ff189"
 SIMULATED_STORE, LOG_STORE, RUN = KEPT / "simulated.zarr", KEPT / "logged.zarr", KEPT / "run"
 
 
-def test_the_simulated_store_is_read_whole() -> None:
+def test_the_simulated_store_is_read_whole():
     store = open_missions(SIMULATED_STORE)
     assert isinstance(store, GeneratedStore)
     assert store.attributes["schema_version"] == 1
@@ -44,13 +43,13 @@ def test_the_simulated_store_is_read_whole() -> None:
     assert report.ok, [check.problems for check in report.checks]
 
 
-def test_its_missions_of_another_physics_are_refused_with_both_versions() -> None:
+def test_its_missions_of_another_physics_are_refused_with_both_versions():
     refused = rf"version 1 of the physics.* flies version {load_vehicle().physics_version}"
     with pytest.raises(StoreError, match=refused):
         replay_mission(GeneratedStore(SIMULATED_STORE), 0)
 
 
-def test_the_store_of_logs_is_read_whole() -> None:
+def test_the_store_of_logs_is_read_whole():
     store = open_missions(LOG_STORE)
     assert isinstance(store, LogStore)
     assert (store.kind, store.source, len(store), store.period) == ("logged", "slocum", 2, 2.0)
@@ -63,7 +62,7 @@ def test_the_store_of_logs_is_read_whole() -> None:
     assert len(load_logs(LOG_STORE)) == 2
 
 
-def flat(value: Any, path: str = "") -> dict[str, Any]:
+def flat(value, path=""):
     """Every leaf of a JSON value by its path."""
     if isinstance(value, dict):
         return {k: v for key in value for k, v in flat(value[key], f"{path}/{key}").items()}
@@ -76,7 +75,7 @@ def flat(value: Any, path: str = "") -> dict[str, Any]:
     ("store", "figures"),
     [(SIMULATED_STORE, "evaluate_simulated.json"), (LOG_STORE, "evaluate_logged.json")],
 )
-def test_the_run_is_evaluated_with_the_same_figures(store: Path, figures: str) -> None:
+def test_the_run_is_evaluated_with_the_same_figures(store, figures):
     expected = flat(json.loads((KEPT / figures).read_text()))
     for place in ("/run", "/store", "/report", "/tracks"):
         del expected[place]
@@ -99,7 +98,7 @@ def test_the_run_is_evaluated_with_the_same_figures(store: Path, figures: str) -
 FIGURES = {"run": "runs/a", "mse": 0.012345678901234567, "floor": {"dr": None}, "n": [1, 2.5]}
 
 
-def test_every_flip_in_a_sealed_file_is_found(tmp_path: Path) -> None:
+def test_every_flip_in_a_sealed_file_is_found(tmp_path):
     path = tmp_path / "evaluation.json"
     write_sealed(path, FIGURES)
     assert read_sealed(path, "again") == FIGURES
@@ -113,15 +112,13 @@ def test_every_flip_in_a_sealed_file_is_found(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_a_file_without_a_seal_is_read(tmp_path: Path) -> None:
+def test_a_file_without_a_seal_is_read(tmp_path):
     path = tmp_path / "evaluation.json"
     write_json(path, FIGURES)
     assert read_sealed(path, "again") == FIGURES
 
 
-def test_verify_takes_every_folder_with_a_list(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verify_takes_every_folder_with_a_list(tmp_path, capsys):
     run = tmp_path / "run"
     with whole_folder(run) as folder:
         (folder / "report").mkdir()

@@ -125,7 +125,7 @@ def test_a_heading_sentinel_is_no_heading(tmp_path):
 
 def details(report, action):
     """Subject and reason of each entry of an action."""
-    return {e.subject: e.detail for e in report.entries if e.action == action}  # type: ignore[attr-defined]
+    return {e.subject: e.detail for e in report.entries if e.action == action}
 
 
 def test_a_roll_of_half_a_turn_is_suspect(tmp_path):

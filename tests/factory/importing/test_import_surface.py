@@ -31,7 +31,7 @@ METRES = 1.0 / 111_200.0
 
 def why(report, action, word):
     """Count of the entries of an action whose detail holds a word."""
-    return sum(e.count for e in report.entries if e.action == action and word in e.detail)  # type: ignore[attr-defined]
+    return sum(e.count for e in report.entries if e.action == action and word in e.detail)
 
 
 def fixes_when(flight, use):

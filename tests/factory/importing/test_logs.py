@@ -167,7 +167,7 @@ def test_a_sound_log_is_sound(store, capsys):
 def test_damage_is_found_and_named(imported, tmp_path, damage, check, words):
     data = imported.copy(deep=True).pad(time=(0, 1))
     data["time"] = ("time", PERIOD * np.arange(data.sizes["time"]), imported["time"].attrs)
-    damage(data)  # type: ignore[operator]
+    damage(data)
     report = verify_logs(LogStore(write_store(data, tmp_path / "bad.zarr")))
     found = {c.name: c.problems for c in report.checks if c.problems}
     assert check in found, found

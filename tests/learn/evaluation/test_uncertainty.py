@@ -17,14 +17,14 @@ SAMPLES = 1200
 STILL = {"velocity_sd": 0.0, "heading_sd": 0.0, "current_sd": 0.0, "fix_sd": 0.0}
 
 
-def reference(pitch: float) -> ReferenceVelocity:
+def reference(pitch):
     signals = steady_mission(SAMPLES, pitch=pitch, velocity=(0.4, 0.0, 0.0))
     return ReferenceVelocity.of(
         MissionSequence(index=0, split="test", period=PERIOD, signals=signals)
     )
 
 
-def predicted(mission: ReferenceVelocity, **spread: float) -> float:
+def predicted(mission, **spread):
     """[m] at the end, for an estimate that claims these deviations of surge and sway [m/s]."""
     claims = {name: np.full(SAMPLES, value) for name, value in spread.items()}
     estimate = Estimate(surge=mission.surge, sway=mission.sway, **claims)
@@ -32,7 +32,7 @@ def predicted(mission: ReferenceVelocity, **spread: float) -> float:
     return float(network_position_sd(mission, estimate, model)[-1])
 
 
-def drawn(mission: ReferenceVelocity, *, surge_sd=0.0, sway_sd=0.0) -> float:
+def drawn(mission, *, surge_sd=0.0, sway_sd=0.0):
     """[m] root mean square error at the end, over missions whose surge and sway are biased."""
     rng = np.random.default_rng(0)
     exact = mission.track(Estimate(surge=mission.surge, sway=mission.sway), mission.measured)
@@ -101,7 +101,7 @@ def test_the_default_error_model_is_the_papers():
 # --- Deviations of positions from a model of the errors, against known answers
 
 
-def model(**changes) -> ErrorModel:
+def model(**changes):
     still = {"velocity_sd": 0.0, "heading_sd": 0.0, "current_sd": 0.0, "fix_sd": 0.0}
     return ErrorModel(**{**still, **changes})
 

@@ -32,7 +32,7 @@ from twin.errors import InputError, StoreError
 FEATURES = ("sin_roll", "sin_pitch", "cos_pitch", "depth_rate", "pump")
 
 
-def predictor(kind="elman", **sizes) -> Predictor:
+def predictor(kind="elman", **sizes):
     torch.manual_seed(3)
     sizes = {"hidden": 7, "layers": 2, **sizes}
     config = NetworkConfig(kind=kind, inputs=len(FEATURES), period=PERIOD, **sizes)
@@ -158,17 +158,13 @@ def test_a_model_that_differs_is_not_kept(mission, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("package", ["onnx", "onnxscript", "onnxruntime"])
-def test_export_needs_the_extra_onnx(
-    package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_export_needs_the_extra_onnx(package, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=rf'{package},.* pip install "glider-twin\[onnx\]"$'):
         ExportNetwork(run_folder=tmp_path / "none").run(Console("learn"))
 
 
-def test_running_a_model_needs_the_extra_onnx(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_running_a_model_needs_the_extra_onnx(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(InputError, match=r'pip install "glider-twin\[onnx\]"$'):
         StepModel(tmp_path / "none.onnx")

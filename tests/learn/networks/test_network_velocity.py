@@ -206,7 +206,7 @@ def test_a_state_of_other_networks_is_refused():
 STORE = OLD / "simulated.zarr"
 
 
-def test_the_velocities_are_those_of_the_run() -> None:
+def test_the_velocities_are_those_of_the_run():
     estimator = NetworkFlight.open(str(OLD / "run"))
     found = twin.estimate_flight(STORE, estimator=estimator)
     assert found.estimator == "network"
@@ -223,7 +223,7 @@ def test_the_velocities_are_those_of_the_run() -> None:
         assert np.hypot(*one.dive.velocity.T)[under].mean() > 0.1
 
 
-def test_it_is_an_entry_point_and_needs_a_run_of_network_flight(tmp_path: Path) -> None:
+def test_it_is_an_entry_point_and_needs_a_run_of_network_flight(tmp_path):
     points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
     place = f"{NetworkFlight.__module__}:{NetworkFlight.__name__}"
     assert points[ESTIMATORS.group] == {NetworkFlight.kind: place}

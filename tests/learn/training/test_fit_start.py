@@ -438,7 +438,7 @@ def test_the_command_is_kept_as_it_was_typed(here, capsys, monkeypatch):
     """As one line that a shell reads again, with every word of it."""
     kept = []
 
-    def stop(*_: object, history: str, **__: object) -> None:
+    def stop(*_, history, **__):
         kept.append(history)
         raise InputError("enough")
 
