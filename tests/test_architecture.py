@@ -1,15 +1,12 @@
 """The rules of docs/project/architecture.md, over the source: imports, folders, names."""
 
 import ast
-import importlib
-import importlib.util
 import re
-import sys
 from collections import defaultdict
 from functools import cache
 
 import pytest
-from examples import ROOT, needs_docs
+from examples import ROOT, needs_docs, script
 
 import twin.lazy
 
@@ -399,19 +396,9 @@ def page():
     return (ROOT / "docs" / "project" / "architecture.md").read_text(encoding="utf-8")
 
 
-def script():
-    spec = importlib.util.spec_from_file_location(
-        "architecture_script", ROOT / "scripts" / "architecture.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 @needs_docs
 def test_the_table_of_seams_is_that_of_the_registries():
-    assert script().seam_table() in page()
+    assert script("architecture").seam_table() in page()
 
 
 @needs_docs

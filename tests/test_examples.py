@@ -4,8 +4,6 @@ import re
 import runpy
 import subprocess
 import sys
-from collections.abc import Callable
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -21,9 +19,6 @@ LONGEST, WIDEST = 65, 100
 pytestmark = pytest.mark.skipif(
     not (ROOT / "examples").is_dir(), reason="a source distribution has no examples"
 )
-
-Names = dict[str, Any]
-Check = Callable[[Names, str], None]
 
 
 def compare_vehicles(names, said):

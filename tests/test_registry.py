@@ -473,6 +473,7 @@ def unregistered(modules, base, table):
             elif not isinstance(value, type) and isinstance(value, base):
                 objects[f"{module.__name__}:{name}"] = value
     functions = [kind for kind in table if inspect.isfunction(kind)]
+    listed = [kind for kind in table if isinstance(kind, type)]
     makers = {f"{kind.__module__}:{kind.__name__}" for kind in functions}
     known = {kind if isinstance(kind, type) else type(kind) for kind in table}
     inherited = {parent for value in classes.values() for parent in value.__mro__[1:]}
@@ -484,12 +485,8 @@ def unregistered(modules, base, table):
     return lacking + [
         place
         for place, value in objects.items()
-        if not any(value is kind for kind in table) and type(value) not in _classes_of(table)
+        if not any(value is kind for kind in table) and type(value) not in listed
     ]
-
-
-def _classes_of(table):
-    return {kind for kind in table if isinstance(kind, type)}
 
 
 def modules_of(folder):

@@ -330,10 +330,6 @@ def test_missing_and_unlisted_arrays_differ():
     assert listed.differences(found) == {"new": "is not listed", "true_sway": "is missing"}
 
 
-def listed_physics():
-    return sets.reference_set("field-2h").physics
-
-
 def test_unusable_requests_say_what_to_do(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="did you mean 'field-2h'"):
         sets.reference_set("field-2")
@@ -343,6 +339,8 @@ def test_unusable_requests_say_what_to_do(tmp_path, monkeypatch):
         there.run(console)
     with pytest.raises(InputError, match=r"leave out --workers, --resume and --overwrite"):
         dataclasses.replace(there, overwrite=True).run(console)
-    monkeypatch.setattr("twin.vehicle.vehicle.PHYSICS_VERSION", listed_physics() + 1)
+    monkeypatch.setattr(
+        "twin.vehicle.vehicle.PHYSICS_VERSION", sets.reference_set("field-2h").physics + 1
+    )
     with pytest.raises(InputError, match=r"install the version of glider-twin that has them"):
         there.run(console)

@@ -26,8 +26,6 @@ pytestmark = pytest.mark.filterwarnings("ignore:vertical water velocity")
 
 FLIGHT = Flight(dives=3, depth=120.0)
 W = "VERT_CURR_MODEL"
-Told = list[tuple[str, str]]
-"""Level and line of each entry of a log"""
 ADDED = {
     *POSITIONS, *CURRENTS, W, "GLIDER_SPEED_MODEL", "GLIDER_HORZ_VELO_MODEL",
     "GLIDER_VERT_VELO_MODEL", "GLIDER_SURGE_MODEL", "GLIDER_SWAY_MODEL", "ANGLE_OF_ATTACK_MODEL",

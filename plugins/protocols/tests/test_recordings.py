@@ -105,8 +105,12 @@ def test_a_topic_of_two_channels_keeps_the_readable_one(plain, right, tmp_path):
 
 
 def test_messages_that_are_none_are_removed_and_counted(plain, right, tmp_path):
+    from mcap.reader import make_reader
+
     channel = next(c for c in Ros2Recording(plain).channels if c.topic == "/pressure")
-    schema = next(s for s in _schemas(plain) if s.name == channel.kind)
+    with plain.open("rb") as stream:
+        schemas = make_reader(stream).get_summary().schemas.values()
+    schema = next(s for s in schemas if s.name == channel.kind)
     path = rewritten(
         plain, tmp_path / "broken.mcap",
         lambda w: add_channel(
@@ -118,13 +122,6 @@ def test_messages_that_are_none_are_removed_and_counted(plain, right, tmp_path):
     np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
     (told,) = (e for e in report.entries if e.subject == "/pressure" and e.action == "removed")
     assert told.count == 5
-
-
-def _schemas(path):
-    from mcap.reader import make_reader
-
-    with path.open("rb") as stream:
-        return list(make_reader(stream).get_summary().schemas.values())
 
 
 @pytest.mark.parametrize("json", [False, True])

@@ -29,6 +29,18 @@ def values(dataset, name, row=0):
     return found[np.isfinite(found)]
 
 
+def noted(paths, **notes):
+    """Dive files with further numbers and texts of their logs."""
+    for path in paths:
+        with netCDF4.Dataset(path, "a") as file:
+            for name, note in notes.items():
+                if isinstance(note, str):
+                    file.createDimension(f"of_{name}", len(note))
+                    file.createVariable(f"log_{name}", "S1", (f"of_{name}",))[:] = list(note)
+                else:
+                    file.createVariable(f"log_{name}", "f8", ())[...] = note
+
+
 def test_a_slocums_counter_is_kept_at_its_own_samples(tmp_path):
     time = slocum_columns(FLIGHT)["time"]
     count = len(time)
@@ -62,28 +74,13 @@ def test_a_thruster_takes_its_current_at_the_batteries_voltage(tmp_path):
     assert values(dataset, "measured_thruster_power").min() == 0.0
 
 
-def with_numbers(paths, **numbers):
-    for path in paths:
-        with netCDF4.Dataset(path, "a") as file:
-            for name, value in numbers.items():
-                file.createVariable(f"log_{name}", "f8", ())[...] = value
-
-
-def with_words(paths, **words):
-    for path in paths:
-        with netCDF4.Dataset(path, "a") as file:
-            for name, text in words.items():
-                file.createDimension(f"of_{name}", len(text))
-                file.createVariable(f"log_{name}", "S1", (f"of_{name}",))[:] = list(text)
-
-
 def test_a_seagliders_gauges_count_both_batteries_at_both_ends_of_a_dive(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
-    with_numbers(
+    noted(
         paths, FG_AHR_10V=10.0, FG_AHR_24V=20.0, FG_AHR_10Vo=10.1, FG_AHR_24Vo=20.3,
         INTERNAL_PRESSURE=9.0,
     )  # fmt: skip
-    with_words(paths, **{"24V_AH": "14.0,21.5", "10V_AH": "15.0,11.0"})
+    noted(paths, **{"24V_AH": "14.0,21.5", "10V_AH": "15.0,11.0"})
     dataset, _ = import_logs("seaglider", paths)
     assert values(dataset, "measured_charge") == pytest.approx([30.0, 30.4])
     assert values(dataset, "measured_voltage") == pytest.approx([14.5])
@@ -94,7 +91,7 @@ def test_a_seaglider_without_gauges_reckons_its_charge(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
     for number, path in enumerate(paths):
         words = {"24V_AH": f"24.1,{1.0 + number:.3f}", "10V_AH": f"10.3,{0.5 * number:.3f}"}
-        with_words([path], **words)
+        noted([path], **words)
     dataset, _ = import_logs("seaglider", paths)
     ends = [values(dataset, "measured_charge", row)[-1] for row in range(3)]
     assert ends == pytest.approx([1.0, 2.5, 4.0])

@@ -501,21 +501,3 @@ def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_pa
     dataset, report = sailfish(tmp_path, "20220719_6_1.csv", vl=turned)
     assert not report.count("suspect", "measured_dvl_sway")
     assert float(np.nanmin(dataset["measured_dvl_sway"])) == pytest.approx(-0.16)
-
-
-@pytest.mark.skipif(not SAILFISH.is_dir(), reason="needs the shared Sailfish files")
-def test_the_sailfish_files(tmp_path):
-    dataset, report = import_logs("csv", [SAILFISH], mapping="sailfish")
-    assert report.rows == 12
-    assert report.count("removed", "vf") == 3847  # 45 % of the first run
-    assert not report.count("suspect", "measured_dvl_sway")
-    assert not report.count("not read")
-    assert float(np.nanmax(np.abs(dataset["measured_dvl_surge"]))) < 3.0
-    write_store(dataset, tmp_path / "sail.zarr")
-    with LogStore(tmp_path / "sail.zarr") as logs:
-        assert verify_logs(logs).ok
-        raw = np.genfromtxt(SAILFISH / "20220719_6_1.csv", delimiter=",", names=True)
-        (first, *_) = logs.missions_of("20220719_6_1")
-        assert logs.signal("measured_roll", first)[0] == pytest.approx(np.degrees(raw["roll"][0]))
-        assert logs.signal("measured_dvl_surge", first)[0] == pytest.approx(raw["vf"][0])
-        assert logs.signal("measured_dvl_sway", first)[0] == pytest.approx(raw["vl"][0])

@@ -34,7 +34,6 @@ from factory.importing.tally import Tally
 from twin.errors import InputError
 
 FLIGHT = Flight()
-SIGNALS = ("measured_pitch", "measured_heading", "measured_roll", "measured_depth")
 
 
 def with_sentinels(columns, share):

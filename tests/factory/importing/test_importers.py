@@ -30,8 +30,6 @@ PAGE = (HOWTO / "import_logs.md").read_text()
 TABLES = (HOWTO / "import_tables.md").read_text()
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
-MESSAGES = ("mcap", "rosbag2", "ardusub", "lsf")
-"""Kinds whose files hold messages by topic."""
 OWN_PERIODS = {("dorado", 2): 1.0}
 """[s] of files that were resampled"""
 

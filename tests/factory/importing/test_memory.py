@@ -55,28 +55,26 @@ def imported():
         process.stdin.close()
 
 
-def gzip_table(folder):
-    path = folder / "sea009_M3_gli.csv.gz"
-    with gzip.open(path, "wb") as file:
-        file.write(b"Timestamp,Depth\n")
-        for _ in range(400):
-            file.write(b"1,0\n" * 2**18)
-    return "seaexplorer", path
+def gzipped(name, kind, first, piece=b"", times=0):
+    """A maker of a packed file that begins so and goes on with the same."""
+
+    def make(folder):
+        with gzip.open(folder / name, "wb") as file:
+            file.write(first)
+            for _ in range(times):
+                file.write(piece)
+        return kind, folder / name
+
+    return make
+
+
+PACKET = struct.pack("<HHHdHBHB", 0xFE54, 1, 0, 1.7e9, 1, 1, 1, 1) + b"\0\0"
 
 
 def long_line(folder):
     path = folder / "sea009_M3_gli.csv"
     path.write_text("Timestamp,Depth\n" + "1," * 4_000_000 + "\n")
     return "seaexplorer", path
-
-
-def packets(folder):
-    path = folder / "Data.lsf.gz"
-    packet = struct.pack("<HHHdHBHB", 0xFE54, 1, 0, 1.7e9, 1, 1, 1, 1) + b"\0\0"
-    with gzip.open(path, "wb") as file:
-        for _ in range(400):
-            file.write(packet * 2**16)
-    return "lsf", path
 
 
 def lz4_blocks(folder):
@@ -108,13 +106,6 @@ def empty_hdf5(folder):
     return "lrauv", path
 
 
-def endless_line(folder):
-    path = folder / "Data.lsf.gz"
-    with gzip.open(path, "wb") as file:
-        file.write(bytes(2**25))
-    return "lsf", path
-
-
 def parquet(folder):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
@@ -136,12 +127,17 @@ def parquet_of_zeros(folder):
     return "slocum", path
 
 
+TABLE = gzipped("sea009_M3_gli.csv.gz", "seaexplorer", b"Timestamp,Depth\n", b"1,0\n" * 2**18, 400)
+PACKETS = gzipped("Data.lsf.gz", "lsf", b"", PACKET * 2**16, 400)
+ENDLESS_LINE = gzipped("Data.lsf.gz", "lsf", bytes(2**25))
+
+
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (gzip_table, "unpacks to"), (long_line, "Expected 3 fields"), (packets, "unpacks to"),
+        (TABLE, "unpacks to"), (long_line, "Expected 3 fields"), (PACKETS, "unpacks to"),
         (lz4_blocks, "unpacks to"), (deflated, "unpacks to"), (empty_hdf5, "unpacks to"),
-        (endless_line, "first line of more than"), (parquet_of_zeros, "unpacks to"), (parquet, ""),
+        (ENDLESS_LINE, "first line of more than"), (parquet_of_zeros, "unpacks to"), (parquet, ""),
     ],
 )  # fmt: skip
 def test_a_small_file_fills_no_memory(imported, make, told, tmp_path):

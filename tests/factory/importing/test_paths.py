@@ -19,11 +19,6 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def header_with(content, crc):
-    """A log that lists its sensors itself, with another number of the list."""
-    return content.replace(b"sensor_list_crc: 0badcafe", b"sensor_list_crc: " + crc, 1)
-
-
 @pytest.fixture
 def place(tmp_path):
     """A folder below others, so that a path that leads out of it stays in the test's own."""
@@ -47,7 +42,7 @@ def tree(folder):
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("crc", HOSTILE)
 def test_the_number_of_a_list_of_sensors_is_no_path(place, own, tmp_path, crc, packed):
-    content = header_with(own, crc.encode())
+    content = own.replace(b"sensor_list_crc: 0badcafe", b"sensor_list_crc: " + crc.encode(), 1)
     log = place / ("a.dcd" if packed else "a.dbd")
     log.write_bytes(pack(content) if packed else content)
     (tmp_path / "one" / "beside.cac").write_bytes(b"mine")

@@ -79,7 +79,7 @@ def test_a_current_that_no_ocean_has_marks_its_own_dive(tmp_path):
 
 
 def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path):
-    ends = plain_ends()
+    ends = np.array([row.segment.end for row in rows_by(plain_log())])
     log = dataclasses.replace(
         plain_log(),
         auxiliary={
@@ -89,11 +89,6 @@ def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path):
     )
     log = within_limits(log, tally := Tally())
     assert [bool(one) for one in whys(log, doubts=tuple(tally.doubts))] == [False, True, False]
-
-
-def plain_ends():
-    """Times at which the rows of `plain_log` end."""
-    return np.array([row.segment.end for row in rows_by(plain_log())])
 
 
 def test_what_is_made_of_channels_is_within_limits_too():

@@ -107,15 +107,12 @@ def test_labels_reach_the_training_with_their_gaps_and_change_no_input(tmp_path)
         for ours, theirs in ((data.train, truth.train), (data.validation, truth.validation)):
             np.testing.assert_array_equal(ours.inputs[0], theirs.inputs[0])
             assert theirs.weights[0].all()
-            np.testing.assert_array_equal(np.flatnonzero(ours.weights[0] == 0), lost(20))
+            lost = sorted({*np.flatnonzero(LOCK == 0), 20})
+            np.testing.assert_array_equal(np.flatnonzero(ours.weights[0] == 0), lost)
             assert np.isfinite(ours.targets[0]).all()
         wanted = data.train.targets[0] * data.normalisation.target_scale
         wanted = wanted + data.normalisation.target_mean
         assert wanted[data.train.weights[0] > 0] == pytest.approx(level, abs=1e-6)
-
-
-def lost(*outliers):
-    return sorted({*np.flatnonzero(LOCK == 0), *outliers})
 
 
 def test_division_by_samples_leaves_gaps_out_of_every_part(tmp_path):

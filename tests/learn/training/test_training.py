@@ -225,14 +225,11 @@ def test_a_missing_gpu_is_an_error_only_when_demanded(monkeypatch):
         pick_device("cuda")
 
 
-def predictor_of(data, seed=0):
-    config = dataclasses.replace(ADAM, epochs=1, validations=1, seed=seed)
-    return Predictor(trainer(data, config).run().network, data.normalisation)
-
-
 @pytest.fixture(scope="module")
 def predictors(surge):
-    return [predictor_of(surge, seed) for seed in (0, 1, 2)]
+    brief = dataclasses.replace(ADAM, epochs=1, validations=1)
+    trained = (trainer(surge, dataclasses.replace(brief, seed=seed)).run() for seed in (0, 1, 2))
+    return [Predictor(one.network, surge.normalisation) for one in trained]
 
 
 def test_predictions_do_not_depend_on_the_company(predictors, small_store):
