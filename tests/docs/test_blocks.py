@@ -13,12 +13,14 @@ import sys
 import pytest
 from examples import ROOT, blocks, needs_docs, script
 from logs import Flight, write_dbd, write_slocum
+from navigation import write_flown_store
 
 from factory.__main__ import PROGRAM as FACTORY
 from factory.exporting.metadata import parse_metadata
 from factory.sampling.parameters import parameter_table
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe
+from learn.__main__ import PROGRAM as LEARN
 from twin.vehicle.presets import assets_folder
 from twin.vehicle.vehicle import load_vehicle
 
@@ -55,7 +57,7 @@ RUN = {
     "docs/howto/index.md": {"tests/test_faces.py": 1},
     "docs/howto/navigation.md": {HERE: 3},
     "docs/howto/on_board.md": {
-        "tests/learn/commands/test_commands.py": 1,
+        HERE: 1,
         "tests/docs/test_front_page.py": 1,
     },
     "docs/howto/pipelines.md": {"plugins/pipelines/tests/test_pipelines.py": 1},
@@ -65,7 +67,7 @@ RUN = {
     },
     "docs/howto/serve.md": {"plugins/protocols/tests/test_serve.py": 2},
     "docs/howto/xarray.md": {"plugins/pipelines/tests/test_accessor.py": 1},
-    "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 2},
+    "docs/howto/train.md": {HERE: 2},
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {
         "tests/twin/water/test_current_docs.py": 2,
@@ -185,6 +187,21 @@ def test_the_first_command_runs(lesson):
     assert install == "pip install ."
     lesson.shell("\n".join(commands))
     assert (lesson.folder / "run.png").is_file()
+
+
+def test_programs_about_networks_run(tmp_path, monkeypatch, capsys):
+    """On a small store and a run that was exported, in one folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+    write_flown_store(tmp_path / "data" / "missions.zarr")
+    small = "--epochs 1 --hidden 6 --layers 1 --members 1 --workers 1 --name first"
+    assert LEARN.main(["fit", "data/missions.zarr", *small.split()]) == 0
+    assert LEARN.main(["export"]) == 0
+    capsys.readouterr()
+    for page in ("docs/howto/on_board.md", "docs/howto/train.md"):
+        for _, text in blocks(page):
+            exec(text, {})
+    assert float(capsys.readouterr().out.split()[0]) >= 0.0
 
 
 SHOWN_COMMAND = re.compile(

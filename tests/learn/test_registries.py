@@ -299,24 +299,25 @@ def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(
     place, flown_store, monkeypatch, capsys
 ):
     """By the file of the docs as a program, which trains in processes of their own."""
-    small = "--hidden 5 --members 1 --epochs 1 --features sin_pitch depth_rate --workers 2 --json"
-    words = f"leaky.py fit {flown_store} --name mine --network leaky {small}".split()
+    small = "--hidden 5 --members 1 --epochs 1 --features sin_pitch depth_rate --workers 2"
+    words = f"leaky.py fit {flown_store} --name mine --network leaky {small} --json --no-report"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, *words], cwd=place, env=environment, capture_output=True, text=True
+        [sys.executable, *words.split()], cwd=place, env=environment, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["settings"]["network"]["kind"] == "leaky"
-    assert "leaky, hidden 5\n" in (place / "runs" / "mine" / "README.md").read_text()
     monkeypatch.chdir(place)
-    for words in (f"leaky.py evaluate mine {flown_store} --json", "leaky.py export mine --json"):
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+    for command in ("report mine", f"evaluate mine {flown_store}", "export mine"):
         monkeypatch.setattr(learn.NETWORKS, "_registered", {})
-        monkeypatch.setattr(sys, "argv", words.split())
+        monkeypatch.setattr(sys, "argv", f"leaky.py {command} --json".split())
         with pytest.raises(SystemExit) as ended:
             runpy.run_path("leaky.py", run_name="__main__")
         said = capsys.readouterr()
         assert not ended.value.code, said.err
         assert json.loads(said.out).get("surge_mse", 1.0) > 0.0
+    assert "leaky, hidden 5\n" in (place / "runs" / "mine" / "README.md").read_text()
     model = StepModel(place / "runs" / "mine" / "onnx" / "surge-0.onnx")
     assert model.features == ("sin_pitch", "depth_rate")
     # without the file the run says what is missing

@@ -270,7 +270,7 @@ def test_info_lists_deployments(store, capsys):
     code, out, _ = call(capsys, "info", store)
     assert code == 0
     assert "slocum: unit1" in out
-    assert "measured_pitch" in out
+    assert "measured_density" in out
     assert "2023-11-14" in out
 
 

@@ -59,7 +59,7 @@ def gzipped(name, kind, first, piece=b"", times=0):
     """A maker of a packed file that begins so and goes on with the same."""
 
     def make(folder):
-        with gzip.open(folder / name, "wb") as file:
+        with gzip.open(folder / name, "wb", compresslevel=1) as file:
             file.write(first)
             for _ in range(times):
                 file.write(piece)

@@ -107,17 +107,22 @@ def test_names_of_files_are_plain_and_one_text_has_one():
         assert len(name) <= MOST_STEM + 9
 
 
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """A store of logs."""
+    folder = tmp_path_factory.mktemp("store")
+    return write_store(slocum(folder, FLIGHT)[0], folder / "real.zarr")
+
+
 @pytest.mark.parametrize("name", ["../../beside", "/tmp/glider-twin-export", "a\0b", "é" * 200])
-def test_exports_stay_in_their_folder(place, tmp_path, name, monkeypatch):
-    dataset, _ = slocum(place, FLIGHT)
-    store = write_store(dataset, tmp_path / "one" / "real.zarr")
+def test_exports_stay_in_their_folder(store, tmp_path, name, monkeypatch):
+    bags = tmp_path / "one" / "bags"
+    bags.parent.mkdir()
     with LogStore(store) as run:
         monkeypatch.setattr(LogStore, "deployments", (name,) * len(run))
         monkeypatch.setattr(
             LogStore, "missions_of", lambda self, one: list(range(len(self))) if one == name else []
         )
-        before = {p for p in tmp_path.rglob("*") if p.is_file()}
-        bags = tmp_path / "one" / "bags"
         for stem, missions in files(run, range(len(run))):
             assert Path(stem).name == stem
             assert missions == list(range(len(run)))
@@ -126,5 +131,4 @@ def test_exports_stay_in_their_folder(place, tmp_path, name, monkeypatch):
                 pytest.importorskip("mcap")
             for path in EXPORTERS[kind].export(run, range(len(run)), bags / kind):
                 assert path.parent == bags / kind
-    after = {p for p in tmp_path.rglob("*") if p.is_file()}
-    assert all(bags in path.parents for path in after - before)
+    assert all(bags in path.parents for path in tmp_path.rglob("*") if path.is_file())
