@@ -6,7 +6,8 @@
 
 A place is a node of the syntax tree: a sign, an operator, a comparison, a constant, an index, or
 the order of two arguments. A change is made in a copy of the tree, where the tests of its area run
-until one fails: those beside the file in `tests/`, and those elsewhere that import its module. A
+until one fails: those beside the file in `tests/`, those elsewhere that import its module, and
+those that import a module which imports it. A
 change that takes longer than the tests without one by far is noticed too. What ran is kept in
 `build/mutants/SEED.jsonl`. Changes that no test can notice are in `EQUIVALENT`, each judged by
 hand. Exits with 1 when fewer than 80 % of the others are noticed.
@@ -26,6 +27,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -132,8 +134,20 @@ def drawn(seed: int, only: str) -> Iterator[Mutant]:
     return (written(file, node) for file, node in every)
 
 
-def tests_of(file: str) -> list[str]:
-    """Test files of the area of a source file, the nearest first."""
+@cache
+def imported_by() -> dict[str, set[str]]:
+    """Modules of the packages that import each module."""
+    found: dict[str, set[str]] = {}
+    for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
+        importer = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                found.setdefault(node.module, set()).add(importer)
+    return found
+
+
+def tests_of(file: str) -> tuple[list[str], list[str]]:
+    """Test files of the area of a source file, the nearest first; those of what imports it."""
     module = file.removesuffix(".py").replace("/", ".")
     place = ROOT / "tests" / Path(file).with_suffix("")
     while not place.is_dir() or not list(place.glob("test_*.py")):
@@ -142,7 +156,12 @@ def tests_of(file: str) -> list[str]:
     named = [p for p, text in texts.items() if module in text or f"{Path(file).stem}" in p.stem]
     near = [path for path in texts if path.parent == place]
     chosen = dict.fromkeys(sorted(named, key=lambda p: (p.parent != place, p)) + sorted(near))
-    return [path.relative_to(ROOT).as_posix() for path in chosen]
+    users = imported_by().get(module, set())
+    further = [p for p, text in texts.items() if p not in chosen and any(u in text for u in users)]
+    area, beyond = (
+        [p.relative_to(ROOT).as_posix() for p in ps] for ps in (chosen, sorted(further))
+    )
+    return area, beyond
 
 
 def judge(mutant: Mutant, tree: Path) -> dict[str, object]:
@@ -151,19 +170,28 @@ def judge(mutant: Mutant, tree: Path) -> dict[str, object]:
     whole = source.read_text(encoding="utf-8")
     end = mutant.first + len(mutant.old)
     source.write_text(whole[: mutant.first] + mutant.new + whole[end:], encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
+    area, further = tests_of(mutant.file)
     try:
-        done = subprocess.run(
-            [*command, *tests_of(mutant.file)], cwd=tree, capture_output=True, text=True,
-            timeout=LONGEST_S, check=False, env=os.environ | FRESH,
-        )  # fmt: skip
-        last = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-        noticed, by = done.returncode != 0, (last or [done.stdout[-200:]])[0][:200]
-    except subprocess.TimeoutExpired:
-        noticed, by = True, f"not through after {LONGEST_S:g} s"
+        by = failure_of(area, tree, f"not through after {LONGEST_S:g} s") or (
+            failure_of(further, tree, "") if further else ""
+        )
     finally:
         source.write_text(whole, encoding="utf-8")
-    return {"name": mutant.name, "noticed": noticed, "by": by if noticed else ""}
+    return {"name": mutant.name, "noticed": bool(by), "by": by}
+
+
+def failure_of(tests: Sequence[str], tree: Path, hangs: str) -> str:
+    """The first failure of test files; empty where all pass, `hangs` where they do not end."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(
+            command, cwd=tree, capture_output=True, text=True, timeout=LONGEST_S, check=False,
+            env=os.environ | FRESH,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return hangs
+    last = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return "" if done.returncode == 0 else (last or [done.stdout[-200:]])[0][:200]
 
 
 def main(given: Sequence[str] | None = None) -> int:

@@ -59,7 +59,7 @@ def test_every_place_is_drawn_once_in_an_order_of_the_seed(tree):
 
 
 def test_the_tests_of_the_area_notice(tree, capsys):
-    assert mutate.tests_of("twin/wing.py") == ["tests/twin/test_wing.py"]
+    assert mutate.tests_of("twin/wing.py") == (["tests/twin/test_wing.py"], [])
     code = mutate.main(["--seed", "1", "--count", "9"])
     said = capsys.readouterr().out.splitlines()
     unnoticed = {line.partition(": ")[2] for line in said if "UNNOTICED" in line}

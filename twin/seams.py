@@ -46,7 +46,7 @@ CURRENTS: Registry[Any] = Registry(
     compiled=True,
     check_shipped=False,
 )
-"""Kinds of current; the shipped ones in the order of their numbers in compiled programs."""
+"""Kinds of current. A class may set `code`, its number in compiled programs."""
 
 SENSORS: Registry[Any] = Registry(
     "sensor",
