@@ -1,6 +1,7 @@
 """The rules of docs/project/architecture.md, over the source: imports, folders, names."""
 
 import ast
+import importlib
 import re
 from collections import defaultdict
 from functools import cache
