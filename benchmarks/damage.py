@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from logs import Flight, pack
-from written_logs import Sound
+from logs import SOUND, pack
+
+from factory.samples import MAPPING, Flight
 
 Array = Any
 Random = np.random.Generator
 
-MAPPING = "mine.toml"
 NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e30, 9.96921e36, -9999.0, 99999.0, 0.0, -1.0,
            1e-310, 500.0, 3.0e9)  # fmt: skip
 WORDS = ("", "nan", "inf", "1e400", "x", '"', "9" * 400, "\0", "--", "1,5", "-", "0x1A", "null",
@@ -37,9 +37,12 @@ NAMES = ("units", "_FillValue", "missing_value", "valid_min", "valid_max", "vali
 
 
 @dataclasses.dataclass(frozen=True)
-class Damaged(Sound):
+class Damaged(Flight):
     """A sound flight with one signal, or the clock, that went wrong at some moment."""
 
+    dives: int = SOUND.dives
+    surface: float = SOUND.surface
+    swing: float = SOUND.swing
     signal: str = ""
     change: Callable[[Array], Array] = np.asarray
     clock: Callable[[Array], Array] | None = None

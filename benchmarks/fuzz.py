@@ -36,20 +36,17 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from logs import write_pyglider  # noqa: E402
-from written_logs import WRITERS, Sound  # noqa: E402
+from logs import SOUND  # noqa: E402
 
 from benchmarks.damage import COLUMNS, OPERATIONS, damage, damaged_flight  # noqa: E402
 from benchmarks.verdict import UNDAMAGED, Mutant, Verdict, judge, place  # noqa: E402
+from factory import samples  # noqa: E402
 
 LONGEST_S, MOST_BYTES, KILLED_BYTES = 60.0, 10**9, 3 * 10**9
 """Processor time [s] and memory [byte] of one import; and the memory at which it is stopped"""
 FULL_BYTES = 7 * 10**8
 """[byte] A process that held more is not used again: it would not give all of it back"""
-WRITERS = WRITERS | {
-    "ngdac": (*WRITERS["ngdac"], lambda f, flight: [write_pyglider(f / "series.nc", flight)])
-}
-LAYOUTS = [f"{kind}:{k}" for kind, writers in WRITERS.items() for k in range(len(writers))]
+LAYOUTS = [f"{kind}:{k}" for kind, some in samples.formats().items() for k in range(len(some))]
 BARE = ("slocum:1", "mcap:0", "rosbag2:0", "ardusub:0", "lsf:0", "dorado:0")
 """Layouts without tables and variables"""
 TABLES = ("slocum:0", "seaglider:0", "seaexplorer:0", "csv:0")
@@ -91,9 +88,10 @@ def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
         for path in sorted(real.glob(pattern)):
             shutil.copyfile(path, folder / path.name)
     else:
-        flight = damaged_flight(random) if flying else Sound()
+        flight = damaged_flight(random) if flying else SOUND
         try:
-            WRITERS[mutant.kind][int(pattern)](folder, flight)
+            layout = samples.formats()[mutant.kind][int(pattern)]
+            samples.write(mutant.kind, folder, flight, layout=layout)
         except Exception:  # a format has no such value
             if not flying:
                 raise

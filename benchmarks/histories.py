@@ -232,11 +232,11 @@ def kill_runs(ground: Ground, kind: str, times: int) -> list[str]:
 
 def kill_imports(ground: Ground, kind: str, times: int) -> list[str]:
     """Kill imports that are to replace a store; attributes have the date, so that values count."""
-    from written_logs import Sound, write  # type: ignore[import-not-found]
+    from factory import samples
 
     place, lost = ground.folder / kind, []
     place.mkdir()
-    write("slocum", 0, place / "logs", Sound())
+    samples.write("slocum", place / "logs", samples.Flight(dives=2, surface=600.0, swing=1.0))
     old, new, store = place / "old.zarr", place / "new.zarr", place / "store.zarr"
 
     def reading(out: Path, period: float) -> Callable[[], object]:

@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from written_logs import Sound, mapping, variation
+from logs import SOUND
+
+from factory import samples
 
 ROOT = Path(__file__).resolve().parents[1]
 UNDAMAGED = "none"
@@ -94,7 +96,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
 
     logs, out = folder / "logs", folder / "out"
     layout = mutant.layout.partition(":")[2]
-    given = variation(mutant.kind, int(layout), Sound()) if layout.isdigit() else None
+    given = samples.options(mutant.kind, logs) if layout.isdigit() else {}
     told = deployment_log.failed_reading
 
     def failed_reading(path: Path, error: Exception) -> Any:
@@ -108,9 +110,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
-            dataset, report = import_logs(
-                mutant.kind, [logs], variation_deg=given, mapping=mapping(mutant.kind, logs)
-            )
+            dataset, report = import_logs(mutant.kind, [logs], **given)
     except TwinError as error:
         verdict.outcome, said = "refused", str(error)
         if "\n" in said or not said.strip() or len(said) > 2100 or "this is a bug" in said:
@@ -154,7 +154,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
         if not suspect or any(name not in suspect for name in of):
             verdict.failures.append(f"not told: {problem}")
     if mutant.operation == UNDAMAGED and layout.isdigit():
-        if report.rows != Sound().dives:
-            verdict.failures.append(f"{report.rows} dives of undamaged logs, not {Sound().dives}")
+        if report.rows != SOUND.dives:
+            verdict.failures.append(f"{report.rows} dives of undamaged logs, not {SOUND.dives}")
         verdict.failures += [f"suspect undamaged logs: {e.subject}: {e.detail}"
                              for e in report.entries if e.action == "suspect"]  # fmt: skip

@@ -68,14 +68,14 @@ def passed(folder: Path, *words: str) -> tuple[float, float, float, dict[str, ob
 
 def measure(dives: int, place: Path) -> dict[str, object]:
     """Of a deployment of so many dives."""
-    from logs import Flight, write_basestation  # type: ignore[import-not-found]
-
+    from factory import samples
     from glider_twin_ops.watching import WatchedDeployment
 
     source, later = place / "arrived", place / "later"
     source.mkdir()
     later.mkdir()
-    files = write_basestation(later, Flight(dives=dives, depth=DEPTH, step=5.0))
+    flight = samples.Flight(dives=dives, depth=DEPTH, step=5.0)
+    files = samples.write("seaglider", later, flight, layout="basestation")
     for path in files[:-1]:
         shutil.move(path, source)
     made = WatchedDeployment(folder=place / "calypso", source=str(source), vehicle="seaglider")
@@ -307,14 +307,13 @@ def _files(place: Path) -> list[Path]:
     import matplotlib.backends.backend_agg  # noqa: F401 - what forked passes need is loaded once
     import netCDF4  # noqa: F401
     import xarray  # noqa: F401
-    from logs import Flight, write_basestation
 
     import glider_twin_ops.watching.watch_pass  # noqa: F401
     import twin.physics.lanes  # noqa: F401
+    from factory import samples
 
     later = place / "later"
-    later.mkdir(parents=True)
-    return list(write_basestation(later, Flight(dives=HARMED)))
+    return samples.write("seaglider", later, samples.Flight(dives=HARMED), layout="basestation")
 
 
 def _deployment(place: Path, files: list[Path]) -> Path:

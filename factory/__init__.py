@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from factory import samples as samples
     from factory.facade import generate as generate
     from factory.facade import import_logs as import_logs
     from factory.facade import parameters as parameters

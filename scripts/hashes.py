@@ -5,7 +5,7 @@
     python scripts/hashes.py --only flights currents
 
 Flights of every vehicle by both engines, currents at a thousand points, a run that is generated and
-one that is killed and resumed, imports of the logs that the tests write, exports, an identified
+one that is killed and resumed, imports of every sample of a log, exports, an identified
 vehicle, and a short training of every network. An error is a value too: its text.
 """
 
@@ -140,27 +140,20 @@ def _opened(path: Path) -> Any:
 
 
 def imports() -> Values:
-    """Every layout that the tests write."""
-    from written_logs import (  # type: ignore[import-not-found]
-        LAYOUTS,
-        Sound,
-        mapping,
-        variation,
-        write,
-    )
-
+    """Every layout of the samples."""
+    from factory import samples
     from factory.importing import import_logs
 
-    for kind, layout in LAYOUTS:
-        with tempfile.TemporaryDirectory() as folder:
-            logs = Path(folder) / "logs"
-            write(kind, layout, logs, Sound())
-            dataset, report = import_logs(
-                kind, [logs], variation_deg=variation(kind, layout, Sound()),
-                mapping=mapping(kind, logs),
-            )  # fmt: skip
-            yield f"{kind}:{layout}", dataset
-            yield f"{kind}:{layout} report", [repr(entry) for entry in report.entries]
+    flight = samples.Flight(dives=2, surface=600.0, swing=1.0)
+    for kind, layouts in samples.formats().items():
+        for number, layout in enumerate(layouts):
+            with tempfile.TemporaryDirectory() as folder:
+                logs = f"{folder}/logs"  # the name of some deployments
+                samples.write(kind, logs, flight, layout=layout)
+                given = samples.options(kind, logs, flight)
+                dataset, report = import_logs(kind, [logs], **given)
+                yield f"{kind}:{number}", dataset
+                yield f"{kind}:{number} report", [repr(entry) for entry in report.entries]
 
 
 def exports() -> Values:

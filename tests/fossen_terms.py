@@ -1,7 +1,5 @@
 """Terms of the Fossen model with arrays in and out, for tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from twin.fossen import terms

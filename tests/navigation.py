@@ -1,7 +1,5 @@
 """Missions whose tracks are known in closed form, and stores of them, for the navigation tests."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

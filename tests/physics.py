@@ -1,7 +1,5 @@
 """Shared set-ups of the physics tests: a compiled glider in a given motion, both models."""
 
-from __future__ import annotations
-
 import itertools
 
 import mujoco

@@ -1,7 +1,5 @@
 """Shared set-ups of the tests that draw: a short mission in a sheared current, and its store."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path
@@ -9,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logs import Flight, write_seaglider
+from logs import stored
 
-from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaglider
 from twin.__main__ import PROGRAM
 from twin.mission import Mission, SawTooth
 from twin.physics.scenario import Scenario
@@ -117,8 +116,8 @@ def write_short_store(path: Path) -> Path:
 
 def write_dives(folder: Path, dives: int) -> Path:
     """A store of dives of an imaginary Seaglider, with a CTD and currents."""
-    data, _ = import_logs("seaglider", write_seaglider(folder, Flight(dives=dives), "SG1"))
-    return write_store(data, folder / "dives.zarr")
+    files = write_seaglider(folder, Flight(dives=dives), "SG1")
+    return stored(folder / "dives.zarr", "seaglider", files)
 
 
 def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:

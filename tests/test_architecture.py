@@ -90,6 +90,7 @@ NAMES_ACTUATORS = {
     "twin.show.identification": "a battery's and a pump's panels beside a log",
     "factory.importing": "formats of real vehicles' logs",
     "factory.exporting": "names in export formats",
+    "factory.samples": "names in the files of real vehicles",
     "factory.sampling": "what is drawn for a glider",
     "factory": "figures of what was drawn",
     "twin.navigation": "a glider's equations of motion; signals that networks see",

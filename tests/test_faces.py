@@ -97,7 +97,8 @@ def _typed(face):
     for node in block.body:
         assert isinstance(node, ast.ImportFrom)
         for name in node.names:
-            module = (ROOT / str(node.module).replace(".", "/") / f"{name.name}.py").is_file()
+            place = ROOT / str(node.module).replace(".", "/") / name.name
+            module = place.is_dir() or place.with_suffix(".py").is_file()
             places[name.asname] = f"{node.module}{'.' if module else ':'}{name.name}"
     return places
 

@@ -1,7 +1,5 @@
 """A vehicle that is no glider: the torpedo of `vehicles/torpedo.xml`, and one of geometry alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 TORPEDO = Path(__file__).parent / "vehicles" / "torpedo.xml"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from examples import ROOT
-from logs import SHARED, Flight, write_mat
+from logs import SHARED, stored
 
 import benchmarks.left_out_kinds
 import factory
@@ -27,6 +27,8 @@ from benchmarks.current_floor import Dives, misses_of, way_errors
 from benchmarks.real_logs import yo_yos
 from benchmarks.smoothed_tracks import figures
 from factory.importing import import_logs
+from factory.samples import Flight
+from glider_twin_protocols.auv_samples import write_mat
 from twin.errors import InputError
 from twin.records.store import write_store
 from twin.sensors import SensorSuite
@@ -187,8 +189,7 @@ def test_the_pitch_of_the_logs_rates():
 
 def test_the_command_prints_logs_and_twin(tmp_path, capsys):
     flight = Flight(depth=40.0, speed=1.0, pitch=15.0, surface=600.0, step=2.0)
-    dataset, _ = import_logs("lrauv", [write_mat(tmp_path / "log.mat", flight)])
-    write_store(dataset, tmp_path / "shore.zarr")
+    stored(tmp_path / "shore.zarr", "lrauv", [write_mat(tmp_path / "log.mat", flight)])
     words = [str(tmp_path / "shore.zarr"), "--vehicle", "tethys", "--pitch", "12", "18", "--json"]
     assert yo_yos.main(words) == 0
     answer = json.loads(capsys.readouterr().out)

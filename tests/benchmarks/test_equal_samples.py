@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from logs import SHARED, Flight, write_csv, write_slocum
+from logs import SHARED
 
 from benchmarks.real_logs import left_out
 from benchmarks.real_logs.fixes import factory_sink
@@ -25,6 +25,8 @@ from benchmarks.real_logs.row import (
 )
 from benchmarks.real_logs.source import imported, logs_folder
 from benchmarks.real_logs.surge_networks import INPUTS, TUNED, Weights, fit_network
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import write_slocum
 
 RNG = np.random.default_rng(3)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import SHARED, Flight, write_csv, write_slocum
+from logs import SHARED
 
 from benchmarks.real_logs import dvl
 from benchmarks.real_logs.__main__ import PROGRAM
@@ -17,6 +17,8 @@ from benchmarks.real_logs.row import Row, figures, published_rows, rmse
 from benchmarks.real_logs.run import SECTIONS, TASKS, run_benchmark
 from benchmarks.real_logs.samples import AVERAGE, averaged, level_speed, ridge
 from benchmarks.real_logs.source import gather, imported
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import write_slocum
 from twin.errors import InputError
 from twin.identify import density_of, load_calibration
 

@@ -12,11 +12,12 @@ import sys
 
 import pytest
 from examples import ROOT, blocks, needs_docs, script
-from logs import Flight, write_dbd, write_slocum
 from navigation import write_flown_store
 
 from factory.__main__ import PROGRAM as FACTORY
 from factory.exporting.metadata import parse_metadata
+from factory.samples import Flight
+from factory.samples.gliders import write_dbd, write_slocum
 from factory.sampling.parameters import parameter_table
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe
@@ -71,7 +72,7 @@ RUN = {
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {
         "tests/twin/water/test_current_docs.py": 2,
-        "tests/twin/water/test_tabulated.py": 1,
+        "tests/twin/water/test_current_registry.py": 1,
     },
     "docs/reference/factory.md": {
         HERE: 5,
@@ -79,7 +80,7 @@ RUN = {
         "tests/factory/exporting/test_exporters.py": 1,
     },
     "docs/reference/import.md": {HERE: 1},
-    "docs/reference/missions.md": {"tests/twin/mission/test_mission_docs.py": 8},
+    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 8},
     "docs/reference/networks.md": {"tests/learn/test_registries.py": 1},
     "docs/reference/sensors.md": {"tests/test_registry.py": 3},
     "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},

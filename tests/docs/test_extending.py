@@ -10,9 +10,10 @@ import sys
 import numpy as np
 import pytest
 from examples import ROOT, needs_docs
-from logs import Flight, example, write_csv
+from logs import example
 
 import learn
+from factory.samples import Flight, write_csv
 from twin.errors import InputError
 from twin.plugins import PLUGINS
 from twin.records.store import open_store

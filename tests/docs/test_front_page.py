@@ -12,11 +12,12 @@ import sys
 
 import pytest
 from examples import ROOT, needs_docs, run
-from logs import LATITUDE, LONGITUDE, Flight, write_slocum
 from patience import HANG_S
 from PIL import Image
 
 from factory.__main__ import PROGRAM as FACTORY
+from factory.samples import LATITUDE, LONGITUDE, Flight
+from factory.samples.gliders import write_slocum
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
 from twin.show.render.context import available_backend

@@ -1,7 +1,5 @@
 """Files made to exhaust a machine are refused in a line, before their content is built."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import zipfile

@@ -1,7 +1,5 @@
 """Metres and degrees: round trips, and the geodesics and tangent planes of another library."""
 
-from __future__ import annotations
-
 import numpy as np
 import pymap3d
 import pymap3d.rcurve
@@ -24,14 +22,14 @@ LATITUDES = st.floats(-75.0, 75.0)
 
 
 @given(LATITUDES)
-def test_radii_are_those_of_the_ellipsoid(latitude: float) -> None:
+def test_radii_are_those_of_the_ellipsoid(latitude):
     assert meridian_radius(latitude) == pytest.approx(pymap3d.rcurve.meridian(latitude), rel=1e-14)
     assert normal_radius(latitude) == pytest.approx(pymap3d.rcurve.transverse(latitude), rel=1e-14)
     tangent = np.tan(np.radians(latitude))
     assert convergence(latitude) == pytest.approx(tangent / normal_radius(latitude), rel=1e-12)
 
 
-def test_a_degree_is_as_long_as_tables_say() -> None:
+def test_a_degree_is_as_long_as_tables_say():
     """Of latitude at the equator, at 45 degree and at the pole; of longitude at the equator."""
     for south, metres in ((0.0, 110574.0), (44.5, 111132.0), (89.0, 111694.0)):
         north, _ = offset(np.float64(south + 1.0), np.float64(0.0), south, 0.0)
@@ -41,9 +39,7 @@ def test_a_degree_is_as_long_as_tables_say() -> None:
 
 
 @given(LATITUDES, st.floats(-180.0, 180.0), st.floats(0.0, 360.0), st.floats(1.0, 20e3))
-def test_distances_are_those_of_the_geodesic(
-    latitude: float, longitude: float, bearing: float, far: float
-) -> None:
+def test_distances_are_those_of_the_geodesic(latitude, longitude, bearing, far):
     angle = np.radians(bearing)
     there = position(far * np.cos(angle), far * np.sin(angle), latitude, longitude)
     north, east = offset(np.float64(there[0]), np.float64(there[1]), latitude, longitude)
@@ -55,7 +51,7 @@ def test_distances_are_those_of_the_geodesic(
 
 
 @given(LATITUDES, st.floats(-20e3, 20e3), st.floats(-20e3, 20e3))
-def test_metres_to_degrees_and_back(latitude: float, north: float, east: float) -> None:
+def test_metres_to_degrees_and_back(latitude, north, east):
     there = position(np.array([north]), np.array([east]), latitude, 179.95)  # over the date line
     back = offset(*there, latitude, 179.95)
     far = np.hypot(north, east) / 20e3
@@ -63,14 +59,14 @@ def test_metres_to_degrees_and_back(latitude: float, north: float, east: float) 
 
 
 @given(LATITUDES, st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
-def test_degrees_to_metres_and_back(latitude: float, up: float, right: float) -> None:
+def test_degrees_to_metres_and_back(latitude, up, right):
     metres = offset(np.array([latitude + up]), np.array([10.0 + right]), latitude, 10.0)
     back = position(*metres, latitude, 10.0)
     assert back[0] == pytest.approx(latitude + up, abs=4e-6)
     assert back[1] == pytest.approx(10.0 + right, abs=4e-6)
 
 
-def test_tangent_planes_are_those_of_pymap3d() -> None:
+def test_tangent_planes_are_those_of_pymap3d():
     """Within a metre, 28 km from the origin."""
     rng = np.random.default_rng(0)
     north, east = rng.uniform(-20e3, 20e3, (2, 50))
@@ -82,7 +78,7 @@ def test_tangent_planes_are_those_of_pymap3d() -> None:
 
 
 @given(st.floats(-70, 70), st.floats(-15e3, 15e3), st.floats(-15e3, 15e3))
-def test_offsets_add_up_a_course_by_the_compass(latitude: float, north: float, east: float) -> None:
+def test_offsets_add_up_a_course_by_the_compass(latitude, north, east):
     """A straight course in many short steps, each on the plane that touches the Earth there."""
     steps = 50
     at = (latitude, 179.95)  # across the date line
@@ -94,7 +90,7 @@ def test_offsets_add_up_a_course_by_the_compass(latitude: float, north: float, e
     assert float(back[1]) == pytest.approx(east, abs=2.0)
 
 
-def test_magnetic_axes_turn_by_the_variation() -> None:
+def test_magnetic_axes_turn_by_the_variation():
     """A vector to magnetic north points to the bearing of the variation."""
     north, east = turn(np.array([0.0]), np.array([1.0]), 30.0)
     assert np.degrees(np.arctan2(east[0], north[0])) == pytest.approx(30.0)

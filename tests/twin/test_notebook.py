@@ -1,8 +1,5 @@
 """Objects in notebooks: well-formed, with what they are and a picture that shows it."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -27,11 +24,11 @@ def points(tree: ElementTree.Element) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def trajectory() -> twin.Trajectory:
+def trajectory():
     return twin.simulate(duration=1200.0)
 
 
-def test_a_run_shows_its_dive(trajectory: twin.Trajectory) -> None:
+def test_a_run_shows_its_dive(trajectory):
     rows, tree = seen(trajectory)
     assert (rows["vehicle"], rows["duration"]) == ("glider", "1200 s")
     drawn, depth = points(tree), trajectory["true_depth"]
@@ -41,7 +38,7 @@ def test_a_run_shows_its_dive(trajectory: twin.Trajectory) -> None:
     assert len(drawn) <= 200
 
 
-def test_a_store_shows_its_first_mission(trajectory: twin.Trajectory, tmp_path: Path) -> None:
+def test_a_store_shows_its_first_mission(trajectory, tmp_path):
     trajectory.save(tmp_path / "run.zarr")
     with MissionStore(tmp_path / "run.zarr") as store:
         rows, tree = seen(store)
@@ -50,7 +47,7 @@ def test_a_store_shows_its_first_mission(trajectory: twin.Trajectory, tmp_path: 
 
 
 @pytest.mark.parametrize("name", ["glider", "tethys"])
-def test_a_vehicle_shows_its_hull_and_parts(name: str) -> None:
+def test_a_vehicle_shows_its_hull_and_parts(name):
     vehicle = twin.load_vehicle(name)
     rows, tree = seen(vehicle)
     assert rows["mass"] == f"{vehicle.mass:.4g} kg"
@@ -60,7 +57,7 @@ def test_a_vehicle_shows_its_hull_and_parts(name: str) -> None:
     assert [dot[0].text for dot in tree.iter("circle")] == list(vehicle.part_names)
 
 
-def test_an_identification_shows_what_moved() -> None:
+def test_an_identification_shows_what_moved():
     def estimate(name: str, value: float, determined: bool) -> IdentifiedParameter:
         return IdentifiedParameter(
             name=name, unit="1", meaning="", nominal=1.0, value=value, deviation=0.1, spread=0.5,
@@ -80,7 +77,7 @@ def test_an_identification_shows_what_moved() -> None:
     assert float(dot.get("cx", "")) > 200.0  # a spread above nominal, the farthest
 
 
-def test_names_of_others_are_text_and_holes_are_left_out() -> None:
+def test_names_of_others_are_text_and_holes_are_left_out():
     rows, _ = seen(card("<b>", {"<script>": "a & b"}))
     assert rows == {"<script>": "a & b"}
     assert line([0.0, 1.0], [np.nan, 1.0], "x") == ""

@@ -1,7 +1,5 @@
 """Where a number belongs, a text or anything else is one line that names the field."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np
@@ -108,7 +106,7 @@ def test_shipped_vehicles_hang_upright():
     assert load_vehicle("glider").metacentric_height == pytest.approx(0.00502, abs=1e-5)
 
 
-def test_small_systems_are_solved_as_by_a_library() -> None:
+def test_small_systems_are_solved_as_by_a_library():
     rng = np.random.default_rng(6)
     for size in (1, 2, 3, 4, 6):
         matrix, right = rng.normal(size=(size, size)), rng.normal(size=size)
@@ -120,7 +118,7 @@ def test_small_systems_are_solved_as_by_a_library() -> None:
     assert solved_system(np.zeros((2, 2)), np.ones(2)) is None
 
 
-def test_processors_where_the_system_has_no_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processors_where_the_system_has_no_affinity(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5}, raising=False)
     assert processors() == 2
     monkeypatch.delattr(os, "sched_getaffinity")

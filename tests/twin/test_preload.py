@@ -1,17 +1,15 @@
 """Triton's library goes before OpenGL, so that it does not bind to Mesa's LLVM."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy.random.bit_generator as any_library
 import pytest
+from processes import python
 
 from twin.extras import preload_triton
 from twin.show.render.context import available_backend
@@ -85,22 +83,17 @@ print("alive", "triton" in sys.modules)
 """
 
 
-def python(code: str, *folders: Path, **variables: str) -> str:
+def printed(code: str, *folders: Path, **variables: str) -> str:
     """What a process of its own prints."""
     known = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     path = os.pathsep.join(map(str, (*folders, ROOT)))
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=known | {"PYTHONPATH": path} | variables,
-        capture_output=True,
-        text=True,
-    )
+    done = python("-c", code, env=known, **{"PYTHONPATH": path, **variables})
     assert done.returncode == 0, f"exit code {done.returncode}: {done.stderr}"
     return done.stdout
 
 
 @pytest.fixture
-def stand_in(tmp_path: Path) -> Path:
+def stand_in(tmp_path):
     """A folder with a package `triton` whose library is some small one; importing it fails."""
     library = tmp_path / "triton" / "_C" / "libtriton.so"
     library.parent.mkdir(parents=True)
@@ -116,24 +109,24 @@ def is_opengl(library: str) -> bool:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Mesa's LLVM is Linux's affair")
 @pytest.mark.parametrize("backend", ["", "egl"])
 @pytest.mark.parametrize("place", PLACES)
-def test_triton_is_opened_before_opengl(place: str, backend: str, stand_in: Path) -> None:
+def test_triton_is_opened_before_opengl(place, backend, stand_in):
     if backend and available_backend() is None:
         pytest.skip("nothing here can draw")
     code = f"{REPORT}{PLACES[place]}\nprint(json.dumps(opened))"
-    opened = json.loads(python(code, stand_in, MUJOCO_GL=backend).splitlines()[-1])
+    opened = json.loads(printed(code, stand_in, MUJOCO_GL=backend).splitlines()[-1])
     triton = opened.index(str(stand_in / "triton" / "_C" / "libtriton.so"))
     opengl = [k for k, library in enumerate(opened) if is_opengl(library)]
     assert opengl, opened
     assert triton < opengl[0], opened
 
 
-def test_a_library_that_does_not_load_is_left_alone(stand_in: Path) -> None:
+def test_a_library_that_does_not_load_is_left_alone(stand_in):
     (stand_in / "triton" / "_C" / "libtriton.so").write_text("no library")
     code = f"{REPORT}from twin.extras import preload_triton\npreload_triton()\nprint(opened)"
-    assert "libtriton.so" in python(code, stand_in)
+    assert "libtriton.so" in printed(code, stand_in)
 
 
-def test_without_triton_nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_triton_nothing_is_opened(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "triton", raising=False)
     opened: list[str] = []
@@ -149,6 +142,6 @@ def test_without_triton_nothing_is_opened(monkeypatch: pytest.MonkeyPatch) -> No
 )
 @pytest.mark.skipif(available_backend() is None, reason="nothing here can draw")
 @pytest.mark.parametrize("who", DRAWN_BEFORE)
-def test_training_after_drawing(who: str) -> None:
+def test_training_after_drawing(who):
     code = f"import sys\n{DRAWN_BEFORE[who]}{TRAIN}"
-    assert python(code, MUJOCO_GL=available_backend() or "") == "alive True\n"
+    assert printed(code, MUJOCO_GL=available_backend() or "") == "alive True\n"

@@ -1,12 +1,12 @@
-"""Compiled functions, kept between processes by the content of everything they are made from.
+"""Compiled functions, kept between processes under a hash of everything they are made from.
 
 `jit` compiles a function at its first call, `cfunc` makes a C callback, and `dispatch` makes one
-function of a table of kinds. None of them loads numba before something is compiled.
+function from a table of kinds. None of them loads numba before something is compiled.
 """
 
 import os
 
-# numba words and colours an error for most things that it tries; the colours are 4 % of compiling
+# numba formats and colours an error for most things it tries; colouring is 4 % of compile time
 os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 from twin.compiled.content import changed as changed

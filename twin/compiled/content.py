@@ -1,10 +1,10 @@
-"""Content: one hash of all source that a compiled function is made from.
+"""Content: one hash of all source from which a function is compiled.
 
-Compiled code holds copies of what it calls and of every constant it reads. Its content is
-therefore its module, every module that one imports, and so on; the dispatch tables that it calls,
-whatever calls lie between, with the modules of their kernels; and the versions of the compiler. A
-new kind in a table makes anew what calls that table and nothing else. The standard library and
-other packages in site-packages are left out. Imports are found in the text, nothing is run for it.
+Compiled code holds copies of the functions that it calls and of the constants that it reads. Its
+content is therefore its module and all modules imported from there, directly or not; the dispatch
+tables that it calls, directly or not, with the modules of their kernels; and the compiler's
+versions. A new kind in a table invalidates only that table's callers. The standard library and
+other packages in site-packages are left out. Imports are found in the text, without running it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 OURS = frozenset({"twin", "factory", "learn"})
-"""Packages that are followed wherever they are installed."""
+"""Packages whose imports are followed wherever they are installed."""
 _STARTED = time.time()
 _TYPING = re.compile(rb"^if TYPE_CHECKING:[^\n]*\n(?:[ \t]+[^\n]*\n|\n)*", re.MULTILINE)
 _IMPORT = re.compile(
@@ -36,62 +36,62 @@ _ALIAS = re.compile(rb"[ \t]as[ \t]+\w+")
 TableText = Callable[[], tuple[str, tuple[str, ...]]]
 """Generated text of a dispatch table, and the modules of its kernels."""
 Table = tuple[str, str]
-"""The module that built a table, and the table's name there"""
+"""Module that built a table, and the table's name there."""
 _tables: dict[str, dict[str, TableText]] = defaultdict(dict)
 _called: dict[Any, tuple[Any, ...]] = {}
-"""Functions that each compiled function calls, of this generation"""
+"""Functions that each compiled function calls, in this generation."""
 _generation = 0
 
 
 def generation() -> int:
-    """Counts up when a dispatch table gets other kernels: what was compiled before is then old."""
+    """Count the changes to dispatch tables; code of an earlier generation may be outdated."""
     return _generation
 
 
 def changed() -> None:
-    """Tell that a dispatch table has other kernels now; whoever registers a kind calls this."""
+    """Start a new generation; code that registers a kind calls this."""
     global _generation
     _generation += 1
     _called.clear()
 
 
 def add_table(module: str, name: str, text: TableText) -> Table:
-    """Make a generated function part of the content of what calls it."""
+    """Make a generated function part of the content of its callers."""
     _tables[module][name] = text
     _stamp.cache_clear()
     return module, name
 
 
 def stamp(module: str, function: Any = None) -> str | None:
-    """Hash, 32 hexadecimal digits, of what a function of a module is compiled from.
+    """Hash, 32 hexadecimal digits, of the content of a function of a module.
 
-    None when that cannot be told: source that is in no file (a notebook), or that was changed after
-    this process began and may not be what it runs. Such code is not kept.
+    None when the content is unknown: the source is in no file (a notebook), or the file changed
+    after this process began and may differ from the running code. Such code is not kept.
 
     Args:
-      module: its name.
-      function: one made by `jit` or `generate`, or the Python function of a callback; None: one
-        that calls no dispatch table.
+      module: name of the module.
+      function: one made by `jit` or `generate`, or the Python function of a callback; None: any
+        function without dispatch tables.
     """
     return _stamp(module, frozenset() if function is None else tables_of(function), _generation)
 
 
 def tables_of(function: Any) -> frozenset[Table]:
-    """Dispatch tables that a function is or calls, itself or through what it calls."""
+    """Dispatch tables that a function is or calls, directly or through other functions."""
     seen, waiting, found = {function}, [function], set()
     while waiting:
         one = waiting.pop()
         if (table := getattr(one, "table", None)) is not None:
             found.add(table)
-        for other in _calls(one):
+        for other in _called_functions(one):
             if other not in seen:
                 seen.add(other)
                 waiting.append(other)
     return frozenset(found)
 
 
-def _calls(function: Any) -> tuple[Any, ...]:
-    """Functions among what a function's code names: its globals, closure and defaults."""
+def _called_functions(function: Any) -> tuple[Any, ...]:
+    """Functions among the globals, closure and defaults that a function's code names."""
     if isinstance(function, FunctionType):
         return tuple(filter(_is_function, _values(function)))
     if function not in _called:
@@ -100,7 +100,7 @@ def _calls(function: Any) -> tuple[Any, ...]:
 
 
 def _is_function(value: Any) -> bool:
-    """Plain Python, which a compiler may inline, or compiled."""
+    """Tell whether a value is a compiled function, or a Python one that a compiler may inline."""
     if isinstance(value, FunctionType):
         return True
     return not isinstance(value, type) and (
@@ -109,7 +109,7 @@ def _is_function(value: Any) -> bool:
 
 
 def _values(function: FunctionType) -> Iterator[Any]:
-    """Values that a function's code may name, those in modules, tuples and lists too."""
+    """Values that a function's code may name, including those in modules, tuples and lists."""
     names = names_of(function.__code__)
     waiting = [value for name, value in function.__globals__.items() if name in names]
     waiting += [cell.cell_contents for cell in function.__closure__ or ()]
@@ -128,7 +128,7 @@ def _values(function: FunctionType) -> Iterator[Any]:
 
 
 def names_of(code: CodeType) -> frozenset[str]:
-    """Names and attributes that code, and the functions in it, use."""
+    """Names and attributes that a code object and the functions in it use."""
     inner = (names_of(part) for part in code.co_consts if isinstance(part, CodeType))
     return frozenset(code.co_names).union(*inner)
 
@@ -141,20 +141,20 @@ def _stamp(module: str, tables: frozenset[Table], _: int) -> str | None:
     for table in sorted(tables):
         generated, kernels = _tables[table[0]][table[1]]()
         parts.append((":".join(table), generated.encode()))
-        # A kernel without a file cannot be stamped, and nor can what calls it.
-        if any(_file(kernel) is None for kernel in kernels):
+        # a kernel without a file has no stamp, and neither has its caller
+        if any(_module_file(kernel) is None for kernel in kernels):
             return None
         own = own | {kernel.partition(".")[0] for kernel in kernels}
         waiting.extend({table[0], *kernels} - seen)
         seen.update({table[0], *kernels})
     while waiting:
         name = waiting.pop()
-        path = _file(name)
+        path = _module_file(name)
         if path is None:
             if name == module or name in _tables:
                 return None
             continue
-        if not _followed(name, path, own):
+        if not _is_followed(name, path, own):
             continue
         try:
             state = Path(path).stat()
@@ -164,7 +164,7 @@ def _stamp(module: str, tables: frozenset[Table], _: int) -> str | None:
         if state.st_mtime > _STARTED:
             return None
         parts.append((name, source.digest))
-        for other in _names(name, path, source.imports):
+        for other in _imported_modules(name, path, source.imports):
             if other not in seen:
                 seen.add(other)
                 waiting.append(other)
@@ -175,7 +175,7 @@ def _stamp(module: str, tables: frozenset[Table], _: int) -> str | None:
 
 @functools.cache
 def _compiler() -> str:
-    """Versions and machine that compiled code depends on."""
+    """Versions and processor that compiled code depends on."""
     import llvmlite
     import numba
     import numpy as np
@@ -209,10 +209,10 @@ def _source(path: str, _mtime: int, _size: int) -> _Source:
     return _Source(digest, tuple(imports))
 
 
-def _names(
+def _imported_modules(
     module: str, path: str, imports: tuple[tuple[str, tuple[str, ...]], ...]
 ) -> Iterator[str]:
-    """Modules that the imports of a module may mean: a name may be a submodule or not."""
+    """Modules that a module's imports may mean: each name may be a submodule or not."""
     package = module if Path(path).name == "__init__.py" else module.rpartition(".")[0]
     for base, names in imports:
         if base.startswith("."):
@@ -226,8 +226,8 @@ def _names(
             yield f"{base}.{name}"
 
 
-def _followed(name: str, path: str, own: frozenset[str]) -> bool:
-    """Ours, or source outside every site-packages folder."""
+def _is_followed(name: str, path: str, own: frozenset[str]) -> bool:
+    """Tell whether a module is ours, or source outside every site-packages folder."""
     if name.partition(".")[0] in own:
         return True
     return not {"site-packages", "dist-packages"} & set(Path(path).parts)
@@ -239,7 +239,7 @@ def _search(name: str) -> tuple[str | None, tuple[str, ...]]:
     parent, _, _ = name.rpartition(".")
     path: list[str] | None = None
     if parent:
-        path = list(_folders(parent))
+        path = list(_package_folders(parent))
         if not path:
             return None, ()
     try:
@@ -251,15 +251,15 @@ def _search(name: str) -> tuple[str | None, tuple[str, ...]]:
     return spec.origin, tuple(spec.submodule_search_locations or ())
 
 
-def _folders(name: str) -> tuple[str, ...]:
+def _package_folders(name: str) -> tuple[str, ...]:
     module = sys.modules.get(name)
     if module is not None:
         return tuple(getattr(module, "__path__", ()))
     return _search(name)[1]
 
 
-def _file(name: str) -> str | None:
-    """The file of a module, None for a namespace, a notebook, or a name that is not a module."""
+def _module_file(name: str) -> str | None:
+    """File of a module; None for a namespace, a notebook, or a name that is not a module."""
     module = sys.modules.get(name)
     if module is None:
         return _search(name)[0]

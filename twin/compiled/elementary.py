@@ -1,10 +1,10 @@
-"""Elementary functions in plain arithmetic: the same bits on every processor, in vector code too.
+"""Elementary functions in plain arithmetic: the same bits on every processor, also in vector code.
 
-A call of the C library is one call a number, and its last bit depends on the library and on the
-instructions that it chooses. These are polynomials without branches that a compiler keeps: many
-numbers at once cost little more than one. Coefficients are the minimax polynomials of fdlibm (Sun
-Microsystems 1993: k_sin.c, k_cos.c, s_atan.c, e_exp.c, e_log.c); the tests state the error against
-NumPy's.
+The C library takes one call per number, and the last bit of its results depends on the library and
+on the instructions that it chooses. These functions are branch-free polynomials that a compiler
+vectorises: many numbers cost little more than one. Coefficients are the minimax polynomials of
+fdlibm (Sun Microsystems 1993: k_sin.c, k_cos.c, s_atan.c, e_exp.c, e_log.c); the tests state the
+error against NumPy's.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 from twin.compiled.function import jit
 
 ROUND = 6755399441055744.0
-"""1.5 * 2^52: added and taken off again, it rounds to the nearest whole number"""
+"""1.5 * 2^52: adding and subtracting this number rounds to the nearest whole number."""
 HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
-"""pi / 2 in three parts, of 33 bits each but the last (fdlibm, e_rem_pio2.c)"""
+"""pi / 2 in three parts, of 33 bits each but the last (fdlibm, e_rem_pio2.c)."""
 TAN_PI_8 = 0.4142135623730950488
 LOG2_E = 1.44269504088896338700
 LN_2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
-"""ln 2 in two parts, the first of 32 bits (fdlibm, e_exp.c)"""
+"""ln 2 in two parts, the first of 32 bits (fdlibm, e_exp.c)."""
 SINE = (
     -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
     2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10,
@@ -46,11 +46,11 @@ LOG = (
     2.222219843214978396e-01, 1.818357216161805012e-01, 1.531383769920937332e-01,
     1.479819860511658591e-01,
 )  # fmt: skip
-"""Coefficients of polynomials, the lowest power first"""
+"""Coefficients of polynomials, the lowest power first."""
 LOWEST, HIGHEST = -700.0, 700.0
-"""of `exp`, whose results are then ordinary numbers"""
+"""Range of arguments of `exp`, in which its results are normal numbers."""
 scalar = jit(forceinline=True)
-"""Compile a function of scalars that is always inlined, into loops over many vehicles too"""
+"""Compile a function of scalars that is always inlined, also into loops over many vehicles."""
 
 
 @scalar
@@ -72,7 +72,7 @@ def _cosine(x):  # type: ignore[no-untyped-def]
 
 @scalar
 def sincos(x):  # type: ignore[no-untyped-def]
-    """(sin, cos) of an angle [rad] of up to a million turns."""
+    """Return (sin, cos) of an angle [rad] of up to a million turns."""
     turns = x * (2.0 / math.pi) + ROUND
     quarter = turns - ROUND
     rest = ((x - quarter * HALF_PI[0]) - quarter * HALF_PI[1]) - quarter * HALF_PI[2]
@@ -123,7 +123,7 @@ def _atan(x):  # type: ignore[no-untyped-def]
 
 @scalar
 def atan2(y, x):  # type: ignore[no-untyped-def]
-    """Angle [rad] of the direction (x, y), from -pi to pi; 0 of (0, 0)."""
+    """Angle [rad] of the direction (x, y), from -pi to pi; 0 for (0, 0)."""
     a, b = abs(x), abs(y)
     large, small = max(a, b), min(a, b)
     angle = _atan(small / large if large > 0.0 else 0.0)
@@ -136,21 +136,21 @@ def atan2(y, x):  # type: ignore[no-untyped-def]
 
 @scalar
 def asin(x):  # type: ignore[no-untyped-def]
-    """Angle [rad] of a sine, which is held in [-1, 1]."""
+    """Angle [rad] of a sine, which is clamped to [-1, 1]."""
     s = min(max(x, -1.0), 1.0)
     return atan2(s, math.sqrt(abs((1.0 - s) * (1.0 + s))))
 
 
 @scalar
 def acos(x):  # type: ignore[no-untyped-def]
-    """Angle [rad] of a cosine, which is held in [-1, 1]."""
+    """Angle [rad] of a cosine, which is clamped to [-1, 1]."""
     c = min(max(x, -1.0), 1.0)
     return atan2(math.sqrt(abs((1.0 - c) * (1.0 + c))), c)
 
 
 @scalar
 def exp(x):  # type: ignore[no-untyped-def]
-    """e to a power, right to 2e-16 of it, from LOWEST up to HIGHEST, at which it stays."""
+    """Exponential function, relative error 2e-16; arguments are clamped to LOWEST..HIGHEST."""
     x = min(max(x, LOWEST), HIGHEST)
     shifted = x * LOG2_E + ROUND
     times = shifted - ROUND
@@ -165,7 +165,7 @@ def exp(x):  # type: ignore[no-untyped-def]
 
 @scalar
 def log(x):  # type: ignore[no-untyped-def]
-    """Natural logarithm of a normal positive number; NaN of 0 and of what is below."""
+    """Natural logarithm of a normal positive number; NaN for 0 and below."""
     bits = np.float64(x).view(np.int64)
     power = (bits >> 52) - 1023
     part = np.int64((bits & 0x000FFFFFFFFFFFFF) | 0x3FF0000000000000).view(np.float64)
@@ -185,13 +185,13 @@ def log(x):  # type: ignore[no-untyped-def]
 
 @scalar
 def hypot(x, y):  # type: ignore[no-untyped-def]
-    """Length of (x, y), whose squares are within the range of numbers."""
+    """Length of (x, y); x * x + y * y must be within the range of floats."""
     return math.sqrt(x * x + y * y)
 
 
 @scalar
 def cross(a, b):  # type: ignore[no-untyped-def]
-    """a x b."""
+    """Vector product a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 

@@ -1,9 +1,10 @@
-"""Folder: where compiled code is kept, in a place that no other user can write.
+"""Folder: the place of kept compiled code, which no other user can write.
 
-Compiled code is run, so whoever can write it, or rename a folder above it, can run code as this
-user. Every level up to the root is checked, and no place has a name in a folder that others write.
+Compiled code is executed, so a user who can write it, or rename a folder above it, can run code as
+this user. Every level up to the root is checked; others may write a folder above only if it is
+sticky.
 
-Locator: tells numba where a function's code is kept and what it was made from.
+Locator: gives numba the place of a function's code and the hash of its source.
 """
 
 from __future__ import annotations
@@ -31,23 +32,23 @@ from numba.core.compiler_lock import global_compiler_lock
 from twin.compiled import signatures
 
 KEPT_DAYS = 30.0
-"""[day] Versions that no process has used for longer are removed."""
+"""[day] Age since the last use after which a version is removed."""
 TOUCH_DAYS = 1.0
-"""[day] A version in use is marked as used again after this time."""
+"""[day] Age after which a version in use is marked as used again."""
 _DAY = 86_400.0
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 @functools.cache
 def cache_root() -> Path | None:
-    """The first trusted folder of `candidates`, created.
+    """Return the first trusted folder of `candidates`, created.
 
-    A folder that cannot be written is passed over like one that cannot be trusted. None, and a
-    warning that says why, when none is left.
+    A folder that cannot be written is skipped like one that cannot be trusted. If none is left,
+    returns None and warns with the reasons.
     """
     reasons = []
     for candidate in candidates():
-        folder = candidate.resolve()  # once: a link that is turned elsewhere later changes nothing
+        folder = candidate.resolve()  # resolved once, so that a link changed later has no effect
         reason = _prepare(folder)
         if reason is None:
             _seldom.first = next(folder.iterdir(), None) is None
@@ -64,7 +65,7 @@ def cache_root() -> Path | None:
 
 
 def candidates() -> Iterator[Path]:
-    """Beside the package where it belongs to this user, then the user's cache."""
+    """Yield a folder in the package if this user owns it, then the user's cache folder."""
     if not hasattr(os, "getuid") or _PACKAGE.stat().st_uid == os.getuid():
         yield _PACKAGE / "__pycache__" / "compiled"
     with contextlib.suppress(RuntimeError):  # no home folder is known
@@ -72,11 +73,11 @@ def candidates() -> Iterator[Path]:
 
 
 def refusal(folder: Path) -> str | None:
-    """Why another user could change what is in `folder`, None when none could.
+    """Reason why another user could change the content of `folder`; None when none could.
 
-    `folder` is a resolved path, without links. It belongs to this user, and only this user writes
-    it. Each folder above belongs to this user or root, and where others may write it, it is sticky:
-    they cannot rename there.
+    `folder` is a resolved path, without links. It must belong to this user, and only this user may
+    write it. Each folder above must belong to this user or root and, where others may write, be
+    sticky, so that they cannot rename there.
     """
     if not hasattr(os, "getuid"):
         return None
@@ -92,11 +93,11 @@ def refusal(folder: Path) -> str | None:
 
 
 def version_folder(root: Path, name: str) -> Path:
-    """The folder of one version, `root/name`, created and marked as used.
+    """Return the folder of one version, `root/name`, created and marked as used.
 
-    One that is a link, or that others wrote while `root` was still open to them, is removed first.
-    Creating one removes the versions beside it that no process has used for `KEPT_DAYS`: a process
-    marks what it loads, so nothing that may still be read goes.
+    A link, or a folder that others may have written while `root` was open to them, is removed
+    first. Creating a folder removes versions beside it that no process has used for `KEPT_DAYS`.
+    Processes mark the versions that they load, so no version in use is removed.
     """
     folder = root / name
     with contextlib.suppress(FileNotFoundError):
@@ -121,7 +122,7 @@ def version_folder(root: Path, name: str) -> Path:
 
 
 def _prepare(folder: Path) -> str | None:
-    """Create `folder` if need be; why it cannot be used, or None."""
+    """Create `folder` if necessary; returns the reason why it cannot be used, or None."""
     try:
         for level in reversed(folder.parents):
             level.mkdir(exist_ok=True, mode=0o755)
@@ -135,25 +136,25 @@ def _prepare(folder: Path) -> str | None:
 
 
 T = TypeVar("T")
-_now: ContextVar[tuple[str, str, str]] = ContextVar("module, stamp, variant of what is decorated")
+_key: ContextVar[tuple[str, str, str]] = ContextVar("module, stamp, variant of what is decorated")
 
 
 class ContentLocator:
     """One folder for each version of each module, so that versions never share an index.
 
-    It answers what numba asks of one of `numba.config.CACHE_LOCATOR_CLASSES`.
+    The class has the interface of numba's `numba.config.CACHE_LOCATOR_CLASSES`.
     """
 
     def __init__(self, function: FunctionType, file: str) -> None:
-        module, self._stamp, self._variant = _now.get()
+        module, self._stamp, self._variant = _key.get()
         root = cache_root()
         assert root is not None
         self._folder = version_folder(root, f"{module}-{self._stamp}")
         self._line = function.__code__.co_firstlineno
-        self._py_file = file  # numba names it in warnings
+        self._py_file = file  # numba's warnings name this file
 
     def get_cache_path(self) -> str:
-        """The folder of this version."""
+        """Path of the folder of this version."""
         return str(self._folder)
 
     def ensure_cache_path(self) -> None:
@@ -162,27 +163,27 @@ class ContentLocator:
         tempfile.TemporaryFile(dir=self._folder).close()
 
     def get_source_stamp(self) -> str:
-        """The content's hash."""
+        """Hash of the content."""
         return self._stamp
 
     def get_disambiguator(self) -> str:
-        """The line of the function, and the variant: two of one name in a module are told apart."""
+        """Line and variant of the function, which distinguish equal names in a module."""
         return f"{self._line}{self._variant}"
 
     @classmethod
     def from_function(cls, py_func: FunctionType, py_file: str) -> Self:
-        """numba's entry."""
+        """Make the locator; numba calls this."""
         return cls(py_func, py_file)
 
 
 NOTE = "note.txt"
-"""Name of the file beside the code of one version"""
+"""Name of the file beside the code of one version."""
 
 
 def keep_note(module: str, stamp: str | None, text: str) -> None:
-    """Keep a text, which may be empty, beside the code of one version, for other processes.
+    """Store a text, which may be empty, beside the code of one version, for other processes.
 
-    A folder that cannot be written keeps none, as it keeps no code.
+    A folder that cannot be written keeps neither text nor code.
     """
     root = cache_root()
     if stamp is None or root is None:
@@ -191,11 +192,11 @@ def keep_note(module: str, stamp: str | None, text: str) -> None:
         folder = version_folder(root, f"{module}-{stamp}")
         with tempfile.NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
             file.write(text)
-        Path(file.name).replace(folder / NOTE)  # whole or not at all
+        Path(file.name).replace(folder / NOTE)  # atomic
 
 
 def kept_note(module: str, stamp: str | None) -> str | None:
-    """The text that a process has kept beside the code of one version; None: there is none."""
+    """Read the text that `keep_note` stored beside the code of one version; None: there is none."""
     root = cache_root()
     if stamp is None or root is None:
         return None
@@ -209,31 +210,30 @@ FIRST = (
     "compiling for this vehicle and processor, once: some 20 s (`twin compile` does it for"
     " every shipped vehicle)"
 )
-"""Told when nothing is kept yet"""
+"""Message of the first compilation when no code is kept yet."""
 _log = logging.getLogger(__name__)
 OURS = "_made_by_twin_compiled"
-"""Attribute of numba's objects that are made of our functions"""
+"""Attribute of numba's objects that are made from our functions."""
 SELDOM = 50_000
-"""Objects from one look for garbage to the next while numba compiles"""
+"""Number of new objects between garbage collections while numba compiles."""
 
 
-class _SeldomCollected(event.Listener):
-    """Python looks seldom for garbage while numba compiles: that saves 7 % of the time.
+class _CompileListener(event.Listener):
+    """Listener for numba's compilations: makes garbage collection rare, which saves 7 % of the
+    time.
 
-    While a function of ours compiles, and those within it, `signatures` are remembered.
-
-    Whoever waits for the very first compiling is told why. numba compiles, and so calls this, under
-    one lock.
+    While a function of ours and its callees compile, `signatures` are remembered. The first
+    compilation of all logs the message FIRST. numba calls the listener under its lock.
     """
 
     first = False
-    """Nothing was kept when this process began, and nothing is told yet"""
+    """True: no code was kept when this process began, and FIRST has not been logged."""
 
     def __init__(self) -> None:
         self._depth, self._before = 0, gc.get_threshold()
 
     def on_start(self, event: event.Event | None = None) -> None:
-        """numba begins a function; those that it calls come within."""
+        """Handle the start of a compilation; those of its callees are nested."""
         ours = event is None or getattr(event.data["dispatcher"], OURS, False)
         if ours and self.first:
             self.first = False
@@ -247,36 +247,36 @@ class _SeldomCollected(event.Listener):
         self._depth += 1
 
     def on_end(self, event: event.Event | None = None) -> None:
-        """numba has made it, or failed."""
+        """Handle the end of a compilation, successful or not."""
         self._depth -= 1
         if self._depth == 0:
             signatures.end()
             gc.set_threshold(*self._before)
 
 
-_seldom = _SeldomCollected()
+_seldom = _CompileListener()
 event.register("numba:compile", _seldom)
 
 
 def decorated(
     decorate: Callable[[bool], T], module: str, stamp: str | None, variant: str = ""
 ) -> T:
-    """Result of `decorate(cache)`, kept where `ContentLocator` says; not kept without a stamp.
+    """Return `decorate(cache)`; `ContentLocator` keeps its code, but only with a stamp.
 
-    Two that are made of one function with other options have two variants.
+    `variant` distinguishes objects made from one function with different options.
     """
-    # where code is kept is numba's setting for all threads
+    # numba's setting for the place of code holds for all threads
     with global_compiler_lock:
         kept = stamp is not None and cache_root() is not None
-        before, token = numba.config.CACHE_LOCATOR_CLASSES, _now.set((module, stamp or "", variant))
+        before, token = numba.config.CACHE_LOCATOR_CLASSES, _key.set((module, stamp or "", variant))
         if kept:
             numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ContentLocator.__name__}"
-        _seldom.on_start()  # a callback is compiled at once, and numba tells nobody
+        _seldom.on_start()  # a callback is compiled at once, without an event from numba
         try:
             made = decorate(kept)
         finally:
             _seldom.on_end()
             numba.config.CACHE_LOCATOR_CLASSES = before
-            _now.reset(token)
+            _key.reset(token)
     setattr(made, OURS, True)
     return made

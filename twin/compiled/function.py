@@ -1,6 +1,6 @@
-"""Compiled functions: numba's, made at the first call and kept by content.
+"""Functions compiled by numba at the first call and kept by their content.
 
-Generated ones have a body that is written as text, such as a branch for each kind of a table.
+The body of a generated function is written as text, such as a branch for each kind of a table.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ R = TypeVar("R")
 class Compiled:
     """A function that numba compiles when it is first called or first used by compiled code.
 
-    To other compiled functions it is a numba function that Python cannot call, since most are never
-    called by Python and the way in takes a tenth of compiling; Python calls a second one, made when
-    it first does. After `changed()` they are made again if anything in their content
-    (`content.stamp`) is different.
+    Compiled code gets a numba function without a Python wrapper, which would take a tenth of
+    compile time and is seldom used. The first call by Python makes a second one with the wrapper.
+    After `changed()` both are made again if anything in their content (`content.stamp`) is
+    different.
     """
 
     def __init__(
@@ -33,9 +33,9 @@ class Compiled:
         **options: Any,
     ):
         self.__name__ = self.__qualname__ = name
-        self.__module__ = module or "<unknown>"  # what exec() makes has none
+        self.__module__ = module or "<unknown>"  # functions made by exec() have no module
         self.table = table
-        """The dispatch table that it is, None: it is none"""
+        """Dispatch table that this function is; None: it is none."""
         self._make = make
         self._options = options
         self._generation = -1
@@ -44,14 +44,14 @@ class Compiled:
         self._inner: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run it, compiling first what is new."""
+        """Run the function, compiling it first if necessary."""
         if self._generation != content._generation or self._called is None:
             return self.dispatcher(*arguments)
         return self._called(*arguments)
 
     @property
     def dispatcher(self) -> Any:
-        """numba's object for this function, up to date, for calls by Python."""
+        """Up-to-date numba dispatcher of this function, for calls by Python."""
         if self._generation != content._generation or self._called is None:
             self._refresh(inner=False)
         return self._called
@@ -65,12 +65,12 @@ class Compiled:
 
     @property
     def targetoptions(self) -> dict[str, Any]:
-        """numba's options; its inliner reads them."""
+        """numba's options, which its inliner reads."""
         return dict(self._options)
 
     @property
     def py_func(self) -> FunctionType:
-        """The Python function, for the inliner and for tests."""
+        """Python function, for the inliner and for tests."""
         return self._make()
 
     def __reduce__(self) -> str:
@@ -80,13 +80,13 @@ class Compiled:
         return f"<compiled function {self.__module__}.{self.__qualname__}>"
 
     def _content(self) -> str | None:
-        """Hash of what it is compiled from, None when that cannot be told."""
+        """Hash of the source that the function is compiled from; None when it is unknown."""
         return content.stamp(self.__module__, self)
 
     def _refresh(self, *, inner: bool) -> None:
         from numba.core.compiler_lock import global_compiler_lock
 
-        # numba's own lock: with a second one, two threads that compile may wait for each other
+        # numba's own lock: with a second lock, two compiling threads could deadlock
         with global_compiler_lock:
             if (generation := content.generation()) != self._generation:
                 stamp = self._content()
@@ -103,7 +103,7 @@ class Compiled:
 
         from twin.compiled.folder import decorated
 
-        # ours are called, never passed as pointers
+        # these functions are called, never passed as pointers
         settings = {"no_cfunc_wrapper": True, **options, **self._options}
         return decorated(
             lambda cache: numba.njit(cache=cache, **settings)(self._make()),
@@ -122,7 +122,7 @@ def jit(
 def jit(function: Any = None, /, **options: Any) -> Any:
     """Compile a function with numba (nopython, error_model "numpy") at its first call.
 
-    Use it as `@jit` or `@jit(nogil=True)`; options are those of `numba.njit`. Positional arguments
+    Used as `@jit` or `@jit(nogil=True)`; options are those of `numba.njit`. Positional arguments
     only. The code is kept between processes, see `twin.compiled.content`.
     """
     if function is None:
@@ -138,18 +138,18 @@ def jit(function: Any = None, /, **options: Any) -> Any:
 
 
 def borrowing(function: Any = None, /, **options: Any) -> Any:
-    """`jit` for a function that makes no array: it counts nobody's references.
+    """Compile a function that makes no array, without reference counting.
 
-    By default each slice of an array that goes to a function adds one to the count of who holds the
-    array and takes it off again. For a small function that is a third of its time, and threads wait
-    for each other at the count. The caller keeps the arrays while the function runs. It may call
-    functions of `jit`; a function that makes an array does not compile so.
+    By default each array slice passed to a function raises and lowers the array's reference count.
+    For a small function that is a third of its time, and threads wait for each other at the count.
+    The caller keeps the arrays alive. The function may call functions of `jit`; one that makes an
+    array does not compile.
     """
     return jit(function, **{"_nrt": False, **options})
 
 
 def inline(function: Callable[..., R], /) -> Callable[..., R]:
-    """`jit` for a function that LLVM always inlines into its callers.
+    """Compile a function that LLVM always inlines into its callers.
 
     numba's own inlining, `inline="always"`, types and lowers the function again at each call.
     """
@@ -159,8 +159,8 @@ def inline(function: Callable[..., R], /) -> Callable[..., R]:
 def cfunc(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a C callback of numba's `signature` at once, kept between processes as with `jit`.
 
-    Returns numba's CFunc, whose `address` is good while it lives. Make it again when `generation()`
-    has changed: a callback holds copies of what it calls.
+    Returns numba's CFunc, whose `address` is valid while it lives. Make it again when
+    `generation()` has changed: a callback holds copies of the functions that it calls.
     """
     import numba
     from numba.core.compiler_lock import global_compiler_lock
@@ -180,7 +180,7 @@ def cfunc(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 Written = tuple[str, Mapping[str, Any]]
-"""Source text of a function's body, and what its names mean (compiled functions, numbers)."""
+"""Source text of a function's body, and the objects of its names (compiled functions, numbers)."""
 
 
 def dispatch(
@@ -192,21 +192,21 @@ def dispatch(
     module: str,
     **options: Any,
 ) -> Compiled:
-    """A compiled function `name(code, *arguments)` that calls the kernel of that code.
+    """Make a compiled function `name(code, *arguments)` that calls the kernel of that code.
 
-    A C callback cannot call Python and holds copies of what it calls: compiled code must choose.
+    A C callback cannot call Python and holds copies of its callees, so compiled code must choose.
 
     Args:
       name: of the function, unique in its module.
       arguments: names that every kernel takes, in order.
       kernels: returns functions made by `jit`, by code, that all return a float, or tuples of one
-        length. Call `changed()` when it has others.
-      fallback: what an unknown code returns: a float, or a tuple of the kernels' length.
-      module: `__name__` of the caller; the function is part of the content of what calls it.
+        length. Call `changed()` when the kernels change.
+      fallback: value for an unknown code: a float, or a tuple of the kernels' length.
+      module: `__name__` of the caller; the function is part of the content of its callers.
       options: of `jit`.
 
     Raises:
-      TypeError: when it is compiled, and a kernel was not made by `jit`.
+      TypeError: at compilation, when a kernel was not made by `jit`.
       ValueError: the module has a generated function of that name already.
     """
 
@@ -228,11 +228,11 @@ def generate(
     module: str,
     **options: Any,
 ) -> Compiled:
-    """A compiled function whose body is written by `write()`, again after each `changed()`.
+    """Make a compiled function whose body `write()` writes, again after each `changed()`.
 
-    The body's lines are not indented. Its content is the text and that of every compiled function
-    among its names. `module` is `__name__` of the caller; options are those of `jit`. Raises as
-    `dispatch`.
+    The body's lines are not indented. The content is the text and the content of every compiled
+    function among its names. `module` is `__name__` of the caller; options are those of `jit`.
+    Raises as `dispatch`.
     """
     if name in content._tables[module]:
         raise ValueError(f"{module} has a generated function {name!r} already: choose another name")
@@ -248,7 +248,7 @@ def generate(
     def text() -> tuple[str, tuple[str, ...]]:
         source, names = written()
         kernels = tuple(v.__module__ for v in names.values() if isinstance(v, Compiled))
-        # the names of compiled functions tell two of one module apart
+        # the names distinguish two compiled functions of one module
         return f"{source}\n{dict(names)!r}", kernels
 
     @functools.lru_cache(maxsize=1)

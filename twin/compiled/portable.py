@@ -1,12 +1,12 @@
-"""Portable: a compiled function once more, with the same bits on every processor.
+"""Portable: a second compilation of a function, with the same bits on every processor.
 
-The last bit of what `math.cos` and its like return depends on the C library and on the instructions
-that it finds. MuJoCo's twin calls them and keeps its bytes; the lanes give one result everywhere.
-Both run the same source: `portable(function)` is the function compiled a second time, in which
-`math` means `twin.compiled.elementary` wherever that has a function of the name, and so in every
-compiled function that it calls. A function of the C library that is not there stays.
+The last bit of `math.cos` and similar functions depends on the C library and the instructions that
+it chooses. The MuJoCo twin calls them, and its bytes must not change. The batched engine (lanes)
+must give one result everywhere. Both use one source: `portable(function)` compiles the function
+again with `twin.compiled.elementary` for `math`, in all compiled functions that it calls too.
+Functions that `elementary` lacks stay those of the C library.
 
-Loops over lanes also call a function at an address, and use the widest vectors.
+The module also lets loops over lanes call a function at an address and use the widest vectors.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from twin.compiled.function import Compiled
 
 @functools.cache
 def portable(function: Any) -> Any:
-    """A function made by `jit` or `generate`, compiled with elementary functions."""
+    """Compile a function made by `jit` or `generate` again, with elementary functions."""
     return function if function.__module__ == elementary.__name__ else _Portable(function)
 
 
@@ -35,7 +35,7 @@ class _Portable(Compiled):
     def __init__(self, function: Compiled):
         name = f"portable_{function.__name__}"
         super().__init__(
-            lambda: _again(function), name, function.__module__, function.table, **function._options
+            lambda: _copy(function), name, function.__module__, function.table, **function._options
         )
         self.__doc__ = function.__doc__
 
@@ -47,7 +47,7 @@ class _Portable(Compiled):
 
 
 class _Math(ModuleType):
-    """The module `math` to compiled code, with the elementary functions in it."""
+    """Replacement of the module `math` in compiled code, with the elementary functions."""
 
     def __getattr__(self, name: str) -> Any:
         return _elementary(name) or getattr(math, name)
@@ -61,17 +61,17 @@ def _elementary(name: str) -> Any:
     return found if isinstance(found, Compiled) else None
 
 
-def _again(function: Compiled) -> FunctionType:
-    """The Python function with other globals: what it calls is what `_other` says."""
+def _copy(function: Compiled) -> FunctionType:
+    """Copy the Python function with globals replaced by `_replaced`."""
     source: Any = function.py_func
     code, names = source.__code__, content.names_of(source.__code__)
     space = {
-        name: _other(value, names) for name, value in source.__globals__.items() if name in names
+        name: _replaced(value, names) for name, value in source.__globals__.items() if name in names
     }
     closure = source.__closure__ and tuple(
-        CellType(_other(cell.cell_contents, names)) for cell in source.__closure__
+        CellType(_replaced(cell.cell_contents, names)) for cell in source.__closure__
     )
-    # numba keeps compiled code by the function's name: the two must not have one
+    # numba keeps compiled code by the function's name, so the copy needs a name of its own
     name = f"portable_{source.__name__}"
     code = code.replace(co_name=name, co_qualname=f"portable_{code.co_qualname}")
     space["__name__"] = source.__module__ or function.__module__
@@ -80,8 +80,8 @@ def _again(function: Compiled) -> FunctionType:
     return again
 
 
-def _other(value: Any, names: frozenset[str]) -> Any:
-    """Value of a name in portable code."""
+def _replaced(value: Any, names: frozenset[str]) -> Any:
+    """Replacement of a global's value in portable code."""
     if value is math:
         return _MATH if any(map(_elementary, names)) else math
     if isinstance(value, Compiled):
@@ -91,25 +91,25 @@ def _other(value: Any, names: frozenset[str]) -> Any:
     return value
 
 
-def calls_math(function: Compiled, above: frozenset[Compiled] = frozenset()) -> bool:
-    """Whether it, or what it calls, has something of `math` that is elementary here."""
-    if function in above or function.__module__ == elementary.__name__:
-        return False  # `above`: those that call it
+def calls_math(function: Compiled, callers: frozenset[Compiled] = frozenset()) -> bool:
+    """Tell whether a function uses an elementary function of `math`, directly or through others."""
+    if function in callers or function.__module__ == elementary.__name__:
+        return False  # a cycle of calls has been searched already
     source: Any = function.py_func
     names = content.names_of(source.__code__)
     used = [value for name, value in source.__globals__.items() if name in names]
     used += [cell.cell_contents for cell in source.__closure__ or ()]
     return any(
-        calls_math(value, above | {function})
+        calls_math(value, callers | {function})
         if isinstance(value, Compiled)
-        else _other(value, names) is not value
+        else _replaced(value, names) is not value
         for value in used
     )
 
 
 @intrinsic
 def call_rate(typingctx, function, block, g):  # type: ignore[no-untyped-def]
-    """Call the structure's function at an address with the block at another one.
+    """Call a structure's function at an address, with the address of a block.
 
     The caller keeps both alive while the compiled code runs.
     """
@@ -128,14 +128,14 @@ def call_rate(typingctx, function, block, g):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def widest_vectors(typingctx):  # type: ignore[no-untyped-def]
-    """Let the function that calls this use the widest vectors that the processor has.
+    """Let the calling function use the widest vectors of the processor.
 
-    LLVM takes halves of AVX-512's registers by itself, since code with few vectors gains nothing
-    from the rest. A loop over lanes is vectors throughout.
+    By default LLVM uses half of an AVX-512 register, as code with few vectors gains nothing from
+    the rest. A loop over lanes consists of vector operations.
     """
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        # llvmlite knows no such attribute, but writes what the set has
+        # llvmlite rejects this attribute, so it goes directly into the underlying set
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()
 

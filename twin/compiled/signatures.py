@@ -1,12 +1,12 @@
-"""Signatures: what numba finds for a function of its own and types of arguments, found once.
+"""Signatures: a memory of numba's type inference for each function and types of arguments.
 
-numba tries the templates of an operator one after the other, at each use again, once to type the
-use and once to write its code: for `a + b` of two floats some twenty, most of which fail with an
-error that is worded, coloured and thrown away. That was a fifth of compiling. What is found depends
-on the types and, where numba compiles something for its caller, on the caller's options.
+numba tries the templates of an operator one after the other at every use, twice: to type the use
+and to write its code. For `a + b` of two floats these are some twenty, most of which fail with an
+error that is formatted, coloured and discarded. This took a fifth of compile time. The result
+depends on the types and, where numba compiles a function for its caller, on the caller's options.
 
-A private function of numba is replaced for that, only while a function of ours compiles. A numba
-that is made in another way stays as it is, and takes longer.
+While a function of ours compiles, a private function of numba is replaced by a remembering one. A
+numba with other internals stays unchanged and takes longer.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ except ImportError:
     ConfigStack = None
 
 OPTIONS = ("nrt", "error_model", "fastmath", "forceinline", "boundscheck", "debuginfo")
-"""Options that numba hands from a function to those that it compiles for it"""
+"""Options that numba passes from a function to functions that it compiles for it."""
 PARAMETERS = ("self", "context", "args", "kws")
-"""Parameters of the function that is replaced"""
+"""Parameters of the function that is replaced."""
 NAME = "get_call_type"
 _find = _own = getattr(types.Function, NAME, None)
 _inherited = NAME not in vars(types.Function)
 _found: dict[Any, tuple[Any, Any, Any]] = {}
-"""Signature, what implements it, and the function's type, which lives as long as its address is a
-key. What numba learns of a function later makes its type a new one."""
+"""Signature, implementation, and the objects whose addresses are the key, kept alive for that. When
+numba learns more about a function, the function's type becomes a new object."""
 
 
 @functools.cache
 def usable() -> bool:
-    """Whether this numba has everything that `remembered` relies on."""
+    """Tell whether this numba has everything that `remembered` relies on."""
     try:
         from numba.core.compiler import Flags
 
@@ -48,18 +48,18 @@ def usable() -> bool:
             and isinstance(_options(), tuple)
             and all(hasattr(Flags(), name) for name in OPTIONS)
         )
-    except Exception:  # whatever a numba of another make says to that
+    except Exception:  # another numba may raise anything
         return False
 
 
 def begin() -> None:
-    """Put `remembered` in place of numba's function; another library's stays."""
+    """Put `remembered` in place of numba's function, unless another library has replaced it."""
     if usable() and types.Function.get_call_type is _own:
         types.Function.get_call_type = remembered
 
 
 def end() -> None:
-    """Give numba its own function back, which its class inherits."""
+    """Restore numba's own function, which its class inherits."""
     if vars(types.Function).get(NAME) is remembered:
         if _inherited:
             del types.Function.get_call_type
@@ -68,7 +68,7 @@ def end() -> None:
 
 
 def remembered(kind: Any, context: Any, args: tuple[Any, ...], kws: Mapping[str, Any]) -> Any:
-    """In place of numba's `get_call_type`: the signature of a function for types of arguments."""
+    """Signature of a function for types of arguments; replaces numba's `get_call_type`."""
     assert _find is not None
     if kws:
         return _find(kind, context, args, kws)

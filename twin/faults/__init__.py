@@ -1,8 +1,8 @@
-"""Faults of a vehicle, each as a function of time (an extension point).
+"""Faults of a vehicle, each a function of time (an extension point).
 
     twin.Scenario(mission=mission, faults=twin.parse_faults("wing_lost:side=port,from=2h"))
 
-`twin health` finds them in logs.
+`twin health` finds faults in logs.
 """
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,8 @@
-"""Fault: the base class, its registry, and the condition of a vehicle that has some.
+"""Fault: the base class, its registry, and the condition of a vehicle with faults.
 
-A fault changes numbers of a vehicle as a function of time: its law, volume, mass, parts, losses and
-batteries by `change`, readings of its sensors by `readings`. Every engine flies the changed
-numbers; none knows of faults.
+A fault changes numbers of a vehicle as a function of time. `change` changes its law, volume, mass,
+parts, losses and batteries; `readings` changes the readings of its sensors. Every engine flies the
+changed numbers and needs no code for faults.
 
     flown = twin.Scenario(mission=mission, faults=twin.parse_faults("fouling:per_day=0.02,from=3d"))
 """
@@ -31,50 +31,50 @@ Array = NDArray[np.float64]
 Readings = Mapping[str, Array]
 
 DAY = 86400.0
-"""[s]"""
+"""[s] Length of a day."""
 KNOT = 600.0
-"""[s] between values of a fault that grows: less growth than a sensor resolves"""
+"""[s] Time step of a growing fault: the growth in between is below a sensor's resolution."""
 FROM = "from"
-"""Names the time at which a fault begins, on the command line"""
+"""Command-line name of the time at which a fault begins."""
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY}
-"""[s] in a unit of time"""
+"""[s] Length of each unit of time."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Condition:
-    """A vehicle as it is at one time."""
+    """State of a vehicle with faults at one time."""
 
     vehicle: Vehicle
     volume: float
-    """[m3] that it displaces with its pumps at neutral, at zero pressure"""
+    """[m3] Displaced volume with the pumps at neutral, at zero pressure."""
     zeros: Mapping[str, float]
-    """Position of a part when its encoder says 0, by name, in the part's unit"""
+    """Position of a part when its encoder reads 0, by name, in the part's unit."""
     consumption: Consumption
     packs: float = 1.0
-    """Part of its batteries that is connected"""
+    """Fraction of the batteries that is connected."""
     iron: tuple[float, float] = (0.0, 0.0)
-    """[rad] that guidance's compass reads beyond the true heading, times its sine and cosine"""
+    """[rad] Error of guidance's compass: coefficients (sine, cosine) of the true heading."""
     depth_offset: float = 0.0
-    """[m] that guidance's depth, by the pressure gauge, is beyond the true one"""
+    """[m] Depth of guidance's pressure gauge minus the true depth."""
     echoes_lost: float = 0.0
-    """Share of the echoes that guidance's altimeter does not hear"""
+    """Fraction of the altimeter returns that guidance does not receive."""
     taken: float = 0.0
-    """[m3] of water inside the hull, whose air it compresses"""
+    """[m3] Water inside the hull, which compresses the air there."""
 
     def replace(self, **changes: Any) -> Condition:
-        """A copy with other fields."""
+        """Return a copy with other fields."""
         return dataclasses.replace(self, **changes)
 
     def with_vehicle(self, **changes: Any) -> Condition:
-        """A copy whose vehicle has other numbers, as `Vehicle.replace` takes them."""
+        """Return a copy whose vehicle has other numbers, as in `Vehicle.replace`."""
         return self.replace(vehicle=self.vehicle.replace(**changes))
 
     def with_mass(self, kilograms: float, place: Sequence[float], volume: float = 0.0) -> Condition:
-        """A copy with a mass more, or less where it is negative, that moves with the hull.
+        """Return a copy with `kilograms` added to the hull, or taken from it where negative.
 
         Args:
-          place: of its centre of gravity [m], body FRD about the CB, shape (3,).
-          volume: [m3] that it displaces beside the hull.
+          place: centre of gravity of the added mass [m], body FRD about the CB, shape (3,).
+          volume: [m3] that the added mass displaces besides the hull.
         """
         vehicle = self.vehicle
         static = vehicle.static_mass + kilograms
@@ -91,43 +91,43 @@ class Condition:
         )
 
     def with_losses(self, **changes: float) -> Condition:
-        """A copy whose drives and electronics take something else."""
+        """Return a copy with other losses of drives and electronics."""
         return self.replace(consumption=dataclasses.replace(self.consumption, **changes))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One thing that is wrong with a vehicle, from a time on."""
+    """A defect of a vehicle that begins at a given time."""
 
     kind: ClassVar[str] = ""
-    """Name of the kind on the command line and in stores"""
+    """Name of the kind on the command line and in stores."""
     says: ClassVar[str] = ""
-    """Its name in a pilot's words"""
+    """Name of the fault in a pilot's words."""
     size_name: ClassVar[str] = ""
-    """The field that holds its size"""
+    """Name of the field that holds the size."""
     unit: ClassVar[str] = "1"
-    """of the size"""
+    """Unit of the size."""
     sizes: ClassVar[tuple[float, float]] = (1.0, 1.0)
-    """Smallest and largest size that deployments draw"""
+    """Smallest and largest size that deployments sample."""
     most: ClassVar[float] = 1.0
-    """Largest size that there can be"""
+    """Largest possible size."""
     whole: ClassVar[bool] = True
-    """False: the largest itself cannot be, as all blades cannot be gone"""
+    """False: `most` itself is impossible, as all blades cannot be lost."""
     grows: ClassVar[bool] = False
-    """True: the size is what is added a day"""
+    """True: the size is the growth per day."""
     signed: ClassVar[bool] = False
-    """True: its size may be negative"""
+    """True: the size may be negative."""
     source: ClassVar[str] = ""
-    """Where its size and its effect are from"""
+    """Source of the size and of the effect."""
     shows: ClassVar[str] = ""
-    """Its traces in a log"""
+    """Traces of the fault in a log."""
     otherwise: ClassVar[str] = ""
-    """Other causes that would look like it"""
+    """Other causes of similar traces."""
     find_out: ClassVar[str] = ""
-    """A pilot's way to be sure"""
+    """Test by which a pilot can confirm the fault."""
 
     start: float = 0.0
-    """[s] on the scenario's clock from when on; negative: it began before"""
+    """[s] Time on the scenario's clock at which the fault begins; negative: before the start."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -149,41 +149,41 @@ class Fault:
         for problem in problems:
             raise InputError(f"fault {self.kind}: {problem}")
 
-    # --- for a kind to give ---------------------------------------------------------------------
+    # --- methods of a kind ------------------------------------------------------------------------
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Why a vehicle cannot have it; empty where it can."""
+        """Reason why a vehicle cannot have the fault; empty where it can."""
         return ""
 
     def problems(self) -> list[str]:
-        """Problems of its other fields."""
+        """Problems of the fields other than the size."""
         return []
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """The vehicle with a fault of that size, which is not 0."""
+        """Return the condition with a fault of this size, which is not 0."""
         return condition
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """The measured signals that it changes, by name, each of shape (n,).
+        """Measured signals that the fault changes, by name, each of shape (n,).
 
         Args:
-          signals: as the sensors measured them, and the truth where there is one, shape (n,).
-          size: of the fault at each sample, 0 before it began.
+          signals: readings of the sensors, and the truth where there is one, shape (n,).
+          size: of the fault at each sample, 0 before the fault begins.
           period: [s] between samples.
         """
         return {}
 
     def begin(self) -> FaultRun:
-        """Begin to change readings, a stretch of a mission after the other.
+        """Begin to change readings, one stretch of a mission after the other.
 
-        A kind whose readings depend on earlier samples gives a run that remembers them.
+        A kind whose readings depend on earlier samples returns a run that remembers them.
         """
         return FaultRun(self)
 
     def expected(self, way: Array) -> Mapping[str, Array] | None:
-        """Changes of the channels of health by a fault of size 1 in each dive, (dives,), by name;
-        None: flights of the twin with and without it tell.
+        """Changes of the health channels by a fault of size 1 in each dive, (dives,), by name;
+        None: flights of the twin with and without the fault show them.
 
         Args:
           way: mean velocity through the water by the compass, north and east [m/s], (dives, 2).
@@ -192,38 +192,38 @@ class Fault:
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """Beginnings of the names of a vehicle file's geoms that pictures leave out."""
+        """Prefixes of the names of geoms in the vehicle file that pictures leave out."""
         return ()
 
-    # --- common to all --------------------------------------------------------------------------
+    # --- methods common to all kinds --------------------------------------------------------------
 
     @property
     def size(self) -> float:
-        """Its size, or what is added to it a day, in `unit`."""
+        """Size of the fault, or its growth per day, in `unit`."""
         return float(getattr(self, self.size_name))
 
     def at(self, time: ArrayLike) -> Array:
-        """Its size at times [s] on the scenario's clock; 0 before it begins."""
+        """Size at times [s] on the scenario's clock; 0 before the fault begins."""
         since = np.asarray(time, float) - self.start
         grown = since / DAY if self.grows else 1.0
         return np.where(since >= 0.0, self.size * grown, 0.0)
 
     @classmethod
     def of_size(cls, size: float, start: float = 0.0, **others: Any) -> Fault:
-        """One of a size; `others` are its other fields."""
+        """Make a fault of this size; `others` are its other fields."""
         return cls(start=start, **{cls.size_name: size, **others})
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
-        """The values of its other fields that a vehicle can have, such as one for each side."""
+        """Values of the other fields that a vehicle can have, such as one for each side."""
         return ({},)
 
     def describe(self) -> dict[str, Any]:
-        """A JSON-able dict from which `fault_from_dict` rebuilds it."""
+        """Return a dict of JSON values from which `fault_from_dict` rebuilds the fault."""
         return {"kind": self.kind, **dataclasses.asdict(self)}
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """The first thing that a kind lacks."""
+        """Describe the first missing piece of a kind."""
         if cls.size_name not in {field.name for field in dataclasses.fields(cls)}:
             return f"it lacks the field {cls.size_name!r} that `size_name` names"
         if cls.change is Fault.change and cls.readings is Fault.readings:
@@ -233,26 +233,26 @@ class Fault:
 
 @dataclasses.dataclass(eq=False)
 class FaultRun:
-    """A fault at work in one mission, a stretch of samples after the other."""
+    """A fault at work in one mission, one stretch of samples after the other."""
 
     fault: Fault
     carried: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
-    """State on which later readings depend"""
+    """State on which later readings depend."""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """See `Fault.readings`, for the stretch after the last one."""
+        """Change the readings of the next stretch; see `Fault.readings`."""
         return self.fault.readings(signals, size, period, rng)
 
 
 FAULTS: Registry[type[Fault]] = seams.FAULTS
-"""Every kind of fault by name."""
+"""All kinds of fault by name."""
 
 register = FAULTS.add
-"""Add a kind of one's own; usable as a decorator."""
+"""Register your own kind of fault; usable as a decorator."""
 
 
 def faults_of(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the kinds that a vehicle can have."""
+    """Names of the kinds of fault that a vehicle can have."""
     return tuple(name for name, kind in FAULTS.items() if not kind.unfit(vehicle))
 
 
@@ -270,9 +270,9 @@ def check_fits(fault: Fault, vehicle: Vehicle) -> None:
 def conditions(
     faults: Sequence[Fault], healthy: Condition, duration: float
 ) -> tuple[tuple[float, Condition], ...]:
-    """The vehicle over a run, as pairs of time [s] and the condition from then on, the first at 0.
+    """Conditions of a vehicle over a run: pairs of a time [s] and the condition from then on.
 
-    A fault that grows has a step every `KNOT`.
+    The first time is 0. A growing fault has a step every `KNOT`.
     """
     times = {0.0}
     for fault in faults:
@@ -285,10 +285,10 @@ def conditions(
 
 
 def condition_at(faults: Sequence[Fault], healthy: Condition, time: float) -> Condition:
-    """The vehicle as it is at one time [s]."""
+    """Condition of a vehicle at one time [s]."""
     found = healthy
     for fault in faults:
-        # half a knot on: a table's step stands for the time until the next
+        # a step holds until the next one, so it takes the size half a knot later
         size = float(fault.at(time + 0.5 * KNOT if fault.grows and time >= fault.start else time))
         if size:
             found = fault.change(found, size)
@@ -298,7 +298,7 @@ def condition_at(faults: Sequence[Fault], healthy: Condition, time: float) -> Co
 def read_by(
     faults: Sequence[Fault], signals: Readings, time: Array, rng: Generator, *, period: float
 ) -> dict[str, Array]:
-    """Measured signals as faulty sensors give them: those that change, by name.
+    """Change measured signals as faulty sensors do; returns the changed ones by name.
 
     Args:
       signals: of one run, shape (n,). time: [s] on the clock of the faults, shape (n,).
@@ -329,7 +329,7 @@ def parse_faults(words: str | Sequence[str]) -> tuple[Fault, ...]:
     Settings are the kind's fields; `from` is a time with its unit (s, min, h, d), 0 by default.
 
     Raises:
-      InputError: an unknown kind or setting, or a value that cannot be.
+      InputError: a kind or setting is unknown, or a value is impossible.
     """
     return tuple(_parse(word) for word in ([words] if isinstance(words, str) else words))
 

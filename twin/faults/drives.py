@@ -1,4 +1,4 @@
-"""Faults of drives and batteries: a part that stands or slips, a weak pump, a pack that is lost."""
+"""Faults of drives and batteries: a stuck or slipped part, a weak pump, a lost pack."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
 STANDS = 1e-9
-"""of its rate that a drive keeps which no longer moves"""
+"""Fraction of its rate that a stuck drive keeps, so that the rate stays above 0."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -25,35 +25,35 @@ class _DriveFault(Fault):
     """A fault of the part that steers one axis of a vehicle."""
 
     axis: ClassVar[str]
-    """The axis, as `Vehicle.steered` takes it"""
+    """Axis, as an argument of `Vehicle.steered`."""
     missing: ClassVar[str]
-    """A vehicle's lack that makes the fault impossible"""
+    """Text, after "has", for a vehicle without the part: "no pump"."""
     must: ClassVar[tuple[str, str] | None] = None
-    """Attribute of the part and the value that it must have"""
+    """Attribute of the part and its required value."""
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """See `Fault.unfit`: there must be such a part."""
+        """Reject vehicles without the part; see `Fault.unfit`."""
         drive = vehicle.steered(cls.axis)
         if drive is None or (cls.must and getattr(drive, cls.must[0]) != cls.must[1]):
             return f"has {cls.missing}"
         return ""
 
     def drive(self, condition: Condition) -> Part:
-        """The part that has the fault."""
+        """Part that has the fault."""
         drive = condition.vehicle.steered(self.axis)
         assert drive is not None
         return drive
 
     def slipped(self, condition: Condition, offset: float) -> Condition:
-        """A copy whose encoder has another zero, by `offset` in the part's unit."""
+        """Return a copy whose encoder zero is shifted by `offset` in the part's unit."""
         zeros, name = condition.zeros, self.drive(condition).name
         return condition.replace(zeros={**zeros, name: zeros.get(name, 0.0) + offset})
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TurnStuck(_DriveFault):
-    """A roll or fin drive that stays where it is."""
+    """A roll or fin drive that no longer moves."""
 
     kind = "turn_stuck"
     says = "the roll or fin drive is stuck"
@@ -66,16 +66,16 @@ class TurnStuck(_DriveFault):
     find_out = "command both ends at the surface and read position and current"
 
     part: float = 1.0
-    """of its rate that is lost"""
+    """Fraction of the drive's rate that is lost"""
 
     def expected(self, way: Array) -> Mapping[str, Array]:
-        """Fewer moves and a worse heading: how much depends on waves, which the twin's flights for
-        health do not have."""
+        """Fewer moves and a larger heading error. The numbers are rough: they depend on waves,
+        which the twin's flights for health do not have."""
         one = np.ones(len(way))
         return {"turn_moves": -5.0 * one, "heading_error": 3.0 * one}
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """A rate of next to nothing."""
+        """Set the drive's rate to almost 0."""
         drive = self.drive(condition)
         return condition.with_vehicle(
             **{drive.name: {"rate": drive.rate * max(1.0 - size, STANDS)}}
@@ -84,7 +84,7 @@ class TurnStuck(_DriveFault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TurnSlips(_DriveFault):
-    """A roll or fin drive whose position is no longer what its encoder says."""
+    """A roll or fin drive whose position differs from its encoder's reading."""
 
     kind = "turn_slips"
     says = "the roll or fin drive has slipped"
@@ -102,16 +102,16 @@ class TurnSlips(_DriveFault):
     find_out = "fly straight and read where the drive stands; recalibrate its zero"
 
     degrees: float = 8.0
-    """[degree] from what the encoder says, positive as the part's own axis"""
+    """[degree] Difference from the encoder's reading, positive as the part's own axis"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Another zero of the encoder."""
+        """Shift the zero of the encoder."""
         return self.slipped(condition, math.radians(size))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PitchSlips(_DriveFault):
-    """A pitch battery that is no longer where its encoder says."""
+    """A pitch battery whose position differs from its encoder's reading."""
 
     kind = "pitch_slips"
     says = "the pitch battery has slipped"
@@ -127,10 +127,10 @@ class PitchSlips(_DriveFault):
     find_out = "drive it to both ends and read where they are; recalibrate its zero"
 
     travel: float = 0.1
-    """of the part's travel that it lies further along than its encoder says"""
+    """Distance ahead of the encoder's reading, over the part's travel"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Another zero of the encoder."""
+        """Shift the zero of the encoder."""
         drive = self.drive(condition)
         return self.slipped(condition, size * (drive.high - drive.low))
 
@@ -152,10 +152,10 @@ class PumpWeak(_DriveFault):
     find_out = "compare rate and power at equal depth and voltage; dive shallower"
 
     loss: float = 0.3
-    """part of its rate and of its efficiency that is lost"""
+    """Fraction of the pump's rate and efficiency that is lost"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """A lower rate and efficiency."""
+        """Lower the rate and efficiency."""
         pump, power, left = self.drive(condition), condition.consumption, 1.0 - size
         found = condition.with_vehicle(**{pump.name: {"rate": pump.rate * left}})
         return found.with_losses(
@@ -165,7 +165,7 @@ class PumpWeak(_DriveFault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PumpAir(_DriveFault):
-    """Air in the oil: a volume that the encoder counts and the sea takes back."""
+    """Air in the oil: the encoder counts its volume, but the sea's pressure compresses it."""
 
     kind = "pump_air"
     says = "air in the pump's oil"
@@ -181,10 +181,10 @@ class PumpAir(_DriveFault):
     find_out = "compare buoyancy near the surface and below 50 m; bleed the oil"
 
     volume: float = 40.0
-    """[cm3] of air at the surface, nothing at depth"""
+    """[cm3] Volume of the air at the surface; at depth it vanishes"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Less volume at every depth, as below the first ten metres, and less work of pumping."""
+        """Reduce the volume at all depths by the air's (true below 10 m), and the pumping work."""
         pump = self.drive(condition)
         pumped = 1.0 - min(size / (pump.high - pump.low), 0.5)
         better = min(condition.consumption.pump_efficiency / pumped, 1.0)
@@ -194,7 +194,7 @@ class PumpAir(_DriveFault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PackLost(Fault):
-    """A battery pack that no longer gives: its fuse blew, or a cell died."""
+    """A battery pack that no longer delivers: its fuse blew, or a cell died."""
 
     kind = "pack_lost"
     says = "a battery pack is lost"
@@ -207,10 +207,10 @@ class PackLost(Fault):
     find_out = "compare the voltage under load and at rest; plan for less energy"
 
     part: float = 0.33
-    """of the batteries that is gone"""
+    """Fraction of the batteries that is lost"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Fewer packs."""
+        """Reduce the connected packs."""
         return condition.replace(packs=condition.packs * (1.0 - size))
 
 
@@ -230,8 +230,8 @@ class HotelRaised(Fault):
     find_out = "switch devices off one by one and read the current"
 
     watts: float = 0.4
-    """[W] taken all the time"""
+    """[W] Additional power at all times"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """More power of the electronics."""
+        """Raise the power of the electronics."""
         return condition.with_losses(hotel_power=condition.consumption.hotel_power + size)

@@ -1,4 +1,4 @@
-"""Faults of the hull, its wings and its propeller: what is lost, grows, hangs on or leaks in."""
+"""Faults of the hull, its wings and its propeller: losses, growth, attached objects, leaks."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
 SIDES = {"port": (-1.0,), "starboard": (1.0,), "both": (-1.0, 1.0)}
-"""Side of each wing that is lost, to starboard positive"""
+"""Sides of the lost wings: -1 is port, +1 is starboard."""
 BODY_LIFT = 0.25
-"""Part of the lift that the hull and tail keep without wings: gliders' wings have three quarters of
-it (Graver 2005, table 5.3, a Slocum's wings against its hull)"""
+"""Fraction of the lift that hull and tail keep without wings: gliders' wings have three quarters
+(Graver 2005, table 5.3, a Slocum's wings against its hull)."""
 WING_DRAG = 0.2
-"""Part of the drag at zero lift that the wings have: their wetted surface over the whole one's"""
+"""Fraction of the zero-lift drag that the wings have: their part of the wetted surface."""
 SPAN = 0.2
 """Lever of a wing's forces and weight over the hull's length: the middle of a wing of 0.4 m on a
-hull of 1.8 m, with the hull's radius"""
+hull of 1.8 m, with the hull's radius."""
 MISSED = 0.5
-"""Part of a wing without which pictures leave it out"""
+"""Smallest lost fraction of a wing at which pictures leave the wing out."""
 WING_WEIGHT = 0.0008
-"""Weight of one wing in water over the vehicle's: 0.04 kg of 54, ours"""
+"""Weight of one wing in water over the vehicle's weight: 0.04 kg of 54, our estimate."""
 SPOILT = 0.3
-"""Loss of lift slope over the gain of drag: roughness thickens the boundary layer of the wings"""
+"""Relative loss of lift slope per relative gain of drag: roughness thickens the boundary layer."""
 BELOW = 0.25
-"""Place of what is attached below the axis, over the hull's diameter"""
+"""Distance of an attached object below the axis, over the hull's diameter."""
 GROWTH_WEIGHT = 0.0004
-"""Weight in water over the vehicle's for a drag that is doubled: barnacles of 20 g on 50 kg"""
+"""Weight of growth in water over the vehicle's weight, at doubled drag: 20 g barnacles on 50 kg."""
 LITRE = 1e-3
-"""[m3]"""
+"""[m3] Volume of one litre."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,29 +58,29 @@ class WingLost(Fault):
     )
 
     side: str = "port"
-    """port, starboard or both"""
+    """Lost wing: port, starboard or both"""
     part: float = 1.0
-    """of the wing that is gone"""
+    """Fraction of the wing that is lost"""
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Only a hull law with wings' lift loses some."""
+        """Reject vehicles whose hull law has no lift of wings."""
         if not is_flow_frame(vehicle.law) or vehicle.steered("buoyancy") is None:
             return "is no glider whose hull law has the lift of wings (flow-frame)"
         return ""
 
     def problems(self) -> list[str]:
-        """Why there is no such side."""
+        """Report a side that does not exist."""
         return [] if self.side in SIDES else [unknown_name("side", self.side, SIDES)]
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Less lift and drag, a wing's weight less, and forces that no longer balance."""
+        """Reduce lift, drag and weight, and add the moments of the unbalanced forces."""
         vehicle = condition.vehicle
         law, sides = vehicle.flow_frame, SIDES[self.side]
         gone = 0.5 * size * len(sides)
         lifts = 1.0 - gone * (1.0 - BODY_LIFT)
         lever = SPAN * vehicle.hull_length
-        # of the wings that are left: sum over sides of what each had, at its side
+        # moments of the wings that are left: sum over sides of each wing's share, at its side
         torn = 0.5 * size * sum(sides)
         roll = torn * (1.0 - BODY_LIFT) * law.lift[1] * lever
         yaw = -torn * WING_DRAG * law.drag[0] * lever
@@ -103,7 +103,7 @@ class WingLost(Fault):
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """The wing, where most of it is."""
+        """Prefix of the lost wing's geoms, if most of the wing is lost."""
         sides = ("port", "starboard") if self.side == "both" else (self.side,)
         return tuple(f"wing_{side}" for side in sides) if self.part >= MISSED else ()
 
@@ -113,20 +113,20 @@ class WingLost(Fault):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _Dragged(Fault):
+class _DragFault(Fault):
     """A fault that adds drag."""
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """See `Fault.unfit`: the law must have a drag to grow."""
+        """Reject vehicles whose law cannot scale its drag; see `Fault.unfit`."""
         if vehicle.law.with_drag(2.0) is not None:
             return ""
         return f"has the hull law {vehicle.law.kind!r}, whose drag is not one number"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Fouling(_Dragged):
-    """Algae and barnacles: drag that grows from day to day, and lift that goes."""
+class Fouling(_DragFault):
+    """Algae and barnacles: drag that grows from day to day, and less lift."""
 
     kind = "fouling"
     says = "growth on hull and wings"
@@ -143,10 +143,10 @@ class Fouling(_Dragged):
     find_out = "steepen the glide: drag at zero lift then costs less; look at it, or clean it"
 
     per_day: float = 0.03
-    """part of its drag that is added a day"""
+    """Growth of the drag per day, over the clean drag"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """More drag, less lift, some weight."""
+        """Add drag and some weight, and reduce lift."""
         vehicle = condition.vehicle
         law = vehicle.law.with_drag(1.0 + size)
         if isinstance(law, FlowFrame):
@@ -157,7 +157,7 @@ class Fouling(_Dragged):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Attached(_Dragged):
+class Attached(_DragFault):
     """Something towed or attached at once: weed, a line, a remora."""
 
     kind = "attached"
@@ -174,10 +174,10 @@ class Attached(_Dragged):
     find_out = "invert dives, pitch hard, wait: remoras leave; look at it"
 
     drag: float = 0.6
-    """part of the vehicle's own drag that it adds"""
+    """Added drag over the vehicle's own"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """More drag, below the axis, so that it lowers the nose."""
+        """Add drag below the axis, which lowers the nose."""
         vehicle = condition.vehicle
         law = vehicle.law.with_drag(1.0 + size)
         if isinstance(law, FlowFrame) and isinstance(vehicle.law, FlowFrame):
@@ -190,7 +190,7 @@ class Attached(_Dragged):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WaterTaken(Fault):
-    """A seal that lets water in, a little all the time."""
+    """A seal that leaks a little water all the time."""
 
     kind = "water_taken"
     says = "water in the hull"
@@ -205,23 +205,23 @@ class WaterTaken(Fault):
     find_out = "read the leak detectors and the vacuum at equal temperature; recover"
 
     per_day: float = 0.04
-    """[L] taken a day"""
+    """[L] Water taken in per day"""
     place: float = -0.25
-    """where it gathers, over the hull's length, positive forward of the middle"""
+    """Place of the water over the hull's length, positive forward of the middle"""
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Every hull can leak; what glides shows it."""
+        """Accept vehicles with a pump, which must trim against the water."""
         return "" if vehicle.steered("buoyancy") is not None else "has no pump to trim against it"
 
     def problems(self) -> list[str]:
-        """It gathers in the hull."""
+        """Report a place outside the hull."""
         if not -0.5 <= self.place <= 0.5:
             return [f"place = {self.place:g} must lie within -0.5 and 0.5"]
         return []
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """A mass low in the hull, which displaces nothing more."""
+        """Add a mass low in the hull without displacement."""
         vehicle = condition.vehicle
         at = (self.place * vehicle.hull_length, 0.0, 0.4 * vehicle.hull_diameter)
         mass = size * LITRE * vehicle.reference_density
@@ -230,7 +230,7 @@ class WaterTaken(Fault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BladeLost(Fault):
-    """A propeller that lost a blade: thrust and torque of those that are left."""
+    """A propeller that lost a blade: less thrust and torque."""
 
     kind = "blade_lost"
     says = "a propeller blade is lost"
@@ -243,17 +243,17 @@ class BladeLost(Fault):
     find_out = "compare speed and power at the same rate; look at it"
 
     part: float = 0.33
-    """of the blades that is gone"""
+    """Fraction of the blades that is lost"""
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """It needs a propeller that drives it."""
+        """Accept vehicles with a propeller."""
         if isinstance(vehicle.steered("speed"), Propeller):
             return ""
         return "has no propeller that drives it"
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Thrust, torque and standing drag of the blades that are left."""
+        """Reduce thrust, torque and standing drag to those of the remaining blades."""
         screw = condition.vehicle.steered("speed")
         assert isinstance(screw, Propeller)
         left = 1.0 - size

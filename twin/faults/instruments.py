@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 METRES_PER_DBAR = 0.99
 CTD = ("measured_temperature", "measured_conductivity", "measured_pressure")
 MILLISIEMENS_PER_CM = 10.0
-"""of one S/m, the unit of `gsw`"""
+"""Conductivity of 1 S/m in mS/cm, the unit of `gsw`."""
 PLACE = -121.8, 36.8
-"""[deg] longitude and latitude for the composition of the salt: the sensors' defaults"""
+"""[deg] Longitude and latitude for the composition of the salt: the sensors' defaults."""
 DVL = ("measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CompassIron(Fault):
-    """Hard iron that came or went: a battery that was magnetised, a loosened screw."""
+    """Changed hard iron near the compass: a magnetised battery, a loosened screw."""
 
     kind = "compass_iron"
     says = "the compass' iron has changed"
@@ -44,30 +44,30 @@ class CompassIron(Fault):
     find_out = "fly two legs on opposite headings, or a spiral, and compare"
 
     degrees: float = 8.0
-    """[degree] largest deviation"""
+    """[degree] Largest deviation of the compass"""
     toward: float = 0.0
-    """[degree] heading at which there is none and from which on it is positive"""
+    """[degree] Heading at which the deviation passes 0, from negative to positive"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Guidance steers by the deviation, a sine of the heading."""
+        """Add the deviation, a sine of the heading, to guidance's compass."""
         sine, cosine = condition.iron
         most, toward = math.radians(size), math.radians(self.toward)
         iron = (sine + most * math.cos(toward), cosine - most * math.sin(toward))
         return condition.replace(iron=iron)
 
     def expected(self, way: Array) -> Mapping[str, Array]:
-        """The current that a wrong heading makes of the way through the water."""
+        """Apparent current: the wrong heading turns the velocity through the water."""
         north, east = way.T
         heading = np.arctan2(east, north)
         off = math.radians(1.0) * np.sin(heading - math.radians(self.toward))
         return {"current_north": off * east, "current_east": -off * north}
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
-        """Headings a fourth of a half turn apart: the size has a sign."""
+        """Values of `toward` 45 deg apart, over half a turn because the size has a sign."""
         return tuple({"toward": 45.0 * k} for k in range(4))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """A heading that is off by it; nothing where it has no compass."""
+        """Add the deviation to the heading; nothing without a compass."""
         heading = signals.get("measured_heading")
         if heading is None:
             return {}
@@ -77,7 +77,7 @@ class CompassIron(Fault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PressureDrift(Fault):
-    """A pressure sensor whose reading grows by the day, at every depth alike."""
+    """A pressure sensor whose reading grows by the day, equally at every depth."""
 
     kind = "pressure_drift"
     says = "the pressure sensor drifts"
@@ -93,21 +93,21 @@ class PressureDrift(Fault):
     find_out = "read it at the surface; compare with the CTD's own"
 
     per_day: float = 0.3
-    """[dbar] added a day"""
+    """[dbar] Growth of the error per day"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Guidance turns by the depth of the drifted pressure."""
+        """Add the drift to guidance's depth."""
         return condition.replace(depth_offset=condition.depth_offset + METRES_PER_DBAR * size)
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Pressure, and the depth of it."""
+        """Add the drift to pressure and depth."""
         added = {"measured_depth": METRES_PER_DBAR * size, "measured_pressure": size}
         return {name: signals[name] + more for name, more in added.items() if name in signals}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class AltimeterBlind(Fault):
-    """An altimeter that hears nothing any more."""
+    """An altimeter that receives no more returns."""
 
     kind = "altimeter_blind"
     says = "the altimeter is blind"
@@ -119,19 +119,19 @@ class AltimeterBlind(Fault):
     find_out = "ping at the surface in shallow water; keep it above the charted floor"
 
     part: float = 1.0
-    """of its echoes that are lost"""
+    """Fraction of the altimeter returns that is lost"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Guidance hears the other echoes alone, and flies by the last one for a while."""
+        """Reduce guidance's returns; without a return it uses the last one for a while."""
         heard = (1.0 - condition.echoes_lost) * (1.0 - size)
         return condition.replace(echoes_lost=1.0 - heard)
 
     def expected(self, way: Array) -> Mapping[str, Array]:
-        """Its part of the echoes that earlier dives had is missing."""
+        """Change of the fraction of altimeter returns received, relative to earlier dives."""
         return {"echoes": -np.ones(len(way))}
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Echoes that are missing; nothing where it has no altimeter."""
+        """Replace lost returns by NaN; nothing without an altimeter."""
         height = signals.get("measured_altitude")
         if height is None:
             return {}
@@ -141,8 +141,8 @@ class AltimeterBlind(Fault):
 def lagged(values: Array, lag: Array, period: float) -> Array:
     """Response of an instrument that follows `values` with a lag [s], one per sample, shape (n,).
 
-    NaN stay NaN, and where the lag is 0 the values stay as they are. From the sample on at which it
-    changes, the instrument follows with the new one from what it showed there.
+    NaN stay NaN, and a lag of 0 leaves the values unchanged. When the lag changes, the instrument
+    continues from its last reading with the new lag.
     """
     from scipy.signal import lfilter
 
@@ -164,23 +164,23 @@ def lagged(values: Array, lag: Array, period: float) -> Array:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _Late(Fault):
-    """An instrument of the CTD that is late."""
+class _Lagged(Fault):
+    """A CTD instrument with a lag."""
 
     size_name = "lag"
     unit = "s"
     most = 10000.0
     late: ClassVar[str]
-    """Name of its signal"""
+    """Name of the instrument's signal."""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """The late reading, and salinity and density of it; nothing where it has no CTD."""
+        """Apply the lag and recompute salinity and density; nothing without a CTD."""
         if any(name not in signals for name in CTD):
             return {}
         return self.shown(signals, lagged(signals[self.late], size, period))
 
     def shown(self, signals: Readings, late: Array) -> Readings:
-        """The CTD's readings where one instrument shows `late`: PSS-78 and TEOS-10, as `Ctd`'s."""
+        """Readings of a CTD with `late` for the lagged signal: PSS-78 and TEOS-10, as in `Ctd`."""
         import gsw
 
         temperature, conductivity, pressure = ({**signals, self.late: late}[name] for name in CTD)
@@ -194,17 +194,17 @@ class _Late(Fault):
         }
 
     def begin(self) -> FaultRun:
-        """See `Fault.begin`."""
-        return _LateRun(self, np.array([math.nan, 0.0]))
+        """Begin to lag readings; see `Fault.begin`."""
+        return _LaggedRun(self, np.array([math.nan, 0.0]))
 
 
-class _LateRun(FaultRun):
-    """A late instrument; it carries what it showed last, and how long ago [s] that was."""
+class _LaggedRun(FaultRun):
+    """A lagged instrument in one mission; carries its last reading and the time since then [s]."""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """See `FaultRun.readings`."""
+        """Lag the readings of the next stretch; see `FaultRun.readings`."""
         fault = self.fault
-        assert isinstance(fault, _Late)
+        assert isinstance(fault, _Lagged)
         if any(name not in signals for name in CTD):
             return {}
         found = signals[fault.late].copy()
@@ -220,8 +220,8 @@ class _LateRun(FaultRun):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class CtdClogged(_Late):
-    """A conductivity cell through which water hardly flows any more."""
+class CtdClogged(_Lagged):
+    """A conductivity cell through which hardly any water flows."""
 
     kind = "ctd_clogged"
     says = "the CTD's cell is clogged"
@@ -233,12 +233,12 @@ class CtdClogged(_Late):
     find_out = "compare dive and climb of one turn at depth; flush, or switch it off"
 
     lag: float = 60.0
-    """[s] by which its water is late"""
+    """[s] Lag of the water in the cell"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ThermistorSlow(_Late):
-    """A thermistor behind a film: it follows late."""
+class ThermistorSlow(_Lagged):
+    """A thermistor behind a film, which follows slowly."""
 
     kind = "thermistor_slow"
     says = "the thermistor is slow"
@@ -250,12 +250,12 @@ class ThermistorSlow(_Late):
     find_out = "compare dive and climb of one turn in the thermocline"
 
     lag: float = 15.0
-    """[s] by which it is late"""
+    """[s] Lag of the thermistor"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DvlBeam(Fault):
-    """A Doppler log with a dead beam: it loses lock wherever another beam finds nothing."""
+    """A Doppler log with a dead beam: it loses lock whenever another beam gets no return."""
 
     kind = "dvl_beam"
     says = "a beam of the Doppler log is dead"
@@ -267,10 +267,10 @@ class DvlBeam(Fault):
     find_out = "read the echo of each beam"
 
     part: float = 0.5
-    """of its samples that lose their lock"""
+    """Fraction of the samples that lose their lock"""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Velocities and lock that are missing; nothing where it has no Doppler log."""
+        """Remove velocities and lock of lost samples; nothing without a Doppler log."""
         if "measured_dvl_mode" not in signals:
             return {}
         lost = rng.random(len(size)) < size

@@ -1,6 +1,6 @@
 """Fossen: a second model of a vehicle's motion in six degrees of freedom, which checks the first.
 
-It shares the vehicle's parameters and the current sampler with the twin, and no equation.
+The model shares the vehicle's parameters and the current sampler with the twin, but no equation.
 """
 
 from typing import TYPE_CHECKING

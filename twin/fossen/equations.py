@@ -1,4 +1,4 @@
-"""The 6-DOF equations of motion and their own Runge-Kutta integrator, compiled.
+"""Equations of motion in six degrees of freedom and their Runge-Kutta integrator, compiled.
 
 State y, shape (14,): position NED [m] (3), scalar-first quaternion body to NED (4), nu_r, the
 velocity through the water [m/s] and the body rates [rad/s] (6), body FRD at the CB, and the hull's
@@ -9,21 +9,21 @@ Fossen's equation for a vehicle in an irrotational current,
     M_RB dnu + C_RB(nu) nu + M_A dnu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = 0,
     nu_c = [R^T V_c; 0],  dnu_c = [-S(omega) R^T V_c + R^T dV_c/dt; 0],
 
-is integrated in nu_r. With C_RB independent of the linear velocity the rotating part of dnu_c
-cancels and only the current's own rate along the path remains (Fossen 2011, property 8.1):
+is integrated in nu_r. With C_RB independent of the linear velocity, the rotating part of dnu_c
+cancels. Only the current's own rate along the path remains (Fossen 2011, property 8.1):
 
     (M_RB + M_A) dnu_r = -(C_RB + C_A(nu_r)) nu_r - D(nu_r) nu_r - g(eta) - M_RB [R^T dV_c/dt; 0].
 
-A uniform, steady current then changes nothing but the track, to the last bit but rounding.
+A uniform, steady current then changes only the track, up to rounding.
 
-Water that accelerates or shears does more (Thomasson and Woolsey 2013; docs/physics/equations.md):
+Water that accelerates or shears adds terms (Thomasson and Woolsey 2013; docs/physics/equations.md):
 
 - the pressure gradient of the water's own acceleration acts on the displaced mass m_d, the
   Froude-Krylov force m_d (dV_c/dt + (grad V_c) V_c);
 - the impulse of the added mass is strained: -G^T h_1, with G = R^T (grad V_c) R and
   h = M_A nu_w;
-- nu_w = (v_r, omega - (G_32, -G_31, G_21)) is the motion through water that turns under the hull:
-  damping, parts and the added mass's impulse take it, rigid-body terms do not.
+- nu_w = (v_r, omega - (G_32, -G_31, G_21)) is the motion relative to water that rotates under the
+  hull; damping, parts and the added mass's impulse use nu_w, rigid-body terms do not.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from twin.numbers import Array
 from twin.water.current.sampler import sample_gradient
 
 FASTEST = 20.0
-"""[m/s] through the water: what is faster has left physics"""
+"""[m/s] Largest speed through the water; a faster state has left the range of physics."""
 POSITION = slice(0, 3)
 QUATERNION = slice(3, 7)
 NU_R = slice(7, 13)
@@ -70,14 +70,14 @@ NU_R = slice(7, 13)
 
 @scalar
 def part_after(start, command, low, high, lag, rate, one_way, elapsed):  # type: ignore[no-untyped-def]
-    """Position of a part after `elapsed` [s]: d(position)/dt = clip((command - position) / lag,
-    -rate, rate), solved exactly. A command beyond the travel is one to its end."""
+    """Position of a part after `elapsed` [s], the exact solution of d(position)/dt = clip((command
+    - position) / lag, -rate, rate). A command beyond the travel is clamped to its end."""
     wanted = min(max(command, low), high)
     if one_way != 0.0:
         wanted = min(wanted, start)
     gap = wanted - start
     band = rate * lag
-    # at its largest rate first, then of the lag alone
+    # first at the largest rate, then by the lag alone
     ramp = min(max(abs(gap) - band, 0.0) / rate, elapsed)
     rest = math.copysign(abs(gap) - ramp * rate, gap)
     return wanted - rest * elementary.exp(-(elapsed - ramp) / lag)
@@ -87,7 +87,7 @@ def part_after(start, command, low, high, lag, rate, one_way, elapsed):  # type:
 def actuators_after(start: Array, command: Array, law: Array, elapsed: float) -> Array:
     """Positions of the parts after `elapsed` [s]; `law` rows: min, max, lag, rate, one way.
 
-    A command beyond the travel is one to its end: the lag acts on what is left to go.
+    A command beyond the travel is clamped to its end before the lag acts.
     """
     position = np.empty(start.size)
     for i in range(start.size):
@@ -99,18 +99,18 @@ def actuators_after(start: Array, command: Array, law: Array, elapsed: float) ->
 
 @jit
 def mass_distribution(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
-    """(mass [kg], first moment (3,) [kg m], I_b (3, 3) [kg m2]) about the CB, the masses held."""
+    """Return (mass [kg], first moment (3,) [kg m], I_b (3, 3) [kg m2]) about the CB, parts held."""
     mass, (x, y, z), (xx, xy, yy, xz, yz, zz) = carried(p, positions)
     return mass, np.array([x, y, z]), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def skew(a: Array) -> Array:
-    """S(a), shape (3, 3), with S(a) b = a x b (Fossen 2011, definition 2.2)."""
+    """Matrix S(a), shape (3, 3), with S(a) b = a x b (Fossen 2011, definition 2.2)."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def rigid_body_mass(mass: float, cg: Array, inertia: Array) -> Array:
-    """M_RB, shape (6, 6), of a body with CG at `cg` [m] (Fossen 2011, eq. 3.44).
+    """Mass matrix M_RB, shape (6, 6), of a body with CG at `cg` [m] (Fossen 2011, eq. 3.44).
 
     `inertia` [kg m2], shape (3, 3), is I_b about the CB, not about the CG.
     """
@@ -120,11 +120,11 @@ def rigid_body_mass(mass: float, cg: Array, inertia: Array) -> Array:
 
 @jit
 def turned_water(nu_r: Array, gradient: Array) -> Array:
-    """nu_w, shape (6,): motion through the water as its gradient turns it under the hull.
+    """Motion nu_w, shape (6,), relative to water that rotates under the hull by its gradient.
 
     `gradient` (3, 3) [1/s] is G in body axes. At a place x ahead of the CB the water's velocity
-    differs by G (x, 0, 0): across the hull like a yaw rate G_21 and a pitch rate -G_31 of the
-    water; along the wings, at (0, y, 0), like a roll rate G_32.
+    differs by G (x, 0, 0). Across the hull this is a yaw rate G_21 and a pitch rate -G_31 of the
+    water; along the wings, at (0, y, 0), it is a roll rate G_32.
     """
     nu_w = nu_r.copy()
     nu_w[3] -= gradient[2, 1]
@@ -146,19 +146,19 @@ def acceleration(  # type: ignore[no-untyped-def]
     water_rate: Array,
     gradient: Array,
 ):
-    """dnu_r/dt, shape (6,).
+    """Acceleration dnu_r/dt, shape (6,).
 
-    `down` (3,) is the NED down axis in body axes, `positions` (parts,) those of the parts,
-    `displaced` [kg] the mass of displaced water of the immersed hull, `density` [kg/m3] the
-    water's. Of the current, in body axes: `path_rate` (3,) is dV_c/dt along the vehicle's path
-    [m/s2], `water_rate` (3,) that along the water's own, `gradient` (3, 3) [1/s].
+    `down` (3,) is the NED down axis in body axes, `positions` (parts,) are the parts', `displaced`
+    [kg] is the mass of water that the immersed hull displaces, `density` [kg/m3] is the water's.
+    Current, in body axes: `path_rate` (3,) is dV_c/dt along the vehicle's path [m/s2],
+    `water_rate` (3,) along the water's own path, `gradient` (3, 3) [1/s] the gradient.
     """
     body = carried(p, positions)
     axis = (down[0], down[1], down[2])
     immersion, lever = immersed(depth, down[0], p.hull_length, p.hull_diameter)
     nu_w = turned_water(nu_r, gradient)
     wrench = restoring(p.gravity, displaced, immersion, lever, body, axis)
-    # buoyancy of pumped volume acts where it is
+    # buoyancy of pumped volume acts at the pump's place
     volume, moment = pumped(p, positions)
     raised = buoyant_moment(
         p.gravity,
@@ -191,7 +191,7 @@ def acceleration(  # type: ignore[no-untyped-def]
 
 @jit
 def triangle(m: Array):  # type: ignore[no-untyped-def]
-    """The lower triangle of a symmetric (6, 6), as `terms` have it."""
+    """Lower triangle of a symmetric (6, 6), as a tuple for `terms`."""
     return (
         m[0, 0], m[1, 0], m[1, 1], m[2, 0], m[2, 1], m[2, 2],
         m[3, 0], m[3, 1], m[3, 2], m[3, 3], m[4, 0], m[4, 1], m[4, 2], m[4, 3], m[4, 4],
@@ -203,7 +203,7 @@ def triangle(m: Array):  # type: ignore[no-untyped-def]
 def still_acceleration(  # type: ignore[no-untyped-def]
     p: ForceParameters, down: Array, depth: float, nu_r: Array, positions: Array, displaced: float
 ):
-    """`acceleration`, shape (6,), in still water of the reference density."""
+    """Acceleration, shape (6,), in still water of the reference density; see `acceleration`."""
     still = np.zeros(3)
     density, gradient = p.reference_density, np.zeros((3, 3))
     return acceleration(p, down, depth, nu_r, positions, displaced, density, still, still, gradient)
@@ -211,7 +211,7 @@ def still_acceleration(  # type: ignore[no-untyped-def]
 
 @jit
 def derivative(p: ForceParameters, program: Array, t: float, y: Array, actuators: Array) -> Array:
-    """dy/dt at time `t` [s] for positions of the parts, (parts,)."""
+    """Rate dy/dt at time `t` [s] for positions of the parts, (parts,)."""
     rot = rotation(y[3], y[4], y[5], y[6])
     nu_r = y[7:13]
     flow = sample_gradient(program, t, y[0], y[1], y[2])
@@ -254,11 +254,11 @@ def integrate(  # type: ignore[no-untyped-def]
     commands: Array,
     dt: float,
 ):
-    """Classical fixed-step RK4 from breakpoint to breakpoint.
+    """Integrate by the classical fixed-step RK4 from breakpoint to breakpoint.
 
-    `breakpoints` (n,) [s] are all sample and command times, `commands` (n - 1, parts) hold between
-    them; each interval is cut in equal steps of at most `dt`, so that no step straddles a
-    command. Returns (states (n, 14), actuators (n, parts), rows before it failed, if it did).
+    `breakpoints` (n,) [s] are all sample and command times; `commands` (n - 1, parts) hold between
+    them. Each interval is divided into equal steps of at most `dt`; no step contains a command.
+    Returns (states (n, 14), actuators (n, parts), number of valid rows: n unless it failed).
     """
     n = breakpoints.size
     states = np.empty((n, y0.size))

@@ -1,7 +1,7 @@
 """Forces of the Fossen model: hull, parts, restoring forces, net buoyancy.
 
-Body axes FRD about the CB, SI units. What a hull law and a kind of part do is in their own files
-(`twin.vehicle.laws`, `twin.vehicle.parts`), in code that the MuJoCo twin does not share.
+Body axes FRD about the CB, SI units. The effects of hull laws and kinds of part are in their own
+files (`twin.vehicle.laws`, `twin.vehicle.parts`), in code that the MuJoCo twin does not share.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from twin.vehicle.vehicle import Vehicle
 
 _NONE = np.zeros(0)
 MASS_COLUMNS = 15
-"""of a moving mass: mass, place ahead, place below, slide, hinge (index of the part, -1: none),
-neutral position of the hinge, inertia 9"""
+"""Columns of a moving mass: mass, place ahead, place below, slide, hinge (index of the part, -1:
+none), neutral position of the hinge, inertia 9."""
 PART_COLUMNS = 5
-"""of a part: code of its kind, place 3, number of values; then its values"""
+"""Columns of a part: code of its kind, place 3, number of values; then its values."""
 
 
 class ForceParameters(NamedTuple):
@@ -43,23 +43,23 @@ class ForceParameters(NamedTuple):
     static_cg: Array
     static_inertia: Array
     masses: Array
-    """(masses, MASS_COLUMNS)"""
+    """Moving masses, (masses, MASS_COLUMNS)."""
     parts: Array
-    """(parts, PART_COLUMNS + most values of one)"""
+    """Parts, (parts, PART_COLUMNS + VALUES)."""
     added_mass: Array
     coupling: float
-    """1: the added mass's own coupling acts, 0: it is in the law"""
+    """1: the coupling by added mass acts; 0: the law already contains it."""
     law: float
-    """code in the registry of hull laws"""
+    """Code in the registry of hull laws."""
     law_scaled: float
-    """1: its coefficients hold the reference density, 0: it takes the water's"""
+    """1: the law's coefficients contain the reference density; 0: the law uses the water's."""
     law_values: Array
     density_depth: Array
     density_value: Array
     temperature_depth: Array
-    """[m]; empty: the water's temperature is not known"""
+    """[m] Depths of the temperature table; empty: the water's temperature is unknown."""
     temperature_value: Array
-    """[degC]"""
+    """[degC] Temperatures of the water."""
 
 
 def parameters_of(
@@ -71,7 +71,7 @@ def parameters_of(
 ) -> ForceParameters:
     """Gather the vehicle's numbers and tables of the water over depth [m].
 
-    Density [kg/m3], and in-situ temperature [degree_Celsius] where it is known.
+    The tables are density [kg/m3], and in-situ temperature [degree_Celsius] where known.
     """
 
     def array(values: object) -> Array:
@@ -87,7 +87,7 @@ def parameters_of(
         hung = hinge.neutral if isinstance(hinge, BatteryHinge) else 0.0
         row[:6] = mass.mass, mass.neutral_x, mass.eccentricity, *drives, hung
         row[6:] = np.ravel(mass.inertia)
-    # as wide for every kind: a kernel that reads too far reads zeros
+    # one width for all kinds: a kernel that reads too far reads zeros
     parts = np.zeros((len(vehicle.parts), PART_COLUMNS + VALUES))
     for row, part in zip(parts, vehicle.parts, strict=True):
         values = part.values()
@@ -142,9 +142,9 @@ def _six(a, b, c, d, e, f):  # type: ignore[no-untyped-def]
 
 @jit
 def damping_wrench(p: ForceParameters, nu_r: Array, density: float) -> Array:
-    """-D(nu_r) nu_r of the hull: force [N] and moment [N m] about the CB, shape (6,), body FRD.
+    """Wrench -D(nu_r) nu_r of the hull: force [N], moment [N m] about the CB, shape (6,), body FRD.
 
-    `density` [kg/m3] is that of the water; coefficients that hold the reference density scale.
+    The water's `density` [kg/m3] scales coefficients that contain the reference density.
     """
     u, v, w, a, b, c = nu_r
     tau = _six(*law_wrench(int(p.law), p.law_values, density, u, v, w, a, b, c))
@@ -173,7 +173,7 @@ def parts_wrench(
 
 @jit
 def pumped(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
-    """(volume [cm3], its first moment (3,) [cm3 m] about the CB) that the parts displace."""
+    """Return (volume [cm3], its first moment (3,) [cm3 m] about the CB) that the parts displace."""
     volume, lever = 0.0, np.zeros(3)
     for k in range(p.parts.shape[0]):
         row = p.parts[k]
@@ -185,7 +185,7 @@ def pumped(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def
 
 @jit
 def carried(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
-    """The body of `terms.with_mass`: everything that is carried, where the parts stand."""
+    """Sum of all masses at these positions of the parts, as a body of `terms.with_mass`."""
     nothing, still = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     cg, own = p.static_cg, lower(p.static_inertia)
     body = with_mass((0.0, nothing, still), p.static_mass, (cg[0], cg[1], cg[2]), own)
@@ -204,14 +204,14 @@ def carried(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-de
 
 @jit
 def lower(inertia: Array):  # type: ignore[no-untyped-def]
-    """The lower triangle of a symmetric (3, 3), as `terms` have it."""
+    """Lower triangle of a symmetric (3, 3), as a tuple for `terms`."""
     i = inertia
     return i[0, 0], i[1, 0], i[1, 1], i[2, 0], i[2, 1], i[2, 2]
 
 
 @jit
 def _profile(depths: Array, values: Array, depth: float) -> float:
-    """A table over depth, linear between its rows, constant beyond its ends."""
+    """Value of a table over depth, linear between its rows, constant beyond its ends."""
     last = depths.size - 1
     if depth <= depths[0]:
         return values[0]
@@ -230,7 +230,7 @@ def density_at(p: ForceParameters, depth: float) -> float:
 
 @jit
 def temperature_at(p: ForceParameters, depth: float) -> float:
-    """In-situ temperature [degC] of the water; the hull's reference where it is not known."""
+    """In-situ temperature [degC] of the water; the hull's reference where it is unknown."""
     if p.temperature_depth.size == 0:
         return p.hull_reference_temperature
     return _profile(p.temperature_depth, p.temperature_value, depth)
@@ -241,7 +241,7 @@ def displaced_mass(p: ForceParameters, depth: float, volume: float, hull: float 
     """Mass of the water that the fully immersed hull displaces [kg]; `volume` of parts in cm3.
 
     The hull shrinks in proportion to the pressure of water of the reference density, and grows with
-    its temperature `hull` [degC], the reference when that is NaN.
+    its temperature `hull` [degC]; NaN means the reference temperature.
     """
     pressure = p.reference_density * p.gravity * max(depth, 0.0)
     warmer = 0.0 if np.isnan(hull) else hull - p.hull_reference_temperature

@@ -1,19 +1,19 @@
-"""Lanes: many vehicles of one structure flown side by side, compiled.
+"""Lanes: compiled flight of many vehicles of one structure at once (the batched engine).
 
 One call flies a block (`twin.fossen.lane_block`) through many steps, with guidance at the control
-period, sensors' truth at the sample period, and every lane in its own water under its own plan.
+period and logging at the sample period. Every lane has its own water and its own plan.
 
-Integrator: one evaluation a step. Velocities v go on by Adams and Bashforth's method of two steps,
-with the damping D of the body's rates taken implicitly about the acceleration x of the step before,
+Integrator: one evaluation per step. Velocities v advance by Adams and Bashforth's two-step method,
+with the damping D of the body's rates implicit relative to the acceleration x of the step before,
 
-    (M + g D) x = F(y) + g D x_before,      v += h (3/2 x - 1/2 x_before),
+    (M + g D) x = F(y) + g D x_before,      v += h (3/2 x - 1/2 x_before).
 
-which has order 2 whatever D is, and for g = h is stable however large the damping is, also where
-the law damps up to twice as much as D says. A pose goes on by the velocity at the middle of the
-step, v + h (x - 1/2 x_before) of the v before: to a motion that swings, as a hull on the water does
-in heave and pitch, that is the leapfrog method, which neither damps it nor swings it up while
-h omega < 2. Parts move by their exact solution. The water is looked up every LOOKS steps, so that
-its error falls with the square of the step too.
+The method has order 2 for any D. For g = h it is stable at any damping, also where the law damps up
+to twice as much as D says. A pose advances by the velocity at the middle of the step, v + h (x -
+1/2 x_before) with the old v. For oscillations, such as a hull's heave and pitch at the surface,
+that is the leapfrog method: it neither damps nor excites them while h omega < 2. Parts move by
+their exact solution. The water is looked up every LOOKS steps, with an error that also falls with
+the square of the step.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from twin.water.floor.lookup import floor_depth
 
 _guided, _flow = portable(guidance_step), portable(sample_gradient)
 NO_CONTROL, PLAN, SCHEDULE = 0.0, 1.0, 2.0
-"""Commands of a lane: none (its parts stay), a plan by guidance, a table of commands"""
+"""Sources of a lane's commands: none (the parts stay), a plan with guidance, a schedule."""
 COUNTS = (
     "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
     "logged", "leg", "leg_time",
 )  # fmt: skip
-"""Counts of each lane: control ticks done; 1 once it has ended, 2 by its samples; 1 once it has
-failed, and when; when it touched the sea floor, NaN: never; how it is commanded; 1: it ends when
-its plan is done; samples of the whole run, and those that are logged; memory of `followed`"""
+"""Counts of each lane: control ticks; 1: ended, 2: ended by its samples; 1: failed, and the time;
+time at the sea floor, NaN: never; source of commands; 1: ends with its plan; samples of the run,
+and samples logged; memory of `followed` (leg, time)."""
 TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED, LEG = range(
     len(COUNTS) - MEMORY + 1
 )
 LOOKS = 3
-"""Steps from one look at the water to the next: it is taken where the lane will be at the middle
-one, and is linear about it"""
+"""Steps between look-ups of the water; a look-up takes the lane's place at the middle step, and the
+water is linear about it."""
 STATE, RATE, BEFORE, GOING = AT["state"], AT["rate"], AT["before"], AT["going"]
 LOOKED, FLOW, DENSITY, DENSITY_SLOPE = AT["looked"], AT["flow"], AT["density"], AT["density_slope"]
 TEMPERATURE, TEMPERATURE_SLOPE = AT["temperature"], AT["temperature_slope"]
@@ -63,7 +63,7 @@ P_NOW, P_COMMAND, P_LOW, P_HIGH, P_LAG, P_RATE, P_ONE_WAY = range(len(PART))
 def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
     """Move every part to the end of the step."""
     widest_vectors()
-    # a row is a vector of its own: so the compiler sees that an index is not below 0
+    # each row is a vector of its own, so the compiler knows that indices are not negative
     rows = b.reshape(-1, lanes)[PARTS_AT : PARTS_AT + len(PART) * parts]
     for k in range(parts):
         now, command = rows[k], rows[P_COMMAND * parts + k]
@@ -75,12 +75,12 @@ def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
 
 
 MANY_AWASH = 0.25
-"""Part of the lanes at the surface from which on the strips of all are summed at once"""
+"""Fraction of the lanes at the surface above which all lanes are summed strip by strip at once."""
 
 
 @borrowing
-def _immerse(b, lanes, first, last):  # type: ignore[no-untyped-def]
-    """Immersion of the hulls of some lanes, strip by strip."""
+def _immerse_lanes(b, lanes, first, last):  # type: ignore[no-untyped-def]
+    """Compute the immersion of lanes `first` to `last` - 1, strip by strip."""
     for l in range(first, last):
         at = (STATE + 3) * lanes + l
         turn = rotation(b[at], b[at + lanes], b[at + 2 * lanes], b[at + 3 * lanes])
@@ -90,8 +90,8 @@ def _immerse(b, lanes, first, last):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _wet(b, lanes):  # type: ignore[no-untyped-def]
-    """Immersion of every hull."""
+def _immerse_hulls(b, lanes):  # type: ignore[no-untyped-def]
+    """Compute the immersion of every hull."""
     widest_vectors()
     rows = b.reshape(-1, lanes)
     depth, length, diameter = rows[STATE + 2], rows[LENGTH], rows[DIAMETER]
@@ -102,21 +102,21 @@ def _wet(b, lanes):  # type: ignore[no-untyped-def]
         immersion[l], lever[l] = 1.0 if deep else 0.0, 0.0
         awash += 0.0 if deep else 1.0
     if awash > MANY_AWASH * lanes:
-        _immerse(b, lanes, 0, lanes)
+        _immerse_lanes(b, lanes, 0, lanes)
     elif awash > 0.0:
         for l in range(lanes):
             if immersion[l] == 0.0:
-                _immerse(b, lanes, l, l + 1)
+                _immerse_lanes(b, lanes, l, l + 1)
 
 
 @borrowing(nogil=True)
-def _look_up(  # type: ignore[no-untyped-def]
+def _look_up_water(  # type: ignore[no-untyped-def]
     b, lanes, h, counts, programs, program_at, densities, density_from, warmths, warmth_from,
     floors, floor_at,
 ):  # fmt: skip
-    """Current and water with their slopes, every LOOKS steps where the lane will be between them.
+    """Look up current and water with their slopes, every LOOKS steps, at the middle of these steps.
 
-    A lane that has come to the sea floor ends.
+    A lane that has reached the sea floor ends.
     """
     for l in range(lanes):
         t = b[TIME * lanes + l]
@@ -155,8 +155,8 @@ def _look_up(  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _turn(b, lanes):  # type: ignore[no-untyped-def]
-    """Roll, pitch, heading [rad] of every lane; heading in [0, 2 pi)."""
+def _compute_angles(b, lanes):  # type: ignore[no-untyped-def]
+    """Compute roll, pitch, heading [rad] of every lane; heading in [0, 2 pi)."""
     widest_vectors()
     for l in range(lanes):
         at = (STATE + 3) * lanes + l
@@ -168,12 +168,12 @@ def _turn(b, lanes):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _command(  # type: ignore[no-untyped-def]
+def _guide_lanes(  # type: ignore[no-untyped-def]
     b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted, floors, floor_at,
     follows, follow_at,
 ):  # fmt: skip
-    """Guidance of every lane whose control period has passed; returns when the next one is due."""
-    _turn(b, lanes)
+    """Guide each lane whose control period has passed; returns the time of the next tick."""
+    _compute_angles(b, lanes)
     for l in range(lanes):
         mine = counts[l]
         period = periods[l]
@@ -216,9 +216,9 @@ def _command(  # type: ignore[no-untyped-def]
 
 @borrowing(nogil=True)
 def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: ignore[no-untyped-def]
-    """One row of each lane's log; its numbers are those of the MuJoCo twin's, in their order.
+    """Write one row of each lane's log, with the numbers of the MuJoCo twin's log in their order.
 
-    z-up axes and hull axes forward, port, up, as MuJoCo's: positions, then velocities.
+    Axes are MuJoCo's: z up, hull forward, port, up; positions first, then velocities.
     """
     nj = joints.size
     for l in range(lanes):
@@ -274,7 +274,7 @@ def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: igno
 
 @borrowing(nogil=True)
 def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
-    """The end of the step from the rates here and one step before, of the lanes that are alive."""
+    """Advance the living lanes to the end of the step, from the rates now and one step before."""
     widest_vectors()
     for k in range(POSE_WORDS):
         at, going = (STATE + k) * lanes, (GOING + k if k < 3 else RATE + k) * lanes
@@ -298,8 +298,8 @@ def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _take_out(b, lanes, h, counts):  # type: ignore[no-untyped-def]
-    """End the lanes that have left physics: not finite, beyond FASTEST or a radian a step."""
+def _end_unstable(b, lanes, h, counts):  # type: ignore[no-untyped-def]
+    """End lanes whose state is not finite, faster than FASTEST or above one radian per step."""
     widest_vectors()
     wrong = 0.0
     for l in range(lanes):
@@ -321,7 +321,7 @@ def _take_out(b, lanes, h, counts):  # type: ignore[no-untyped-def]
 
 
 @borrowing(nogil=True)
-def _alive(b, lanes):  # type: ignore[no-untyped-def]
+def _living_lanes(b, lanes):  # type: ignore[no-untyped-def]
     """Number of lanes that still fly."""
     alive = 0
     for l in range(lanes):
@@ -337,17 +337,17 @@ def fly(  # type: ignore[no-untyped-def]
     densities, density_at_, warmths, warmth_at, floors, floor_at,
     follows, follow_at, log, first_sample,
 ):  # fmt: skip
-    """Fly a block from step `first` to before step `last`; returns the lanes that are alive.
+    """Fly a block from step `first` to before step `last`; returns the number of living lanes.
 
     Args:
-      b: the block of so many lanes; `address` is that of its first number.
+      b: the block of `lanes` lanes; `address` is the address of its first number.
       rate: address of the structure's function.
-      parts: of a vehicle. joints: parts that drive a joint, in the log's order.
-      h: [s]. per_sample, per_look: steps from one sample to the next, and from one look whether a
-        plan is done to the next.
+      parts: number of a vehicle's parts. joints: parts that move a joint, in the log's order.
+      h: [s] step. per_sample: steps between samples. per_look: steps between checks of whether a
+        plan is done.
       counts: (lanes, len(COUNTS)). plans: (lanes, rows, columns), with `plan_rows` of each lane.
-      periods: [s] of control. gains, guided, wanted: (lanes, ...), of guidance: its gains, its
-        state, the commands of the last tick.
+      periods: [s] of control. gains, guided, wanted: (lanes, ...): gains and state of guidance,
+        and the commands of the last tick.
       programs, program_at: compiled currents behind each other, and where each begins; likewise
         densities, water temperatures, sea floors and followed positions.
       log: (lanes, samples, width) from sample `first_sample` on.
@@ -362,19 +362,19 @@ def fly(  # type: ignore[no-untyped-def]
                 done = counts[l, OPEN_ENDED] != 0.0 and guided[l, DONE] != 0.0
                 if done and b[ALIVE * lanes + l] != 0.0:
                     counts[l, ENDED], b[ALIVE * lanes + l] = 1.0, 0.0
-        if step % per_sample == 0 and _alive(b, lanes) == 0:
+        if step % per_sample == 0 and _living_lanes(b, lanes) == 0:
             return 0
         if t >= due:
-            due = _command(
+            due = _guide_lanes(
                 b, lanes, t, parts, counts, plans, plan_rows, periods, gains, guided, wanted,
                 floors, floor_at, follows, follow_at,
             )  # fmt: skip
-        _look_up(
+        _look_up_water(
             b, lanes, h, counts, programs, program_at, densities, density_at_, warmths, warmth_at,
             floors, floor_at,
         )  # fmt: skip
-        _wet(b, lanes)
-        if step == 0:  # there is no step before: its rate is that of the start
+        _immerse_hulls(b, lanes)
+        if step == 0:  # the first step has no step before: it takes the rate at the start
             call_rate(rate, address, 0.0)
             for i in range((STATE_WORDS - POSE_WORDS) * lanes):
                 b[BEFORE * lanes + i] = b[(RATE + POSE_WORDS) * lanes + i]
@@ -383,8 +383,8 @@ def fly(  # type: ignore[no-untyped-def]
             _log(b, lanes, t, parts, joints, counts, guided, log, step // per_sample - first_sample)
         _advance(b, lanes, h)
         _move_parts(b, lanes, parts, h)
-        _take_out(b, lanes, h, counts)
-    return _alive(b, lanes)
+        _end_unstable(b, lanes, h, counts)
+    return _living_lanes(b, lanes)
 
 
 @borrowing(nogil=True)
@@ -392,15 +392,15 @@ def go_on(  # type: ignore[no-untyped-def]
     blocks, lanes, address, rate, parts, h, steps, fresh, counts, programs, program_at, densities,
     density_at_, warmths, warmth_at, floors, floor_at,
 ):  # fmt: skip
-    """Advance blocks by so many steps under the commands that stand in their rows.
+    """Advance blocks by `steps` steps under the commands in their rows.
 
-    What `fly` does between two samples; but here the rates, the water and the angles are those of
-    the new states when it is done.
+    Does the same as `fly` between two samples; at the end, rates, water and angles are computed
+    for the new states.
 
     Args:
       blocks: (blocks, numbers) of one structure; `address` is that of the first number.
       rate, parts, h: as in `fly`. steps: 0 only begins.
-      fresh: (blocks, lanes) true where a start was written, which has no step before it.
+      fresh: (blocks, lanes) True for a new start, which has no step before.
       counts: (blocks, lanes, len(COUNTS)).
       programs, program_at, ...: of all lanes, as in `fly`.
     """
@@ -416,14 +416,14 @@ def go_on(  # type: ignore[no-untyped-def]
             else:
                 _advance(b, lanes, h)
                 _move_parts(b, lanes, parts, h)
-                _take_out(b, lanes, h, own)
+                _end_unstable(b, lanes, h, own)
                 for l in range(lanes):
                     b[TIME * lanes + l] = (math.floor(b[TIME * lanes + l] / h + 0.5) + 1.0) * h
-            _look_up(
+            _look_up_water(
                 b, lanes, h, own, programs, programs_of, densities, densities_of, warmths,
                 warmths_of, floors, floor_at[k * lanes : (k + 1) * lanes + 1],
             )  # fmt: skip
-            _wet(b, lanes)
+            _immerse_hulls(b, lanes)
             if step == -1:
                 call_rate(rate, at, 0.0)
                 for i in range(STATE_WORDS - POSE_WORDS):
@@ -431,4 +431,4 @@ def go_on(  # type: ignore[no-untyped-def]
                         if fresh[k, l]:
                             b[(BEFORE + i) * lanes + l] = b[(RATE + POSE_WORDS + i) * lanes + l]
             call_rate(rate, at, h)
-        _turn(b, lanes)
+        _compute_angles(b, lanes)

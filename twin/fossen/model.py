@@ -1,4 +1,4 @@
-"""The Fossen model: simulate and trim a vehicle with Fossen's equations, without MuJoCo."""
+"""Model: simulate and trim a vehicle with Fossen's equations, without MuJoCo."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from twin.water.current.sampler import sample
 
 Density = Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]
 DEFAULT_DT = 0.05
-"""[s] fixed step. Against 0.0125 s, 600 s of random actuator steps from rest in a sheared current
-change by at most 2e-7 m/s in speed and 3e-5 m in position."""
+"""[s] Default fixed step. Against 0.0125 s, 600 s of random actuator steps from rest in a sheared
+current change by at most 2e-7 m/s in speed and 3e-5 m in position."""
 DENSITY_TABLE = np.linspace(0.0, 2000.0, 2001)
-"""[m] depths at which a density function is tabulated, to the test depth of deep gliders"""
+"""[m] Depths at which a density function is tabulated, to the test depth of deep gliders."""
 
 
 def finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """`values` as a float array of `shape`; InputError names it when it is not one."""
+    """Return `values` as a finite float array of `shape`, or raise InputError with its name."""
     array = np.array(values, dtype=np.float64)
     if array.shape != shape or not np.all(np.isfinite(array)):
         raise InputError(f"{name} must be finite with shape {shape}, not {values!r}")
@@ -44,20 +44,20 @@ def finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class FossenState:
-    """Where a simulation starts; everything at rest at the origin unless given."""
+    """Start of a simulation: at rest at the origin unless given."""
 
     time: float = 0.0
-    """[s], the time at which the current is sampled first"""
+    """[s] Time of the start, at which the current is sampled first."""
     position_ned: ArrayLike = (0.0, 0.0, 0.0)
-    """of the CB [m], shape (3,), north, east, depth"""
+    """[m] Position of the CB, shape (3,): north, east, depth."""
     attitude: ArrayLike = (0.0, 0.0, 0.0)
-    """roll, pitch, heading [rad], shape (3,)"""
+    """[rad] Roll, pitch, heading, shape (3,)."""
     v_rel: ArrayLike = (0.0, 0.0, 0.0)
-    """velocity of the CB through the water [m/s], shape (3,), body FRD"""
+    """[m/s] Velocity of the CB through the water, shape (3,), body FRD."""
     rates: ArrayLike = (0.0, 0.0, 0.0)
-    """p, q, r [rad/s], shape (3,), body FRD"""
+    """[rad/s] Rates p, q, r, shape (3,), body FRD."""
     actuators: ArrayLike = ()
-    """positions of the parts, shape (parts,), in their units; empty: at rest"""
+    """Positions of the parts, shape (parts,), in their units; empty: all at rest."""
 
     def __post_init__(self) -> None:
         finite("time", self.time, ())
@@ -71,42 +71,42 @@ class FossenTrajectory:
     """A simulated track, sampled; every array has the samples along its first axis."""
 
     time: Array
-    """[s], shape (n,)"""
+    """[s] Times of the samples, shape (n,)."""
     position_ned: Array
-    """of the CB [m], shape (n, 3)"""
+    """[m] Positions of the CB, NED, shape (n, 3)."""
     quaternion: Array
-    """scalar-first, body to NED, shape (n, 4)"""
+    """Quaternions, scalar first, body to NED, shape (n, 4)."""
     v_rel: Array
-    """velocity through the water [m/s], shape (n, 3), body FRD"""
+    """[m/s] Velocities through the water, shape (n, 3), body FRD."""
     rates: Array
-    """p, q, r [rad/s], shape (n, 3), body FRD"""
+    """[rad/s] Rates p, q, r, shape (n, 3), body FRD."""
     actuators: Array
-    """positions of the parts in their units, a glider's shift [m], rotation [rad], pump [cm3];
-    shape (n, parts)"""
+    """Positions of the parts in their units, for a glider shift [m], rotation [rad], pump [cm3];
+    shape (n, parts)."""
     current_ned: Array
-    """current at the CB [m/s], shape (n, 3)"""
+    """[m/s] Currents at the CB, NED, shape (n, 3)."""
     velocity_ned: Array
-    """velocity of the CB over ground [m/s], shape (n, 3)"""
+    """[m/s] Velocities of the CB over ground, NED, shape (n, 3)."""
 
     @property
     def attitude(self) -> Array:
-        """roll, pitch, heading [rad], shape (n, 3); heading in [0, 2 pi)"""
+        """Roll, pitch, heading [rad], shape (n, 3); heading in [0, 2 pi)."""
         return np.stack(quaternion_to_euler(self.quaternion), axis=-1)
 
     @property
     def speed(self) -> Array:
-        """through the water [m/s], shape (n,)"""
+        """Speed through the water [m/s], shape (n,)."""
         return np.linalg.norm(self.v_rel, axis=-1)
 
 
 class FossenModel:
-    """The independent 6-DOF model of one vehicle in one current and one water column.
+    """Independent 6-DOF model of one vehicle in one current and one water column.
 
-    `current_program` is a compiled current (`Current` objects make it), None for still water.
-    `density` is None (the vehicle's reference density), a function of depth [m] that returns
-    kg/m3 (tabulated every metre to 2000 m), or a table (depths, densities), linear in between and
-    constant beyond its ends. `temperature` is such a table of in-situ temperatures
-    [degree_Celsius], None where it is not known: the hull then keeps its reference temperature.
+    `current_program` is a compiled current (`Current.compile`), None for still water. `density` is
+    None (the vehicle's reference density), a function of depth [m] that returns kg/m3 (tabulated
+    every metre to 2000 m), or a table (depths, densities), linear in between and constant beyond
+    its ends. `temperature` is a table (depths, in-situ temperatures [degree_Celsius]); None keeps
+    the hull at its reference temperature.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class FossenModel:
 
         Raises:
           InputError, MissionError: a duration, step or schedule that cannot be flown.
-          SimulationUnstable: the state left the finite numbers; `partial` has the rest.
+          SimulationUnstable: the state became infinite or too fast; `partial` is the track before.
         """
         for name, value in (("duration", duration), ("dt", dt), ("sample_period", sample_period)):
             if not (np.isfinite(value) and value > 0.0):
@@ -220,11 +220,11 @@ class FossenModel:
         *,
         positions: Mapping[str, float] | None = None,
     ) -> SteadyMotion:
-        """The stable steady motion at fixed positions of the parts.
+        """Find the stable steady motion at fixed part positions, deep in reference density.
 
-        Args: see `twin.vehicle.steady_motion.trim_positions`. Deep, in water of the reference
-        density; of several stable motions the one with the smallest angle of attack. Raises
-        NoSteadyState saying why when there is none and InputError outside the travel of a part.
+        The arguments are those of `twin.vehicle.steady_motion.trim_positions`. Of several stable
+        motions, the one with the smallest angle of attack is returned. Raises NoSteadyState with
+        the reason if there is none, and InputError outside the travel of a part.
         """
         wanted = trim_positions(self.vehicle, shift, rotation, net_mass, positions)
         turning = self.vehicle.steered_index("heading")
@@ -247,7 +247,7 @@ class FossenModel:
         *,
         positions: Mapping[str, float] | None = None,
     ) -> Trim:
-        """Figures of `steady_motion`: arguments, choice and errors are the same."""
+        """Figures of `steady_motion`, with the same arguments and errors."""
         return self.steady_motion(shift, rotation, net_mass, positions=positions).trim
 
 
@@ -266,7 +266,7 @@ def _density_table(vehicle: Vehicle, density: Density | None) -> tuple[Array, Ar
 
 
 def _checked_table(what: str, depth: ArrayLike, value: ArrayLike) -> tuple[Array, Array]:
-    """Depths and values of a table over depth, each of shape (n,)."""
+    """Check a table over depth; returns depths and values, each of shape (n,)."""
     depths, values = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in (depth, value))
     if depths.ndim != 1 or depths.shape != values.shape or depths.size == 0:
         raise InputError(f"a {what} table needs as many values as depths, at least one")

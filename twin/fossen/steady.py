@@ -19,26 +19,26 @@ from twin.numbers import Array
 from twin.vehicle.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 
 DEEP = 1e4
-"""[m] a depth at which the hull is immersed at any pitch"""
+"""[m] Depth of the steady motion, at which the hull is immersed at any pitch."""
 NEUTRAL = 1e-9
-"""[kg] a net mass below this drives no glide"""
+"""[kg] Net mass below which buoyancy propels no glide."""
 ROTATION_STEP = math.radians(5.0)
-"""[rad] largest step when a spiral is continued from the straight glide"""
+"""[rad] Largest step in rotation when a spiral is continued from the straight glide."""
 SMALLEST_STEP = math.radians(0.05)
-"""[rad] the continuation stops at a fold of the family of spirals"""
+"""[rad] Smallest such step; the continuation then ends, at a fold of the family of spirals."""
 SCAN_POINTS = 721
-"""angles of attack, from -180 to 180 deg, searched for straight glides"""
+"""Number of angles of attack, from -180 to 180 deg, searched for straight glides."""
 SPEED_ROUNDS, SPEED_SETTLED = 30, 1e-4
-"""Rounds in which the speed of a straight glide settles, and its relative change once it has: a
-guess for the root finder"""
+"""Rounds of the iteration for the speed of a straight glide, and the relative change at which it
+ends; the result is a guess for the root finder."""
 SETTLE_TIME = 3000.0
-"""[s] fifty times the slowest decay of the Sea-Wing at a usual net mass"""
+"""[s] Duration of a settling flight: fifty times the Sea-Wing's slowest decay at usual net mass."""
 EDGE_POINTS = 41
-"""angles of attack looked at between two of the scan where the lift changes its side"""
+"""Number of angles of attack tried between two of the scan where the lift changes its side."""
 SLOW_GROWTH = 5e-4
-"""[1/s] doubles a disturbance in 23 minutes"""
+"""[1/s] Growth rate that still counts as stable: a disturbance doubles in 23 minutes."""
 DIFFERENCE_STEP = 1e-6
-"""[SI] step of the central differences of the linearisation, near the cube root of epsilon"""
+"""[SI] Step of the linearisation's central differences, near the cube root of epsilon."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,33 +47,33 @@ class SteadyMotion:
 
     trim: Trim
     nu_r: Array
-    """velocity through the water [m/s] and body rates [rad/s], shape (6,), body FRD"""
+    """Velocity through the water [m/s] and body rates [rad/s], shape (6,), body FRD."""
     eigenvalues: Array
-    """[1/s], shape (8,), complex: the motion linearised in nu_r, roll and pitch, slowest last"""
+    """[1/s] Complex eigenvalues, shape (8,), of the motion in nu_r, roll, pitch; slowest last."""
 
     @property
     def stable(self) -> bool:
-        """Whether every small disturbance dies out (heading and position stay free).
+        """True when every small disturbance decays (heading and position stay free).
 
-        One that doubles in more than 20 minutes counts too: a hull whose roll is damped by its
-        quadratic drag alone has none for small ones, and no flight lasts long enough to see it.
+        A disturbance that doubles in more than 20 minutes counts as decaying: a hull with purely
+        quadratic roll damping damps no small roll, and no flight is long enough to show the growth.
         """
         return bool(np.max(self.eigenvalues.real) < SLOW_GROWTH)
 
     @property
     def forward(self) -> bool:
-        """Whether it flies nose first: nobody identified the coefficients in reversed flow."""
+        """True for a motion nose first; no coefficients were identified in reversed flow."""
         return bool(self.nu_r[0] > 0.0)
 
 
 def down_axis(roll: float, pitch: float) -> Array:
-    """The NED down axis in body axes, shape (3,)."""
+    """NED down axis in body axes, shape (3,)."""
     level = math.cos(pitch)
     return np.array([-math.sin(pitch), level * math.sin(roll), level * math.cos(roll)])
 
 
 class SteadyProblem:
-    """The steady equations at fixed positions of the parts, shape (parts,)."""
+    """Steady equations at fixed positions of the parts, shape (parts,)."""
 
     def __init__(
         self,
@@ -85,9 +85,9 @@ class SteadyProblem:
         request: str = "",
         hint: str = "give others",
     ):
-        """`turning` is the index of the part that turns the vehicle; `driven`: by a propeller.
+        """Take `turning`, index of the part that turns the vehicle; `driven`: under a propeller.
 
-        `request` says the positions, and `hint` what to change, in messages.
+        `request` describes the positions, and `hint` gives advice, both in messages.
         """
         self.request = request or ", ".join(f"{value:g}" for value in positions)
         self.hint = hint
@@ -98,12 +98,12 @@ class SteadyProblem:
         carried = mass_distribution(p, self.positions)[0] - p.mass
         volume = pumped(p, self.positions)[0]
         self.net_mass = float(carried - p.reference_density * 1e-6 * volume)
-        """[kg] at reference density, positive heavy"""
+        """[kg] Net mass at reference density, positive heavy."""
         self._displaced = float(p.mass + p.reference_density * 1e-6 * volume)
 
     @property
     def rotation(self) -> float:
-        """Position of the part that turns it; 0 without one."""
+        """Position of the part that turns the vehicle; 0 without one."""
         return 0.0 if self.turning is None else float(self.positions[self.turning])
 
     def _acceleration(self, nu_r: Array, down: Array) -> Array:
@@ -111,7 +111,7 @@ class SteadyProblem:
 
     @staticmethod
     def nu_r(x: Array) -> Array:
-        """nu_r, shape (6,), of the unknowns (u, v, w, roll, pitch, turn rate)."""
+        """Vector nu_r, shape (6,), of the unknowns (u, v, w, roll, pitch, turn rate)."""
         return np.concatenate((x[:3], x[5] * down_axis(x[3], x[4])))
 
     def residual(self, x: Array) -> Array:
@@ -142,9 +142,9 @@ class SteadyProblem:
     def straight_glide(self, alpha: float) -> Array | None:
         """Unknowns of the upright straight glide whose forces balance at `alpha` [rad].
 
-        Speed and pitch follow from the resultant of lift and drag; None when it points to the
-        wrong side, so that only an inverted glider could balance it. The pitch moment is free.
-        A law that is not purely quadratic is asked again at the speed that it gave.
+        Speed and pitch follow from the resultant of lift and drag. None: the resultant points to
+        the wrong side, where only an inverted glider could balance. The pitch moment is free. A law
+        that is not purely quadratic is evaluated again at the speed found.
         """
         unit = np.array([math.cos(alpha), 0.0, math.sin(alpha), 0.0, 0.0, 0.0])
         side = math.copysign(1.0, self.net_mass)
@@ -165,7 +165,7 @@ class SteadyProblem:
         angles = np.linspace(-math.pi, math.pi, SCAN_POINTS)
         balanced = [self.straight_glide(float(alpha)) is not None for alpha in angles]
         found = self._crossings(angles)
-        for k in np.flatnonzero(np.diff(balanced)):  # no lift at one end: steep glides lie here
+        for k in np.flatnonzero(np.diff(balanced)):  # one end has no lift: steep glides are here
             found += self._crossings(np.linspace(angles[k], angles[k + 1], EDGE_POINTS))
         return found
 
@@ -189,7 +189,7 @@ class SteadyProblem:
         return found
 
     def cruises(self) -> list[Array]:
-        """Guesses for every straight way under a propeller, at several pitches."""
+        """Guesses for every straight motion under a propeller, at several pitches."""
         fast, slow = 20.0, 0.0
         for _ in range(60):
             middle = 0.5 * (fast + slow)
@@ -202,21 +202,21 @@ class SteadyProblem:
         ]
 
     def straight_guesses(self) -> list[Array]:
-        """Guesses for every straight motion, driven or gliding."""
+        """Guesses for every straight motion, propelled or gliding."""
         return self.cruises() if self.driven else self.straight_roots()
 
     def with_rotation(self, rotation: float) -> SteadyProblem:
-        """Problem with the part that turns the vehicle elsewhere."""
+        """Make the problem with another position of the part that turns the vehicle."""
         positions = self.positions.copy()
         if self.turning is not None:
             positions[self.turning] = rotation
         return SteadyProblem(self.p, positions, self.turning, self.driven)
 
 
-def _settled(problem: SteadyProblem, straight: Array) -> Array | None:
-    """Follow the motion in time from `straight`; the guess it ends at, None when it leaves.
+def _settle(problem: SteadyProblem, straight: Array) -> Array | None:
+    """Follow the motion in time from `straight`; returns its end as a guess, None if it diverges.
 
-    A stable motion attracts: this finds those that no family of spirals leads to.
+    Stable motions attract, so this finds those that no family of spirals contains.
     """
     from scipy.integrate import solve_ivp
 
@@ -230,7 +230,7 @@ def _settled(problem: SteadyProblem, straight: Array) -> Array | None:
     return np.concatenate((end[:3], end[6:8], [float(end[3:6] @ down)]))
 
 
-def _continued(problem: SteadyProblem, straight: Array) -> Array | None:
+def _continue_spiral(problem: SteadyProblem, straight: Array) -> Array | None:
     """Follow one straight glide from rotation 0 to the problem's rotation, or None at a fold."""
     here, x = 0.0, straight
     slope = np.zeros(6)
@@ -253,7 +253,7 @@ def _continued(problem: SteadyProblem, straight: Array) -> Array | None:
 
 
 def _spiral_guesses(straight: Array) -> list[Array]:
-    """Rolled and turning neighbours of a straight glide, to both sides."""
+    """Guesses that roll and turn to both sides of a straight glide."""
     guesses = []
     for side in (-1.0, 1.0):
         for roll, turn_rate in ((10.0, 0.005), (30.0, 0.02), (60.0, 0.05)):
@@ -264,15 +264,15 @@ def _spiral_guesses(straight: Array) -> list[Array]:
     return guesses
 
 
-def _motions(
+def _distinct_motions(
     problem: SteadyProblem, guesses: list[Array], linear_angle: float
 ) -> list[SteadyMotion]:
-    """The distinct steady motions that the guesses lead to."""
+    """Distinct steady motions that follow from the guesses."""
     motions: list[SteadyMotion] = []
     for x in solve_steady_state(problem.residual, guesses):
         x[3:5] = [math.remainder(angle, math.tau) for angle in x[3:5]]
         if abs(x[4]) > math.pi / 2:
-            continue  # another set of Euler angles of a motion found with a smaller pitch
+            continue  # other Euler angles of a motion that was found with a smaller pitch
         nu_r = problem.nu_r(x)
         if any(np.max(np.abs(nu_r - known.nu_r)) < DISTINCT_ROOTS for known in motions):
             continue  # the same motion, found with angles one turn apart
@@ -285,7 +285,7 @@ def _motions(
 
 
 def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMotion]:
-    """Every steady motion found, stable ones first, then by the size of the angle of attack.
+    """Find all steady motions, stable ones first, then by the size of the angle of attack.
 
     Raises NoSteadyState when the net mass is zero or no motion is found.
     """
@@ -296,14 +296,14 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
     if problem.rotation == 0.0:
         guesses = straight + [g for x in straight for g in _spiral_guesses(x)]
     else:
-        continued = [_continued(problem, x) for x in straight]
+        continued = [_continue_spiral(problem, x) for x in straight]
         guesses = [x for x in continued if x is not None]
         guesses += [g for x in straight for g in (x, *_spiral_guesses(x))]
-    motions = _motions(problem, guesses, linear_angle)
+    motions = _distinct_motions(problem, guesses, linear_angle)
     if not any(motion.stable and motion.forward for motion in motions):
-        ends = [_settled(problem, x) for x in straight]
+        ends = [_settle(problem, x) for x in straight]
         guesses += [x for x in ends if x is not None]
-        motions = _motions(problem, guesses, linear_angle)
+        motions = _distinct_motions(problem, guesses, linear_angle)
     if not motions:
         raise NoSteadyState(
             f"no steady motion at {problem.request}, net mass {problem.net_mass:g} kg: "
@@ -314,7 +314,7 @@ def steady_motions(problem: SteadyProblem, linear_angle: float) -> list[SteadyMo
 
 
 def stable_motion(problem: SteadyProblem, linear_angle: float) -> SteadyMotion:
-    """The stable forward motion with the smallest angle of attack; NoSteadyState without one."""
+    """Find the stable forward motion with the smallest angle of attack; raises NoSteadyState."""
     motions = steady_motions(problem, linear_angle)
     for motion in motions:
         if motion.stable and motion.forward:

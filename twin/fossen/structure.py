@@ -1,9 +1,9 @@
-"""Structure: what vehicles have in common that fly side by side, as one compiled function.
+"""Structure: the common part of vehicles in a batch, as one compiled function.
 
-Vehicles of one structure have the same parts, masses and hull law, each with numbers of its own. A
-block (`twin.fossen.lane_block`) holds some of them. The function of a structure is written out as
-text (`twin.fossen.structure_text`), without a loop but the one over lanes; it takes the state and
-gives its rate.
+Vehicles of one structure have the same parts, masses and hull law, but different numbers. A block
+(`twin.fossen.lane_block`) holds several of them; a lane is one vehicle's place in it. The function
+of a structure computes the rate of the state. Its text (`twin.fossen.structure_text`) has no loop
+except the one over lanes.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ _ROW = re.compile(r"\{(\d+)\}")
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """The structure of a vehicle: its compiled function, and the numbers that it reads."""
+    """Structure of a vehicle: its compiled function and the layout of the function's numbers."""
 
     parts: int
     size: int
-    """rows of a block"""
+    """Number of rows of a block."""
     text: str
-    """of the function's loop, in which `{k}` is the first number of row k"""
+    """Text of the function's loop; `{k}` stands for the first number of row k."""
     names: tuple[tuple[str, Any], ...]
-    """what the text calls: compiled functions, by name"""
+    """Compiled functions that the text calls, by name."""
     kernels: tuple[tuple[str, str], ...]
-    """function of a kind in words, and the text of a loop with nothing else in it"""
+    """Description of each kind's function, and the text of a loop with this function alone."""
 
     @property
     def numbers_at(self) -> int:
@@ -48,7 +48,7 @@ class Structure:
         return PARTS_AT + len(PART) * self.parts
 
     def rate(self, lanes: int) -> Any:
-        """The compiled function for blocks of so many lanes, numba's CFunc: (block, g [s]).
+        """Compiled function for blocks of `lanes` lanes, numba's CFunc: (block, g [s]).
 
         It writes the rows `rate`, `current`, `water`, `net_mass` and `path_rate` from the others.
         With `g` above 0 the accelerations are those of a linearly implicit step: see
@@ -57,7 +57,7 @@ class Structure:
         return _compiled(self, lanes, content.generation())
 
     def arithmetic(self, lanes: int) -> Arithmetic:
-        """Operations of that function, by compiling it anew: the cache keeps no text of it."""
+        """Count the function's operations by compiling it again: cached code has no text."""
         return Arithmetic.of(_kept_loop(self, self.text, lanes, keep=False)[0])
 
 
@@ -66,11 +66,11 @@ def _compiled(structure: Structure, lanes: int, _: int) -> Any:
     from twin.compiled.folder import keep_note, kept_note
 
     function, stamp = _kept_loop(structure, structure.text, lanes)
-    # kept code has no text any more: what was found in it when it was compiled is kept beside it
+    # cached code has no text, so the finding is kept beside the code
     slow = kept_note(__name__, stamp) if function.cache_hits else None
     if slow is None:
         text = structure.arithmetic(lanes) if function.cache_hits else Arithmetic.of(function)
-        slow = "" if text.vector_code else _blamed(structure)
+        slow = "" if text.vector_code else _scalar_kinds(structure)
         keep_note(__name__, stamp, slow)
     if slow:
         warnings.warn(
@@ -87,9 +87,9 @@ def _compiled(structure: Structure, lanes: int, _: int) -> Any:
 def _kept_loop(
     structure: Structure, body: str, lanes: int, *, keep: bool = True
 ) -> tuple[Any, str | None]:
-    """A loop over so many lanes, compiled, and the stamp under which it is kept, None: it is not.
+    """Compile a loop over `lanes` lanes; returns it with its stamp, None when it is not kept.
 
-    `keep`: between processes.
+    `keep`: True keeps the code between processes.
     """
     import numba
     from numba import types
@@ -128,11 +128,11 @@ class Arithmetic:
     """Operations of a compiled loop over lanes, counted in its text."""
 
     packed: int
-    """operations on several lanes at once"""
+    """Number of operations on several lanes at once."""
     scalar: int
-    """on one"""
+    """Number of operations on a single lane."""
     calls: tuple[str, ...]
-    """functions that are called, once a lane"""
+    """Functions that are called once per lane."""
 
     @classmethod
     def of(cls, function: Any) -> Arithmetic:
@@ -142,7 +142,7 @@ class Arithmetic:
     @classmethod
     def of_text(cls, text: str) -> Arithmetic:
         """Count the first function of LLVM's text."""
-        # the first function is ours, those behind it call it from C and let memory go
+        # the first function is the loop; the others are its C wrapper and memory management
         text = text[text.index("\ndefine ") :].partition("\n}")[0]
         packed = len(_PACKED.findall(text))
         called = set(_CALLED.findall(text))
@@ -153,7 +153,7 @@ class Arithmetic:
 
     @property
     def vector_code(self) -> bool:
-        """Whether lanes share instructions: less than a tenth is scalar, nothing is called."""
+        """True when lanes share instructions: less than a tenth is scalar, without calls."""
         return not self.calls and self.scalar < 0.1 * (self.packed + self.scalar)
 
 
@@ -163,16 +163,16 @@ _CALLED = re.compile(r"\bcall\b[^\n@]*@([\w.$]+)")
 _INSTRUCTIONS = tuple(
     f"llvm.{name}." for name in ("fabs", "sqrt", "copysign", "assume", "experimental", "lifetime")
 )
-"""Calls in LLVM's text that are compiled to instructions"""
-_ALONE = 4096
-"""lanes of a loop with one kind's function: so many that the loop stays one"""
+"""Calls in LLVM's text that are compiled to instructions."""
+_KIND_LANES = 4096
+"""Lanes of a loop with one kind's function: so many that LLVM does not unroll the loop."""
 
 
-def _blamed(structure: Structure) -> str:
-    """The functions of kinds that did not become vector code, in words."""
+def _scalar_kinds(structure: Structure) -> str:
+    """Names of the kinds' functions that did not become vector code."""
     blamed = []
     for name, text in structure.kernels:
-        found = Arithmetic.of(_kept_loop(structure, text, _ALONE, keep=False)[0])
+        found = Arithmetic.of(_kept_loop(structure, text, _KIND_LANES, keep=False)[0])
         if not found.vector_code:
             calls = f", calls {', '.join(found.calls)}" if found.calls else ""
             blamed.append(
@@ -187,14 +187,14 @@ def structure_of(
     neutral_volume: float | None = None,
     zeros: Mapping[str, float] | None = None,
 ) -> tuple[Structure, Array]:
-    """The structure of a vehicle, and its numbers in the rows from `numbers_at` on.
+    """Structure of a vehicle, and the vehicle's numbers in the rows from `numbers_at` on.
 
     Args:
-      neutral_volume: [m3] as it was really ballasted; None: the vehicle's own.
-      zeros: where parts really are when their encoders say 0, by part, in the parts' units.
+      neutral_volume: [m3] after the actual ballasting; None: the vehicle's own.
+      zeros: true positions at which encoders read 0, by part, in the parts' units.
 
     Raises:
-      VehicleError: a law that does not fly in lanes, or a kind that is not compiled.
+      VehicleError: the law does not fly in lanes, or a kind is not compiled.
     """
     volume = vehicle.neutral_volume if neutral_volume is None else neutral_volume
     w = written(vehicle, volume, zeros or {})

@@ -1,7 +1,7 @@
-"""Text of a structure: the equations of a vehicle written out for the loop over lanes.
+"""Structure text: the equations of a vehicle, written out for the loop over lanes.
 
-It calls the scalar functions that the scalar model calls too, and reads the vehicle's numbers from
-the rows of a block.
+The text calls the scalar functions of the scalar model, and reads the vehicle's numbers from the
+rows of a block.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ class Writer:
         self.numbers: list[float] = []
         self.first = PARTS_AT + len(PART) * len(vehicle.parts)
         self.add = self.lines.append
-        """Add a line"""
+        """Add a line of text."""
 
     def number(self, value: float) -> str:
-        """A number of the vehicle, as the text reads it."""
+        """Store a number of the vehicle; returns the text that reads it."""
         self.numbers.append(float(value))
         return row(self.first + len(self.numbers) - 1)
 
     def vector(self, values: Any) -> str:
-        """Several, as a tuple."""
+        """Store several numbers; returns the text of their tuple."""
         return "(" + "".join(f"{self.number(value)}, " for value in np.ravel(values)) + ")"
 
     def symmetric(self, matrix: Array) -> str:
-        """The lower triangle of a symmetric matrix."""
+        """Store the lower triangle of a symmetric matrix; returns the text of its tuple."""
         return self.vector(matrix[np.tril_indices(len(matrix))])
 
     def call(self, what: str, name: str, function: Any, arguments: str, results: str) -> None:
-        """A call of a kind's own function; `what` it is in words."""
+        """Write the call of a kind's own function, which `what` describes."""
         if not isinstance(function, Compiled):
             raise VehicleError(
                 f"{name}: {function!r} is no compiled function; decorate it with twin.compiled.jit"
@@ -63,7 +63,7 @@ class Writer:
 
 
 def body(lines: Iterable[str]) -> str:
-    """Body of the loop over lanes."""
+    """Indent lines as the body of the loop over lanes."""
     return "".join(f"        {line}\n" for line in lines)
 
 
@@ -74,13 +74,13 @@ _TERMS = (
 
 
 def written(vehicle: Vehicle, volume: float, zeros: Mapping[str, float]) -> Writer:
-    """The equations of a vehicle.
+    """Write the equations of a vehicle.
 
     Args:
-      volume: [m3] neutral. zeros: as of `twin.fossen.structure.structure_of`.
+      volume: [m3] neutral. zeros: as in `twin.fossen.structure.structure_of`.
 
     Raises:
-      VehicleError: a law that does not fly in lanes, or a kind that is not compiled.
+      VehicleError: the law does not fly in lanes, or a kind is not compiled.
     """
     w = Writer(vehicle)
     w.names |= {name: getattr(terms, name) for name in _TERMS}
@@ -118,7 +118,7 @@ def written(vehicle: Vehicle, volume: float, zeros: Mapping[str, float]) -> Writ
         " m[13], m[14] + d1, m[15], m[16], m[17], m[18], m[19], m[20] + d2)"
     )
     w.add("x = solved(m, (fx, fy, fz, fk, fm, fn))")
-    # leapfrog: a pose goes on by the velocity half a step later
+    # leapfrog: a pose advances by the velocity half a step later
     for k, name in enumerate(("u", "v", "w", "wx", "wy", "wz")):
         w.add(f"half_{name} = {name} + g * (x[{k}] - 0.5 * {before[k]})")
     w.add("swing = cross(omega, nu)")
@@ -145,7 +145,7 @@ def written(vehicle: Vehicle, volume: float, zeros: Mapping[str, float]) -> Writ
 
 
 def _write_flow(w: Writer) -> None:
-    """The current, linear about where it was looked up, and the water's tables."""
+    """Write the current, linear about the place of its look-up, and the water's tables."""
     looked, flow = AT["looked"], AT["flow"]
     w.add(f"dn, de = north - {row(looked)}, east - {row(looked + 1)}")
     w.add(f"dd, tau = depth - {row(looked + 2)}, {row(AT['time'])} - {row(looked + 3)}")
@@ -222,7 +222,7 @@ def _write_buoyancy(w: Writer, vehicle: Vehicle, neutral: float) -> None:
     )
     w.add(f"displaced = density * ({w.number(neutral)} + 1e-6 * volume) * stretch")
     w.add(f"wrench = restoring({gravity}, displaced, immersion, lever, body, down)")
-    # buoyancy of pumped volume acts where it is
+    # buoyancy of pumped volume acts at the pump's place
     w.add("pumped = immersion * density * stretch * 1e-6")
     w.add(f"raised = buoyant_moment({gravity}, pumped, (lx, ly, lz), down)")
     w.add("wrench = (wrench[0], (wrench[1][0] + raised[0], wrench[1][1] + raised[1],"
@@ -232,7 +232,7 @@ def _write_buoyancy(w: Writer, vehicle: Vehicle, neutral: float) -> None:
 _LAW = ("fx", "fy", "fz", "fk", "fm", "fn", "d0", "d1", "d2")
 _MOTION = "density, u, v, w, p, q, r"
 _GIVEN = ("u", "v", "w", "p", "q", "r", "density", "there")
-"""Arguments of a kind's function beside its own numbers"""
+"""Arguments of a kind's function besides its own numbers."""
 
 
 def _write_law(w: Writer, vehicle: Vehicle) -> None:
@@ -271,7 +271,7 @@ def _write_law(w: Writer, vehicle: Vehicle) -> None:
 
 
 RATE = 1e-4
-"""[rad/s] of the differences by which a law's rate damping is found that does not say it"""
+"""[rad/s] Step of the differences that replace a missing `fossen_rate_damping`."""
 
 
 def _write_part(w: Writer, vehicle: Vehicle, index: int, part: Any) -> None:

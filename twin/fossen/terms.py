@@ -1,7 +1,7 @@
 """Terms of Fossen's equations as functions of scalars, for one vehicle and for many at once.
 
 Vectors are tuples of 3 or 6 numbers. A symmetric matrix is the tuple of its lower triangle, row by
-row: 6 numbers of a 3 x 3 (xx, xy, yy, xz, yz, zz), 21 of a 6 x 6. Every function is inlined and
+row: 6 numbers for a 3 x 3 (xx, xy, yy, xz, yz, zz), 21 for a 6 x 6. Every function is inlined and
 holds no array, so that a loop over vehicles becomes vector code.
 
 Source of the parametrisations: T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion
@@ -17,18 +17,18 @@ from twin.compiled import Written, elementary, generate
 from twin.compiled.elementary import cross, dot, scalar
 
 STRIPS = 9
-"""equal-volume strips along the hull that carry the buoyancy at the surface"""
+"""Number of equal-volume strips along the hull that carry the buoyancy at the surface."""
 
 
 @scalar
 def rows_times(m, a):  # type: ignore[no-untyped-def]
-    """M a of a full 3 x 3, its 9 numbers row by row."""
+    """Product M a of a full 3 x 3, its 9 numbers row by row."""
     return (dot(m[0:3], a), dot(m[3:6], a), dot(m[6:9], a))
 
 
 @scalar
 def columns_times(m, a):  # type: ignore[no-untyped-def]
-    """M^T a of a full 3 x 3, its 9 numbers row by row."""
+    """Product M^T a of a full 3 x 3, its 9 numbers row by row."""
     return (
         m[0] * a[0] + m[3] * a[1] + m[6] * a[2],
         m[1] * a[0] + m[4] * a[1] + m[7] * a[2],
@@ -38,7 +38,7 @@ def columns_times(m, a):  # type: ignore[no-untyped-def]
 
 @scalar
 def symmetric_times(m, a):  # type: ignore[no-untyped-def]
-    """M a of a symmetric 3 x 3."""
+    """Product M a of a symmetric 3 x 3."""
     return (
         m[0] * a[0] + m[1] * a[1] + m[3] * a[2],
         m[1] * a[0] + m[2] * a[1] + m[4] * a[2],
@@ -48,7 +48,7 @@ def symmetric_times(m, a):  # type: ignore[no-untyped-def]
 
 @scalar
 def rotation(w, x, y, z):  # type: ignore[no-untyped-def]
-    """R_nb, body to NED, 9 numbers row by row, of a quaternion of any length (eq. 2.69).
+    """Rotation matrix R_nb, body to NED, 9 numbers row by row, from a quaternion (eq. 2.69).
 
     The quaternion is normalised here, so that an integrator's stages may leave the unit sphere.
     """
@@ -62,7 +62,7 @@ def rotation(w, x, y, z):  # type: ignore[no-untyped-def]
 
 @scalar
 def quaternion(roll, pitch, heading):  # type: ignore[no-untyped-def]
-    """Body to NED, scalar first, of ZYX Euler angles [rad] (section 2.2.2)."""
+    """Quaternion body to NED, scalar first, from ZYX Euler angles [rad] (section 2.2.2)."""
     (sr, cr), (sp, cp) = elementary.sincos(0.5 * roll), elementary.sincos(0.5 * pitch)
     sh, ch = elementary.sincos(0.5 * heading)
     return (
@@ -75,7 +75,7 @@ def quaternion(roll, pitch, heading):  # type: ignore[no-untyped-def]
 
 @scalar
 def quaternion_rate(w, x, y, z, omega):  # type: ignore[no-untyped-def]
-    """dq/dt = T_q(q) omega for body rates [rad/s] (eq. 2.75)."""
+    """Rate dq/dt = T_q(q) omega for body rates [rad/s] (eq. 2.75)."""
     p, q, r = omega
     return (
         -0.5 * (x * p + y * q + z * r),
@@ -90,7 +90,7 @@ def quaternion_rate(w, x, y, z, omega):  # type: ignore[no-untyped-def]
 
 @scalar
 def with_mass(body, mass, place, inertia):  # type: ignore[no-untyped-def]
-    """A body (mass [kg], first moment [kg m], inertia about the CB [kg m2]) and one mass more.
+    """Add a mass to a body (mass [kg], first moment [kg m], inertia about the CB [kg m2]).
 
     `inertia` is the mass's own about its CG at `place` [m]; -m S(r) S(r) moves it (eq. 3.36).
     """
@@ -112,9 +112,9 @@ def with_mass(body, mass, place, inertia):  # type: ignore[no-untyped-def]
 
 @scalar
 def hung_mass(ahead, below, shift, roll, inertia):  # type: ignore[no-untyped-def]
-    """(place [m], inertia) of a moving mass that hangs `below` the axis and turned by `roll` [rad].
+    """Return (place [m], inertia) of a mass `below` the axis, turned about it by `roll` [rad].
 
-    A positive roll moves it to port: R_x(roll) turns its place and its inertia.
+    A positive roll moves the mass to port: R_x(roll) turns its place and its inertia.
     """
     s, c = elementary.sincos(roll)
     xx, xy, yy, xz, yz, zz = inertia
@@ -132,7 +132,7 @@ def hung_mass(ahead, below, shift, roll, inertia):  # type: ignore[no-untyped-de
 
 @scalar
 def mass_matrix(body, added, scale):  # type: ignore[no-untyped-def]
-    """M_RB + scale M_A, the 21 numbers of its lower triangle (eq. 3.44)."""
+    """Mass matrix M_RB + scale M_A, the 21 numbers of its lower triangle (eq. 3.44)."""
     m, (gx, gy, gz), i = body
     a = added
     return (
@@ -149,7 +149,7 @@ def mass_matrix(body, added, scale):  # type: ignore[no-untyped-def]
 
 @scalar
 def impulse(added, scale, v, w):  # type: ignore[no-untyped-def]
-    """scale M_A (v, w): linear and angular impulse of the water (Lamb 1932, article 124)."""
+    """Linear and angular impulse of the water, scale M_A (v, w) (Lamb 1932, article 124)."""
     a = added
     return (
         (
@@ -173,7 +173,7 @@ def impulse(added, scale, v, w):  # type: ignore[no-untyped-def]
 
 @scalar
 def rigid_body_coriolis(body, v, w):  # type: ignore[no-untyped-def]
-    """-C_RB nu: force and moment, in the parametrisation without the linear velocity.
+    """Force and moment -C_RB nu, in the parametrisation without the linear velocity.
 
     Only this form obeys M_RB dnu + C_RB nu = M_RB dnu_r + C_RB nu_r in an irrotational constant
     current (section 8.2.1).
@@ -195,20 +195,20 @@ def rigid_body_coriolis(body, v, w):  # type: ignore[no-untyped-def]
 
 @scalar
 def added_mass_coriolis(h, v, w):  # type: ignore[no-untyped-def]
-    """-C_A nu of the impulse `h` (linear, angular): force and moment (eq. 6.43, Munk's moment)."""
+    """Force and moment -C_A nu from the impulse `h` (linear, angular) (eq. 6.43, Munk's moment)."""
     munk, gyro = cross(h[0], v), cross(h[1], w)
     return cross(h[0], w), (munk[0] + gyro[0], munk[1] + gyro[1], munk[2] + gyro[2])
 
 
 @scalar
 def balanced(wrench, body, m_a, scale, coupling, v, w, turned, gradient, path, push):  # type: ignore[no-untyped-def]
-    """All forces and moments, 6 numbers: `wrench` and what inertia adds on the right of
-    (M_RB + M_A) dnu_r = ... (`twin.fossen.equations`).
+    """Right-hand side, 6 numbers, of (M_RB + M_A) dnu_r = ... (`twin.fossen.equations`): `wrench`
+    and the inertial terms.
 
     Args:
-      body: see `with_mass`. m_a: added mass, of which `scale` is there.
-      coupling: 1: the added mass's own coupling acts, 0: it is in the law.
-      v, w: velocity through the water, body rates; `turned`: the rates beside the water's own.
+      body: see `with_mass`. m_a: added mass, multiplied by `scale`.
+      coupling: 1: the coupling by added mass acts; 0: the law already contains it.
+      v, w: velocity through the water, body rates; `turned`: rates relative to the water's own.
       gradient: of the current in body axes [1/s], 9 numbers.
       path: rate of the current along the vehicle's path, in body axes [m/s2].
       push: force of the pressure that accelerates the water, in body axes [N].
@@ -230,7 +230,7 @@ def balanced(wrench, body, m_a, scale, coupling, v, w, turned, gradient, path, p
 
 
 def _solver() -> Written:
-    """Text of the factorisation M = L D L^T and the two substitutions, for 6 unknowns."""
+    """Write the factorisation M = L D L^T and the two substitutions, for 6 unknowns."""
 
     def at(i: int, j: int) -> int:
         return i * (i + 1) // 2 + j
@@ -259,9 +259,9 @@ solved = generate("solved", ("m", "f"), _solver, module=__name__, forceinline=Tr
 
 @scalar
 def wet_section(below, diameter):  # type: ignore[no-untyped-def]
-    """Part of a circle's area under the surface when its lowest point is `below` [m] deep.
+    """Immersed fraction of a circle's area when its lowest point is `below` [m] deep.
 
-    The segment of the half angle a, cos a = 1 - below / radius, has (a - sin a cos a) / pi of it.
+    With cos a = 1 - below / radius, the immersed segment has (a - sin a cos a) / pi of the area.
     """
     cosine = min(max(1.0 - 2.0 * below / diameter, -1.0), 1.0)
     sine = math.sqrt((1.0 - cosine) * (1.0 + cosine))
@@ -270,7 +270,7 @@ def wet_section(below, diameter):  # type: ignore[no-untyped-def]
 
 @scalar
 def immersed(depth, slope, length, diameter):  # type: ignore[no-untyped-def]
-    """(immersed part of the hull, its lever ahead of the CB [m] over the number of strips).
+    """Means over the strips: wet fraction, and wet fraction times place ahead of the CB [m].
 
     `slope` is the depth gained per metre forward.
     """
@@ -287,7 +287,7 @@ def immersed(depth, slope, length, diameter):  # type: ignore[no-untyped-def]
 
 @scalar
 def restoring(gravity, displaced, immersion, lever, body, down):  # type: ignore[no-untyped-def]
-    """-g(eta): force and moment of weight at the masses and buoyancy on the strips (section 4.1).
+    """Force and moment -g(eta) of weight at the masses and buoyancy on the strips (section 4.1).
 
     `displaced` [kg] is the mass of water that the fully immersed hull displaces, `down` the NED
     down axis in body axes.
@@ -308,20 +308,20 @@ def restoring(gravity, displaced, immersion, lever, body, down):  # type: ignore
 
 @scalar
 def buoyant_moment(gravity, displaced, place, down):  # type: ignore[no-untyped-def]
-    """place x (-down) of the buoyancy of `displaced` [kg] of water that acts at `place` [m]."""
+    """Moment place x (-down) of the buoyancy of `displaced` [kg] of water at `place` [m]."""
     arm, weight = cross(place, down), -gravity * displaced
     return (weight * arm[0], weight * arm[1], weight * arm[2])
 
 
 @scalar
 def strain(compressibility, pressure, expansion, warmer):  # type: ignore[no-untyped-def]
-    """1 + relative change of the hull's volume: squeezed by pressure [Pa], `warmer` [K]."""
+    """Relative volume of the hull, 1 + strain: pressure [Pa] and `warmer` [K] change it."""
     return 1.0 - compressibility * pressure + expansion * warmer
 
 
 @scalar
 def sum3(a, b):  # type: ignore[no-untyped-def]
-    """a + b of two vectors of 3."""
+    """Sum a + b of two vectors of 3."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 

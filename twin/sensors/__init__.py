@@ -1,6 +1,6 @@
-"""Sensors: seeded models that turn a mission's truth into what its devices would have logged.
+"""Sensors: seeded models that compute the readings of a mission's instruments from its truth.
 
-A sensor of one's own is one file: see docs/reference/sensors.md and `register`.
+Your own sensor is one file: see docs/reference/sensors.md and `register`.
 """
 
 from typing import TYPE_CHECKING

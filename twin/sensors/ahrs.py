@@ -1,25 +1,25 @@
-"""AHRS: roll, pitch and heading, made of the IMU's own gyros and accelerometers and of a compass.
+"""AHRS: roll, pitch and heading from the IMU's gyros and accelerometers and a compass.
 
-A complementary filter follows the gyros and is drawn to the tilt that the accelerometers show, over
+A complementary filter integrates the gyros and relaxes to the tilt of the accelerometers over
 `time_constant`. Its error then obeys
 
     e' = (rate error by the gyros) - (e - tilt error by the accelerometers) / time_constant
 
-with the errors of the very gyros and accelerometers that the IMU reports, in Euler angles, to first
-order. A constant accelerometer bias b_a therefore tilts attitude and specific force alike, by
+to first order in Euler angles, with the errors of the same gyros and accelerometers that the IMU
+reports. A constant accelerometer bias b_a therefore tilts attitude and specific force alike, by
 b_a / g, and a gyro bias b_g adds time_constant b_g: attitude is no second measurement of gravity.
 
-The compass has the deviation that the vehicle's own iron makes. Its magnetometer reads A R^T m_n +
-b: A the soft iron, b the hard iron in body axes, both in units of the horizontal field.
-Tilt-compensated, a level vehicle then shows the classical deviation A0 + B sin psi + C cos psi +
-D sin 2psi + E cos 2psi with b = (-B, -C) and A = I + [[-D, -E], [-E, D]]; under tilt the dip adds a
-dependence on pitch and roll. Declination is taken as removed.
+The vehicle's iron causes the compass deviation. The magnetometer reads A R^T m_n + b: A the soft
+iron, b the hard iron in body axes, both in units of the horizontal field. After tilt compensation,
+a level vehicle shows the classical deviation A0 + B sin psi + C cos psi + D sin 2psi + E cos 2psi
+with b = (-B, -C) and A = I + [[-D, -E], [-E, D]]; under tilt the dip adds a dependence on pitch and
+roll. The readings have no declination.
 
-The compass is levelled by the measured roll and pitch, so that an accelerometer bias reaches the
-heading by the tangent of the dip. Its filter is drawn to that heading: a constant yaw gyro bias b_g
-adds time_constant b_g. The battery's share of b is calibrated away at its neutral position only: it
-turns with the rotation and falls with the cube of the distance as the battery shifts away from the
-compass.
+The measured roll and pitch level the compass, so that an accelerometer bias enters the heading by
+the tangent of the dip. The heading's filter relaxes to that heading: a constant yaw gyro bias b_g
+adds time_constant b_g. Calibration removes the battery's share of b at the neutral position only:
+the share turns with the rotation and falls with the cube of the distance as the battery shifts away
+from the compass.
 """
 
 from __future__ import annotations
@@ -55,17 +55,17 @@ ANGLES = ("roll", "pitch")
 RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 FORCES = ("specific_force_x", "specific_force_y", "specific_force_z")
 IRON = ("a0", "b", "c", "vertical", "d", "e", "battery_x", "battery_y", "battery_z")
-"""Constants of a compass that a mission draws"""
+"""Constants of a compass that are sampled per mission."""
 MAX_SHIFT = 0.2
-"""[m] no glider's battery travels further; the compass must be further away than this"""
+"""[m] Longest travel of a glider's battery; the compass must be farther away."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Attitude(Sensor):
-    """The filter and the error that is its own; the defaults are a 3DM-GX5-25's.
+    """Filter of roll and pitch, with an error of its own; the defaults are a 3DM-GX5-25's.
 
-    Of the 0.25 deg RMS of its data sheet the default gyros' turn-on bias makes 0.2 deg, the
-    accelerometers' bias and misalignment 0.13 deg, and `rms_deg` the rest.
+    The data sheet's 0.25 deg RMS consists of 0.2 deg from the default gyros' turn-on bias, 0.13 deg
+    from the accelerometers' bias and misalignment, and `rms_deg`.
     """
 
     name = "attitude"
@@ -79,13 +79,13 @@ class Attitude(Sensor):
     unset: ClassVar[Mapping[str, Any]] = {"time_constant": 0.0}
 
     time_constant: float = 5.0
-    """[s] over which the accelerometers hold the gyros; 0: no filter, only the error below. The
-    device's complementary filter has 10 s and, with these gyros, its 0.5 deg; half of that stands
-    for the gyro bias that its Kalman filter estimates"""
+    """[s] Time in which the filter relaxes to the accelerometers; 0: no filter, only the error
+    below. The device's complementary filter takes 10 s, which gives its 0.5 deg with these gyros.
+    The default is half of that, because the device's Kalman filter estimates the gyro bias"""
     rms_deg: float = 0.08
     """[deg] RMS per angle of the filter's own error, a stationary Gauss-Markov process"""
     correlation_time: float = 120.0
-    """[s] of that process; ours"""
+    """[s] Correlation time of the filter's own error; our estimate"""
 
     def __post_init__(self) -> None:
         require_non_negative(self, "rms_deg", "time_constant")
@@ -94,11 +94,11 @@ class Attitude(Sensor):
 
     @classmethod
     def ideal(cls) -> Attitude:
-        """No error at all."""
+        """Make a filter without errors."""
         return cls(rms_deg=0.0, time_constant=0.0)
 
     def begin(self, outset: Outset) -> AttitudeRun:
-        """measured_roll in [-180, 180) and measured_pitch in [-90, 90] [degree]."""
+        """Begin to measure measured_roll [-180, 180) and measured_pitch [-90, 90] [degree]."""
         rng, n, dt, time = outset.rng, outset.samples, outset.dt, self.correlation_time
         own = [gauss_markov(rng, n, std=self.rms_deg, dt=dt, correlation_time=time) for _ in ANGLES]
         return AttitudeRun(self.time_constant, dt, np.stack(own))
@@ -111,9 +111,9 @@ class AttitudeRun(SensorRun):
     time_constant: float
     dt: float
     own: Array
-    """error of its own [degree], (2, n)"""
+    """[degree] Filter's own error, (2, n)."""
     carried: Array = dataclasses.field(default_factory=lambda: np.full(2, np.nan))
-    """errors of roll and pitch by gyros and accelerometers [degree]"""
+    """[degree] Errors of roll and pitch from gyros and accelerometers."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -126,7 +126,7 @@ class AttitudeRun(SensorRun):
         return {"measured_roll": roll, "measured_pitch": pitch}
 
     def _errors(self, signals: Signals, true: list[Array], span: slice) -> Array:
-        """Errors of roll and pitch by gyros and accelerometers [degree], shape (2, stretch)."""
+        """Errors of roll and pitch from gyros and accelerometers [degree], shape (2, stretch)."""
         errors = np.zeros((2, len(true[0])))
         if self.time_constant == 0.0:
             return errors
@@ -147,7 +147,7 @@ class AttitudeRun(SensorRun):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Compass(Sensor):
-    """Standard deviations of what a mission draws; the defaults are a calibrated compass.
+    """Standard deviations of a compass's errors; the defaults are a calibrated compass.
 
     OceanGliders' depth-averaged current procedure: about 1 deg or less after calibration,
     usually up to 5 deg without.
@@ -170,22 +170,22 @@ class Compass(Sensor):
     soft_iron_deg: float = 0.3
     """[deg] D and E"""
     battery_deg: float = 0.5
-    """[deg] each component of the battery's field at its neutral position; ours"""
+    """[deg] Each component of the battery's field at its neutral position; our estimate"""
     battery_shift_part: str = "shift"
-    """name of the part that slides the battery; without it the battery stays at neutral"""
+    """Name of the part that slides the battery; without this part the battery stays at neutral"""
     battery_rotation_part: str = "rotation"
-    """name of the part that turns the battery; without it the battery does not turn"""
+    """Name of the part that turns the battery; without this part the battery does not turn"""
     battery_distance: float = 0.3
-    """[m] from the compass forward to the neutral battery, as the Sea-Wing model places its IMU"""
+    """[m] Distance from the compass forward to the neutral battery, as in the Sea-Wing model"""
     dip_deg: float = 60.0
-    """[deg] inclination of the Earth's field; about 60 in Monterey Bay"""
+    """[deg] Inclination of the Earth's field; about 60 in Monterey Bay"""
     noise_deg: float = 0.2
-    """[deg] RMS of the correlated noise of the filter; ours"""
+    """[deg] RMS of the correlated noise of the filter; our estimate"""
     noise_correlation_time: float = 10.0
-    """[s]"""
+    """[s] Correlation time of the filter's noise"""
     time_constant: float = 5.0
-    """[s] over which the compass holds the gyros, as `Attitude.time_constant`; 0: no filter, and
-    the compass is levelled by the true tilt"""
+    """[s] Time in which the filter relaxes to the compass, as `Attitude.time_constant`; 0: no
+    filter, and the true tilt levels the compass"""
 
     def __post_init__(self) -> None:
         require_non_negative(
@@ -206,12 +206,12 @@ class Compass(Sensor):
 
     @property
     def deviation_deg(self) -> float:
-        """[deg] standard deviation of what a mission's compass is off by at one heading, level"""
+        """Standard deviation [deg] of the heading error of a level vehicle at one heading."""
         return math.hypot(self.offset_deg, self.hard_iron_deg, self.soft_iron_deg, self.battery_deg)
 
     @classmethod
     def ideal(cls) -> Compass:
-        """No deviation and no noise."""
+        """Make a compass without deviation and noise."""
         return cls(
             offset_deg=0.0, hard_iron_deg=0.0, soft_iron_deg=0.0, battery_deg=0.0, noise_deg=0.0,
             time_constant=0.0,
@@ -219,29 +219,29 @@ class Compass(Sensor):
 
     @classmethod
     def preset(cls, name: str) -> Compass:
-        """A compass of `COMPASS_PRESETS` by name."""
+        """Return a compass of `COMPASS_PRESETS` by name."""
         if name not in COMPASS_PRESETS:
             raise InputError(unknown_name("compass", name, COMPASS_PRESETS))
         return COMPASS_PRESETS[name]
 
     def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
-        """Attitude, and the battery's position where a part moves it."""
+        """Attitude, and the battery's position if a part moves it."""
         there = set(signals)
         return (*self.reads, *(name for name in self._parts if name in there))
 
     @property
     def _parts(self) -> tuple[str, str]:
-        """Signals of what slides and what turns the battery."""
+        """Signals of the parts that slide and turn the battery."""
         return f"true_{self.battery_shift_part}", f"true_{self.battery_rotation_part}"
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's deviation coefficients and iron [deg]."""
+        """Sample the mission's deviation coefficients and iron [deg]."""
         hard, soft, battery = self.hard_iron_deg, self.soft_iron_deg, self.battery_deg
         spread = [self.offset_deg, *[hard] * 3, *[soft] * 2, *[battery] * 3]
         return self.draw_normal(rng, spread)
 
     def begin(self, outset: Outset) -> CompassRun:
-        """measured_heading [degree] in [0, 360)."""
+        """Begin to measure measured_heading [degree] in [0, 360)."""
         iron = {key: drawn_value(outset.drawn, f"compass_{key}_deg") * DEG for key in IRON}
         soft = np.zeros((3, 3))
         soft[:2, :2] = [[-iron["d"], -iron["e"]], [-iron["e"], iron["d"]]]
@@ -269,16 +269,16 @@ class CompassRun(SensorRun):
     compass: Compass
     dt: float
     error: Array
-    """of the filter [degree], (n,)"""
+    """[degree] Error of the filter, (n,)."""
     parts: tuple[str | None, ...]
-    """signals of what slides and what turns the battery"""
+    """Signals of the parts that slide and turn the battery."""
     hard: Array
     soft: Array
     battery: Array
     offset: float
-    """[rad]"""
+    """[rad] Constant error A0."""
     carried: Array = dataclasses.field(default_factory=lambda: np.full(1, np.nan))
-    """error of the filter by gyros and magnetic field [degree]"""
+    """[degree] Error of the filter from gyros and magnetic field."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -309,17 +309,17 @@ class CompassRun(SensorRun):
                 rate, deviation.copy(), self.dt, its.time_constant, self.carried, deviation
             )
         out = np.mod(heading + deviation + self.error[span], 360.0)
-        out[out == 360.0] = 0.0  # the remainder of a tiny negative number
+        out[out == 360.0] = 0.0  # np.mod of a tiny negative number
         return {"measured_heading": out}
 
 
 COMPASS_PRESETS: dict[str, Compass] = {
     "none": Compass.ideal(),
-    # sqrt(0.7^2 + 0.3^2 + 0.3^2 + 0.2^2) = 0.84 deg RMS before the battery moves.
+    # RMS before the battery moves: sqrt(0.7^2 + 0.3^2 + 0.3^2 + 0.2^2) = 0.84 deg
     "calibrated": Compass(),
-    # The paper's table: 0.8 deg RMS of the filter's heading, as an error of its own that wanders as
-    # slowly as that of roll and pitch.
+    # paper's table: 0.8 deg RMS of the filter's heading, here as the filter's own error with the
+    # correlation time of roll and pitch
     "table": dataclasses.replace(Compass.ideal(), noise_deg=0.8, noise_correlation_time=120.0),
-    # sqrt(4.6^2 + 1.5^2 + 1.0^2 + 0.2^2) = 4.9 deg RMS before the battery moves.
+    # RMS before the battery moves: sqrt(4.6^2 + 1.5^2 + 1.0^2 + 0.2^2) = 4.9 deg
     "uncalibrated": Compass(offset_deg=1.0, hard_iron_deg=4.6, soft_iron_deg=1.5, battery_deg=2.0),
 }

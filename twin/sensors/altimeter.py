@@ -1,8 +1,8 @@
 """Altimeter: the height above the sea floor by one downward echo sounder.
 
-Each ping the range along the beam to the sea floor is measured, and the vehicle makes a height of
-it with its own pitch and roll. The beam is tilted forward, so that it is plumb in a dive: at the
-pitch of a climb it looks aft of the vehicle, and beyond `max_beam_angle_deg` no echo comes back.
+Each ping measures the range along the beam to the sea floor. The vehicle computes its height from
+the range and its own pitch and roll. The beam is tilted forward, so that it is plumb in a dive. In
+a climb it points aft, and beyond `max_beam_angle_deg` from the vertical no echo returns.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from twin.sensors.base import (
 
 ANGLES = ("roll", "pitch", "heading")
 MARCH = 2.0
-"""[m] steps in which the beam looks for the floor: finer than any bathymetry grid"""
+"""[m] Step of the search for the floor along a beam: finer than any bathymetry grid."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Altimeter(Sensor):
     """One narrow beam; it measures in missions with a sea floor.
 
     Range and tilt: the altimeter of Slocum gliders (Teledyne's G2 manual: 0 to 100 m, tilted by
-    26 deg so that it is plumb in a dive at that pitch). Noise, scale and lost pings: ours.
+    26 deg so that it is plumb in a dive at that pitch). Noise, scale and lost pings: our estimates.
     """
 
     name = "altimeter"
@@ -55,23 +55,23 @@ class Altimeter(Sensor):
     ideal_is_truth = True
 
     fitted: bool = True
-    """False: the vehicle carries none, and every value is NaN"""
+    """False: the vehicle has no altimeter, and every value is NaN"""
     tilt_deg: float = 26.0
-    """[deg] of the beam from the hull's downward axis, forward"""
+    """[deg] Angle of the beam from the hull's downward axis, forward"""
     min_range: float = 0.5
-    """[m] shortest range"""
+    """[m] Shortest range"""
     max_range: float = 100.0
-    """[m] longest range"""
+    """[m] Longest range"""
     max_beam_angle_deg: float = 35.0
-    """[deg] from the vertical; beyond it the echo goes elsewhere"""
+    """[deg] Largest angle from the vertical at which an echo returns"""
     ping_period: float = 4.0
-    """[s] between pings; the samples in between are NaN"""
+    """[s] Time between pings; the samples in between are NaN"""
     scale: float = 0.005
-    """[1] standard deviation of the error of the assumed sound speed, per mission"""
+    """[1] Standard deviation of the relative error of the assumed sound speed, per mission"""
     noise: float = 0.1
-    """[m] white, per ping"""
+    """[m] White noise per ping"""
     lost_share: float = 0.05
-    """[1] of the pings without a usable echo"""
+    """[1] Fraction of the pings without a usable echo"""
 
     def __post_init__(self) -> None:
         require_positive(self, "max_range")
@@ -92,26 +92,26 @@ class Altimeter(Sensor):
 
     @classmethod
     def ideal(cls) -> Altimeter:
-        """The true height at every sample."""
+        """Make an altimeter that reads the true height at every sample."""
         return cls(
             tilt_deg=0.0, min_range=0.0, max_range=12_000.0, ping_period=0.0, scale=0.0, noise=0.0,
             lost_share=0.0,
         )  # fmt: skip
 
     def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
-        """Position and attitude, where there is a sea floor."""
+        """Position and attitude, in missions with a sea floor."""
         return self.reads if "true_altitude" in set(signals) else ()
 
     def channels(self, signals: Iterable[str]) -> tuple[Variable, ...]:
-        """The height, where there is a sea floor."""
+        """Variable of the height, in missions with a sea floor."""
         return self.writes if "true_altitude" in set(signals) else ()
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's relative error of the range [1]."""
+        """Sample the mission's relative error of the range [1]."""
         return self.draw_normal(rng, (self.scale,))
 
     def begin(self, outset: Outset) -> AltimeterRun:
-        """measured_altitude [m]; NaN between pings, out of range and without an echo."""
+        """Begin to measure measured_altitude [m]; NaN between pings, out of range, without echo."""
         stride = max(1, round(self.ping_period / outset.dt))
         pings = len(range(0, outset.samples, stride)) if self.fitted else 0
         noise = self.noise * normals(outset.rng, pings).astype(float)
@@ -139,11 +139,11 @@ class AltimeterRun(SensorRun):
 
     altimeter: Altimeter
     stride: int
-    """samples from ping to ping"""
+    """Samples from ping to ping."""
     noise: Array
-    """[m], a value per ping"""
+    """[m] Noise of each ping."""
     lost: NDArray[np.bool_]
-    """which pings have no usable echo"""
+    """True for pings without a usable echo."""
     scale: float
     floor: Array | None
 
@@ -167,12 +167,12 @@ class AltimeterRun(SensorRun):
 
     def _lengths(self, signals: Signals, at: NDArray[np.int64], toward: Array) -> Array:
         """Ranges [m] along the beams to the sea floor, inf out of reach, shape (pings,)."""
-        if self.floor is None:  # level as far as the beam goes
+        if self.floor is None:  # without a floor the bottom is level
             with np.errstate(divide="ignore"):
                 below = signal(signals, "true_altitude")[at] / np.maximum(toward[:, 2], 0.0)
             return np.maximum(below, 0.0)
         from twin.water.floor.lookup import beam_lengths
 
         place = columns(signals, ("true_north", "true_east", "true_depth"), at)
-        reach = 1.1 * self.altimeter.max_range  # noise may bring a longer one back within it
+        reach = 1.1 * self.altimeter.max_range  # noise may bring a longer range back within reach
         return beam_lengths(self.floor, *place, toward, reach, MARCH)

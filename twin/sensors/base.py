@@ -1,12 +1,12 @@
-"""Sensor: the base class, its registry, and what sensors share: checks and random streams.
+"""Sensor: the base class, its registry, and shared code for checks and random streams.
 
-A sensor is one frozen dataclass: its fields are the settings, its class attributes
-say what it reads, writes and draws, and `measure` is its model. `register` makes it known; then
-suites, stores, limits, figures and tables take it from there.
+A sensor is a frozen dataclass. Its fields are the settings, its class attributes declare the
+signals and constants, and `measure` is its model. After `register`, suites, stores, limits, figures
+and tables use the sensor.
 
-A sensor that can also measure sample by sample, in a simulation that it steers, gives `begin`
-instead: a run, which measures one stretch of a mission after the other, all of it at once or a
-sample at a time, to the same readings.
+A sensor that can measure sample by sample, in a simulation that depends on the readings, defines
+`begin` instead. It returns a run, which measures consecutive stretches of a mission. The readings
+do not depend on the stretches' lengths.
 
 `register` refuses an incomplete sensor.
 """
@@ -40,80 +40,80 @@ PLACES = (
     "imu", "attitude", "compass", "pressure", "gps", "dvl", "encoders", "onboard", "ctd",
     "altimeter",
 )  # fmt: skip
-"""Places of the shipped sensors in the seed tree: append, never reorder. Any other sensor has the
-place that its name hashes to."""
+"""Positions of the shipped sensors in the seed tree: append, never reorder. Any other sensor's
+position is a hash of its name."""
 DRAWN_STREAM, NOISE_STREAM = 0, 1
 KNOTS = 20
-"""per correlation time at least: slow processes are drawn there and are linear in between"""
+"""Least number of knots per correlation time; slow processes are linear between their knots."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Surroundings:
-    """Where a mission takes place, beside what its truth says."""
+    """Place, water, sea floor and current of a mission, which its truth does not contain."""
 
     latitude: float = 36.8
-    """[deg]"""
+    """[deg] Latitude of the mission."""
     longitude: float = -121.8
-    """[deg] for the composition of the salt; the default is that of `twin.water.density`"""
+    """[deg] Longitude, for the composition of the salt; the default is `twin.water.density`'s."""
     density: DensityProfile | None = None
-    """None: constant, the default profile"""
+    """Density profile; None: constant, the default profile."""
     bottom_depth: ArrayLike | None = None
-    """[m] a number or one per sample; None: out of reach of every instrument"""
+    """[m] Depth of the bottom, a number or one per sample; None: no instrument reaches it."""
     floor: Array | None = None
-    """the compiled sea floor; None: flat at the bottom's depth under each sample"""
+    """Compiled sea floor; None: flat at `bottom_depth` under each sample."""
     current: Array | None = None
-    """the compiled current field; None: the vehicle's own current holds at every depth"""
+    """Compiled current field; None: the current at the vehicle holds at every depth."""
 
 
 NOWHERE = Surroundings()
-"""The defaults of all of them"""
+"""Surroundings with all defaults."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Outset:
-    """Knowledge of a mission before its first sample."""
+    """Data of a mission that are known before its first sample."""
 
     samples: int
-    """of the mission at most, n; random numbers are drawn for so many"""
+    """Largest number of samples in the mission, n; random numbers are sampled for n samples."""
     signals: Iterable[str]
-    """names of the vehicle's signals"""
+    """Names of the vehicle's signals."""
     dt: float
-    """[s] between samples"""
+    """[s] Time between samples."""
     drawn: Drawn
-    """the constants of the mission, of all sensors"""
+    """Constants of the mission, of all sensors."""
     rng: np.random.Generator
-    """the sensor's own stream"""
+    """Random stream of the sensor."""
     surroundings: Surroundings = NOWHERE
 
 
 class SensorRun:
-    """A sensor at work in one mission, a stretch of samples after the other."""
+    """A sensor at work in one mission, one stretch of samples after the other."""
 
     delay = 0
-    """Samples that have to be known beyond those that are measured, as when readings are means over
-    an interval around the sample."""
+    """Number of later samples that a reading needs, such as for a mean over an interval around the
+    sample."""
     carried: Array = np.zeros(0)
-    """State on which later readings depend, beside the signals and the numbers drawn."""
+    """State on which later readings depend, besides the signals and the random numbers."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
-        """Readings of the samples first to last - 1, of shape (last - first,), by channel.
+        """Measure the samples first to last - 1; returns arrays (last - first,) by channel.
 
         Args:
           signals: arrays of the whole mission, shape (n,), known up to sample last - 1 + `delay`.
-          first: where the stretch before ended, 0 at first.
+          first: end of the stretch before, 0 at the mission's start.
         """
         raise NotImplementedError
 
     def finish(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
-        """`measure` for the last stretch of a mission that ended after `last` samples."""
+        """Measure the last stretch of a mission that ended after `last` samples."""
         return self.measure(signals, first, last)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name on which later readings depend."""
+        """Copy the state on which later readings depend: arrays by name."""
         return {"carried": self.carried.copy()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from where `state` was called."""
+        """Continue from a `state` saved earlier."""
         self.carried = np.array(state["carried"], np.float64)
 
 
@@ -121,28 +121,28 @@ class Sensor:
     """One device of a vehicle; subclasses are frozen dataclasses whose fields all have defaults."""
 
     name: ClassVar[str]
-    """Its name in suites, stores, on the command line and of its random streams"""
+    """Name in suites, in stores, on the command line and for its random streams."""
     reads: ClassVar[tuple[str, ...]] = ()
-    """Signals that `measure` needs: true_*, commanded_*, or measured_* of other sensors"""
+    """Signals that `measure` needs: true_*, commanded_*, or measured_* of other sensors."""
     reads_if_there: ClassVar[tuple[str, ...]] = ()
-    """Signals that `measure` uses where the vehicle has them"""
+    """Signals that `measure` uses if the vehicle has them."""
     writes: ClassVar[tuple[Variable, ...]] = ()
-    """Variables that it measures: names, units, meanings and limits"""
+    """Measured variables: names, units, meanings and limits."""
     draws: ClassVar[Mapping[str, str]] = {}
-    """Units of the constants that a mission draws, by name, in the order of `draw`"""
+    """Units of the constants sampled per mission, by name, in the order of `draw`."""
     ideal_is_truth: ClassVar[bool] = False
-    """True: with the settings of `ideal` it passes the arrays of the truth on as they are"""
+    """True: with the settings of `ideal`, the readings are the truth's own arrays."""
 
     unset: ClassVar[Mapping[str, Any]] = {}
-    """Values of settings in stores that were made before these existed, by name"""
+    """Values, by name, of settings that are absent in older stores."""
 
     @classmethod
     def ideal(cls) -> Self:
-        """The sensor without errors."""
+        """Make the sensor without errors."""
         raise NotImplementedError
 
     def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
-        """The signals that `measure` reads of a vehicle that has `signals`."""
+        """Signals that `measure` reads from a vehicle that has `signals`."""
         there = set(signals)
         return (*self.reads, *(name for name in self.reads_if_there if name in there))
 
@@ -151,19 +151,19 @@ class Sensor:
         return self.writes
 
     def draw_normal(self, rng: np.random.Generator, spread: Sequence[float]) -> dict[str, float]:
-        """A normal number of mean 0 for each of `draws`, with these standard deviations."""
+        """Sample a normal number of mean 0 for each of `draws`; `spread`: standard deviations."""
         unit = rng.standard_normal(len(spread))
         return dict(zip(self.draws, (np.asarray(spread) * unit).tolist(), strict=True))
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The constants of one mission, by name as in `draws`."""
+        """Sample the constants of one mission, by name as in `draws`."""
         return {}
 
     def begin(self, outset: Outset) -> SensorRun:
         """Begin to measure one mission, sample by sample or all at once.
 
         Raises:
-          InputError: it measures whole missions only.
+          InputError: the sensor measures whole missions only.
         """
         raise InputError(
             f"sensor {self.name!r} measures whole missions only, and here one is measured sample "
@@ -183,7 +183,7 @@ class Sensor:
         """Measure one mission, all samples of `begin` at once.
 
         Args:
-          signals: what `inputs` names, arrays of shape (n,) every `dt` [s], not to be changed.
+          signals: the signals of `inputs`, arrays of shape (n,) every `dt` [s], not to be changed.
           drawn: the constants of the mission, of all sensors.
           rng: the sensor's own stream.
 
@@ -198,16 +198,16 @@ class Sensor:
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
-        """The true signal behind `measured_NAME`, for figures; None when there is none.
+        """Find the true signal behind `measured_NAME`, for figures; None when there is none.
 
-        The sensor's own name may stand before the signal's: measured_gps_north, true_north.
+        The sensor's own name may precede the signal's: measured_gps_north, true_north.
         """
         own = f"{getattr(cls, 'name', '')}_"
         return signals.get(f"true_{name}", signals.get(f"true_{name.removeprefix(own)}"))
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """The first flaw of a kind; the variables of a whole one are declared in the schema."""
+        """Describe a kind's first fault; if there is none, declare its variables in the schema."""
         if flaw := cls._unfinished() or _flaw_of_variables(cls.writes):
             return flaw
         drawn = cls().draw(np.random.default_rng(0))
@@ -227,7 +227,7 @@ class Sensor:
 
     @classmethod
     def _unfinished(cls) -> str:
-        """The first thing that it lacks as a class."""
+        """Describe the first missing piece of the class."""
         parameters = getattr(cls, "__dataclass_params__", None)
         if "__dataclass_fields__" not in vars(cls) or not (parameters and parameters.frozen):
             return "make it a frozen dataclass: @dataclasses.dataclass(frozen=True, kw_only=True)"
@@ -268,14 +268,14 @@ def _flaw_of_variables(writes: Sequence[Any]) -> str:
 
 
 SENSORS: Registry[type[Sensor]] = seams.SENSORS
-"""Every sensor by name; the shipped ones are in every suite."""
+"""All sensors by name; the shipped ones are in every suite."""
 
 register = SENSORS.add
-"""Add a sensor of one's own; usable as a decorator."""
+"""Register your own sensor; usable as a decorator."""
 
 
 def table() -> str:
-    """The shipped sensors as the markdown table of docs/reference/sensors.md."""
+    """Markdown table of the shipped sensors, for docs/reference/sensors.md."""
     rows = ["| sensor | reads | measures |", "|---|---|---|"]
     for name in SENSORS.shipped():
         sensor = SENSORS[name]
@@ -289,7 +289,7 @@ def table() -> str:
 def _require(config: Any, names: Iterable[str], fits: Callable[[float], bool], rule: str) -> None:
     """Raise InputError unless the numbers of each named field fit a rule.
 
-    A field has several numbers where its default has or may have.
+    A field holds several numbers if its default or its type is a tuple.
     """
     for name in names:
         value, label = getattr(config, name), f"{type(config).__name__}.{name}"
@@ -318,7 +318,7 @@ def require_finite(config: Any, *names: str) -> None:
 
 
 def drawn_value(drawn: Drawn, name: str) -> float:
-    """The value that a mission drew for `name`; a missing one names its nearest neighbour."""
+    """Return the constant `name` of a mission; raises InputError, which offers the nearest name."""
     try:
         return float(drawn[name])
     except KeyError:
@@ -326,7 +326,7 @@ def drawn_value(drawn: Drawn, name: str) -> float:
 
 
 def signal(truth: Signals, name: str) -> Array:
-    """truth[name] as a contiguous float64 vector, without a copy where it is one already."""
+    """Return truth[name] as a contiguous float64 vector, copied only if necessary."""
     try:
         array = truth[name]
     except KeyError:
@@ -337,16 +337,16 @@ def signal(truth: Signals, name: str) -> Array:
 
 
 def columns(signals: Signals, names: Iterable[str], span: Any = slice(None)) -> list[Array]:
-    """Signals by name, as `signal` gives them, each at a span or at places of samples."""
+    """Return signals by name, each at a span or at indices of samples."""
     return [signal(signals, name)[span] for name in names]
 
 
 def sensor_generator(
     seed: np.random.SeedSequence, sensor: str, stream: int = NOISE_STREAM
 ) -> np.random.Generator:
-    """The own generator of the sensor of that name below `seed`, which is left as it was.
+    """Make the random generator of a sensor from `seed`, which is not changed.
 
-    Two streams per sensor, `DRAWN_STREAM` for the constants of a mission and `NOISE_STREAM`,
+    Each sensor has two streams, `DRAWN_STREAM` for the constants of a mission and `NOISE_STREAM`,
     so that neither another sensor nor a constant given by hand changes the noise.
     """
     if sensor in PLACES:
@@ -359,21 +359,21 @@ def sensor_generator(
 
 
 def normals(rng: np.random.Generator, *shape: int) -> NDArray[np.float32]:
-    """Standard normal float32: 1e-7 of a sigma of rounding, for less than the float64 price."""
+    """Sample standard normal float32: rounding of 1e-7 sigma, cheaper than float64."""
     return rng.standard_normal(shape, dtype=np.float32)
 
 
 def knot_count(n: int, stride: int) -> int:
-    """Knots that span `n` samples."""
+    """Number of knots that span `n` samples."""
     return (n - 1) // stride + 2
 
 
 def gauss_markov_knots(std: float, dt: float, correlation_time: float) -> tuple[float, float, int]:
     """Standard deviation at the knots, decay from knot to knot and stride of a process.
 
-    Knots are at most 1/KNOTS of the correlation time apart. decay = exp(-h / correlation_time) is
-    the exact step. Linear interpolation lowers the mean
-    variance to 2/3 + decay/3; the knots make up for it, so that `std` is the RMS of the result.
+    Knots are at most 1/KNOTS of the correlation time apart; decay = exp(-h / correlation_time) is
+    the exact step. Linear interpolation lowers the mean variance to 2/3 + decay/3. The knots
+    compensate for this, so that `std` is the RMS of the result.
     """
     stride = max(1, int(correlation_time / (KNOTS * dt)))
     decay = math.exp(-stride * dt / correlation_time)
@@ -385,7 +385,7 @@ def gauss_markov_knots(std: float, dt: float, correlation_time: float) -> tuple[
 def gauss_markov(
     rng: np.random.Generator, n: int, *, std: float, dt: float, correlation_time: float
 ) -> Array:
-    """Stationary first-order Gauss-Markov process of RMS `std`, shape (n,), every `dt` [s]."""
+    """Sample a stationary first-order Gauss-Markov process (n,), RMS `std`, every `dt` [s]."""
     std, decay, stride = gauss_markov_knots(std, dt, correlation_time)
     out = np.empty(n)
     gauss_markov_kernel(normals(rng, knot_count(n, stride)), std, decay, stride, out)

@@ -1,19 +1,18 @@
-"""Gauge and CTD: pressure, the depth that is made of it, temperature, salinity and density.
+"""CTD and pressure gauge: pressure, depth from pressure, temperature, salinity and density.
 
-`measured_pressure` is sea pressure: the integral of the true density profile under the gravity of
-the mission's latitude, which grows with depth (TEOS-10), and the gauge's errors. `measured_depth`
-is the depth that the field makes of it with what is known on board, latitude and no density:
-TEOS-10's `z_from_p`, whose water is standard ocean of 0 degC and 35 g/kg (McDougall and Barker,
-2011). It differs from the true geometric depth by the water column's dynamic height: warm or fresh
-water is lighter, presses less, and looks shallower than it is. The vehicle itself flies under the
-one gravity of its file.
+`measured_pressure` is sea pressure with the gauge's errors: the integral of the true density
+profile under the gravity of the mission's latitude, which grows with depth (TEOS-10).
+`measured_depth` is computed as in the field, from pressure and latitude without density: TEOS-10's
+`z_from_p` for a standard ocean of 0 degC and 35 g/kg (McDougall and Barker, 2011). It differs from
+the true depth by the water column's dynamic height: in warm or fresh, hence lighter, water it is
+too small. The vehicle itself flies under the constant gravity of its file.
 
 The CTD's thermistor follows the water with a first-order lag. The wall of the conductivity cell
-keeps the heat of the water before, so that the cell holds water of another temperature than the
-thermistor's and salinity spikes in a thermocline: C(S, T - T_T, p) with the thermal anomaly T_T of
-Lueck (1990), in the recursion of Lueck and Picklo (1990). Salinity and density are computed from
-what was measured, pressure by the vehicle's gauge, as the field does: PSS-78 and TEOS-10 through
-`gsw`. Where a column has only density, such as `constant`, there is no CTD: no signal.
+stores heat, so the cell's water is warmer or colder than the thermistor, which causes false
+salinity in a thermocline. The conductivity is C(S, T - T_T, p) with the thermal anomaly T_T of
+Lueck (1990), in the recursion of Lueck and Picklo (1990). Salinity and density are computed as in
+the field, from the measured values and the gauge's pressure: PSS-78 and TEOS-10 through `gsw`. A
+column that has only a density, such as `constant`, gives no CTD signals.
 
 Accuracy and resolution: Sea-Bird Glider Payload CTD (product sheet of the Slocum Glider CTD).
 Thermal mass: the SBE-41CP (Johnson, Toole and Larson, 2007), from which that CTD has evolved.
@@ -50,16 +49,16 @@ if TYPE_CHECKING:
     from twin.water.density import DensityProfile
 
 STANDARD_OCEAN = "standard ocean"
-"""of 0 degC and 35 g/kg"""
+"""Name of the water of 0 degC and 35 g/kg."""
 MILLISIEMENS_PER_CM = 10.0
-"""of one S/m, the unit of `gsw`"""
+"""Conductivity of 1 S/m in mS/cm, the unit of `gsw`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Pressure(Sensor):
     """Errors of an OEM transducer (Druck and Keller sheets: 0.1 % of full scale, unverified).
 
-    Both signals have them: depth follows from the measured pressure.
+    Both signals contain these errors, since depth follows from the measured pressure.
     """
 
     name = "pressure"
@@ -68,17 +67,17 @@ class Pressure(Sensor):
     draws: ClassVar[Mapping[str, str]] = {"pressure_offset_dbar": "dbar", "pressure_gain": "1"}
 
     full_scale: float = 1000.0
-    """[dbar]; the Sea-Wing is rated to 1000 m"""
+    """[dbar] Full scale; the Sea-Wing is rated to 1000 m"""
     offset: float = 0.0005
-    """[1] of full scale, standard deviation per mission"""
+    """[1] Standard deviation of the offset per mission, over the full scale"""
     gain: float = 0.0005
-    """[1] relative, standard deviation per mission"""
+    """[1] Standard deviation of the relative gain error per mission"""
     noise: float = 0.01
-    """[dbar] white, per sample: 0.01 m"""
+    """[dbar] White noise per sample: 0.01 m"""
     vehicle_density: float | str | None = STANDARD_OCEAN
-    """Water that depth is made with. "standard ocean": TEOS-10 at the mission's latitude, as OG1.0,
-    basestation and the glider toolboxes do it; a density [kg/m3] by pressure over density and
-    surface gravity; none by the true profile, without an error of density"""
+    """Water for the depth from pressure. "standard ocean": TEOS-10 at the mission's latitude, as in
+    OG1.0, basestation and the glider toolboxes. A density [kg/m3]: pressure over density and
+    surface gravity. None: the true profile, without an error of density"""
 
     def __post_init__(self) -> None:
         require_non_negative(self, "full_scale", "offset", "gain", "noise")
@@ -96,15 +95,15 @@ class Pressure(Sensor):
 
     @classmethod
     def ideal(cls) -> Pressure:
-        """Exact pressure and exact depth."""
+        """Make a gauge of exact pressure and exact depth."""
         return cls(offset=0.0, gain=0.0, noise=0.0, vehicle_density=None)
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's zero offset [dbar] and gain error [1]."""
+        """Sample the mission's zero offset [dbar] and gain error [1]."""
         return self.draw_normal(rng, (self.offset * self.full_scale, self.gain))
 
     def begin(self, outset: Outset) -> PressureRun:
-        """measured_pressure [dbar] (gauge) and measured_depth [m]."""
+        """Begin to measure measured_pressure [dbar] (gauge) and measured_depth [m]."""
         from twin.water.density import DensityProfile
 
         around = outset.surroundings
@@ -130,7 +129,7 @@ class PressureRun(SensorRun):
     offset: float
     gain: float
     white: NDArray[np.float32] | None
-    """standard normals, (n,); None: the gauge is exact"""
+    """Standard normals, (n,); None: the gauge is exact."""
 
     @functools.cached_property
     def _pressure(self) -> Callable[[Array], Array]:
@@ -162,7 +161,7 @@ class PressureRun(SensorRun):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ctd(Sensor):
-    """Errors and lags of a pumped CTD; the zero errors are drawn once per mission."""
+    """Errors and lags of a pumped CTD; the zero errors are sampled once per mission."""
 
     name = "ctd"
     reads = ("true_depth", "measured_pressure")
@@ -176,19 +175,19 @@ class Ctd(Sensor):
     ideal_is_truth = True
 
     temperature_offset: float = 0.001
-    """[degree_Celsius] standard deviation: the sheet's +-0.002 read as two sigma"""
+    """[degree_Celsius] Standard deviation: the sheet's +-0.002 read as two sigma"""
     conductivity_offset: float = 0.00015
-    """[S/m] standard deviation: the sheet's +-0.0003 read as two sigma"""
+    """[S/m] Standard deviation: the sheet's +-0.0003 read as two sigma"""
     temperature_resolution: float = 0.001
-    """[degree_Celsius] a reading is the nearest multiple; 0 is continuous"""
+    """[degree_Celsius] Step of the readings; 0 is continuous"""
     conductivity_resolution: float = 0.00001
-    """[S/m] likewise"""
+    """[S/m] Step of the readings; 0 is continuous"""
     temperature_lag: float = 0.5
-    """[s] of the thermistor; ours, such thermistors take less than 1 s"""
+    """[s] Lag of the thermistor; our estimate, such thermistors take less than 1 s"""
     thermal_amplitude: float = 0.141
-    """[1] of the cell's thermal anomaly; 0: none"""
+    """[1] Amplitude of the cell's thermal anomaly; 0: none"""
     thermal_time: float = 6.89
-    """[s] in which the anomaly decays"""
+    """[s] Time in which the cell's anomaly decays"""
 
     def __post_init__(self) -> None:
         names = [field.name for field in dataclasses.fields(self)]
@@ -197,21 +196,20 @@ class Ctd(Sensor):
 
     @classmethod
     def ideal(cls) -> Ctd:
-        """The water's own temperature, salinity and density."""
+        """Make a CTD that reads the water's own temperature, salinity and density."""
         return cls(**dict.fromkeys((field.name for field in dataclasses.fields(cls)), 0.0))
 
     def channels(self, signals: Iterable[str]) -> tuple[Variable, ...]:
-        """All, where the water has temperature and salinity; else none."""
+        """Variables: all if the water has temperature and salinity, else none."""
         return self.writes if set(self.reads_if_there) <= set(signals) else ()
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's zero errors of temperature [degree_Celsius] and conductivity [S/m]."""
+        """Sample the mission's errors of temperature [degree_Celsius] and conductivity [S/m]."""
         return self.draw_normal(rng, (self.temperature_offset, self.conductivity_offset))
 
     def begin(self, outset: Outset) -> CtdRun:
-        """measured_temperature [degree_Celsius], measured_salinity [1], measured_density [kg m-3],
-        measured_conductivity [S m-1].
-        """
+        """Begin to measure measured_temperature [degree_Celsius], measured_salinity [1],
+        measured_density [kg m-3] and measured_conductivity [S m-1]."""
         from twin.water.density import DensityProfile
 
         around = outset.surroundings
@@ -233,13 +231,13 @@ class CtdRun(SensorRun):
     ctd: Ctd
     dt: float
     offsets: tuple[float, ...]
-    """of temperature [degree_Celsius] and conductivity [S/m]"""
+    """Offsets of temperature [degree_Celsius] and conductivity [S/m]."""
     pressure: Callable[[Array], Array]
-    """[dbar] at a depth [m]"""
+    """Function of the pressure [dbar] at a depth [m]."""
     place: tuple[float, float]
-    """[deg] longitude and latitude"""
+    """[deg] Longitude and latitude."""
     carried: Array = dataclasses.field(default_factory=lambda: np.full(3, np.nan))
-    """water, thermistor and the cell's anomaly [degree_Celsius]"""
+    """[degree_Celsius] Temperatures of water and thermistor, and the cell's anomaly."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -269,5 +267,5 @@ class CtdRun(SensorRun):
 
 
 def _rounded(values: Array, step: float) -> Array:
-    """The nearest multiples of a step; 0 leaves them as they are."""
+    """Round to the nearest multiple of a step; 0 leaves the values unchanged."""
     return np.rint(values / step) * step if step > 0.0 else values

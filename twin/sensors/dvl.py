@@ -1,18 +1,16 @@
 """DVL: Doppler velocity log with four beams, on the bottom or in the water below the vehicle.
 
-Each ping, beam i along b_i (azimuth 45, 135, 225, 315 deg, tilted from the instrument's axis)
-reads b_i . (v + omega x r) (1 + scale error) + noise, where v is the velocity over ground in
-bottom lock and the velocity through the water of the cell layer in water lock, and r the lever
-arm. A beam sees the bottom while its slant range to the sea floor lies in the instrument's range
-and the beam is not too far from the vertical; over an uneven floor each beam ends where it meets
-it. Water lock needs the whole cell layer above the floor. Three beams are enough: least squares
-over the ones that are left gives the velocity. Pings are averaged to the mission's grid, over the
-interval centred on the sample at which the lock is decided, and the vehicle removes the lever arm
-with its own gyro.
+Each ping, beam i along b_i (azimuth 45, 135, 225, 315 deg, tilted from the instrument's axis) reads
+b_i . (v + omega x r) (1 + scale error) + noise, with r the lever arm. In bottom lock, v is the
+velocity over ground; in water lock, the velocity through the water of the cell layer. A beam sees
+the bottom while its slant range to the sea floor is within the instrument's range and its angle
+from the vertical is small enough; over an uneven floor each beam has its own range. Water lock
+needs the whole cell layer above the floor. Three beams are enough: least squares over the beams in
+use gives the velocity. Pings are averaged over the interval centred on a sample, where the lock is
+decided. The vehicle removes the lever arm with its own gyro.
 
-The instrument sits turned by a small fixed rotation in its mount, which the vehicle does not know:
-the beams point that way, and the velocity is given in the instrument's axes as if they were the
-vehicle's.
+The mount turns the instrument by a small fixed rotation, which the vehicle does not know. The beams
+are turned with it, and the vehicle takes velocities in the instrument's axes for its own.
 
 Defaults: LinkQuest 600 kHz micro (the paper's table: 0.3-110 m, 1 % +- 1 mm/s, 5 Hz); beams and
 water mode as in the osrf/lrauv simulation. Frame: body FRD, positive as the vehicle moves.
@@ -50,15 +48,15 @@ from twin.sensors.kernels import body_kernel, dvl_kernel, level_slant_kernel, sl
 
 DEG = math.pi / 180.0
 AZIMUTHS_DEG = (45.0, 135.0, 225.0, 315.0)
-"""[deg] of the beams about the instrument's axis, from forward to starboard"""
+"""[deg] Azimuths of the beams about the instrument's axis, from forward to starboard."""
 MODES = {"none": 0, "bottom": 1, "water": 2}
-"""measured_dvl_mode; the record of the instrument flags them the same way"""
+"""Values of measured_dvl_mode; the instrument's own record has the same flags."""
 CELL_SAMPLES = 3
-"""depths across the cell layer at which the current is averaged"""
+"""Number of depths across the cell layer at which the current is averaged."""
 CELL_PERIOD = 2.0
-"""[s] for which the current below holds: the layer is 40 m thick and changes slowly"""
+"""[s] Time for which the cell layer's current is held: the 40 m thick layer changes slowly."""
 MARCH = 2.0
-"""[m] steps in which a beam looks for the floor, as the altimeter's"""
+"""[m] Step of the search for the floor along a beam, as the altimeter's."""
 BODY_RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 ANGLES = ("true_roll", "true_pitch", "true_heading")
 OVER_GROUND = ("true_velocity_north", "true_velocity_east", "true_velocity_down")
@@ -97,7 +95,7 @@ def beam_solutions(tilt: float) -> Array:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Dvl(Sensor):
-    """One instrument; the scale error and the sound-speed error are drawn once per mission."""
+    """One instrument; its scale and sound-speed errors and misalignment are sampled per mission."""
 
     name = "dvl"
     reads = (
@@ -112,47 +110,47 @@ class Dvl(Sensor):
     unset: ClassVar[Mapping[str, Any]] = {"misalignment_deg": 0.0}
 
     fitted: bool = True
-    """False: the vehicle carries none, velocities are NaN and the mode is 0"""
+    """False: the vehicle has no DVL, velocities are NaN and the mode is 0"""
     exact: bool = False
-    """True: the true velocity over ground in bottom mode, whatever the depth"""
+    """True: the reading is the true velocity over ground in bottom mode at any depth"""
     ping_rate: float = 5.0
-    """[Hz]"""
+    """[Hz] Rate of the pings"""
     tilt_deg: float = 30.0
-    """[deg] of each beam from the instrument's axis"""
+    """[deg] Angle of each beam from the instrument's axis"""
     lever_arm: tuple[float, float, float] = (-0.60, 0.0, 0.11)
-    """[m] body FRD from the CB; the lrauv simulation's station, at the Sea-Wing's hull bottom"""
+    """[m] Place from the CB, body FRD; the lrauv simulation's, at the Sea-Wing's hull bottom"""
     min_range: float = 0.3
-    """[m] smallest slant range of bottom lock"""
+    """[m] Smallest slant range of bottom lock"""
     max_range: float = 110.0
-    """[m] largest slant range of bottom lock"""
+    """[m] Largest slant range of bottom lock"""
     max_beam_angle_deg: float = 60.0
-    """[deg] from the vertical; a beam beyond gets no bottom echo"""
+    """[deg] Largest angle from the vertical at which a beam gets a bottom echo"""
     cell_min: float = 20.0
-    """[m] nearest water cell, below a level instrument"""
+    """[m] Distance of the nearest water cell below a level instrument"""
     cell_max: float = 60.0
-    """[m] farthest water cell"""
+    """[m] Distance of the farthest water cell"""
     scale: float = 0.005
-    """[1] standard deviation of the scale error: the sheet's 1 % read as two sigma"""
+    """[1] Standard deviation of the scale error: the sheet's 1 % read as two sigma"""
     sound_speed: float = 0.0
-    """[1] standard deviation of dc/c, which adds to the scale; 0: the sheet's 1 % contains it"""
+    """[1] Standard deviation of dc/c, which adds to the scale; 0: the sheet's 1 % contains it"""
     misalignment_deg: float = 0.5
-    """[deg] standard deviation about each body axis by which it is turned in its mount; ours, a
-    mechanical mount without calibration. With attitude the largest error of Doppler navigation
-    (Kinsey and Whitcomb, 2007)"""
+    """[deg] Standard deviation of the rotation in the mount about each body axis; our estimate for
+    a mechanical mount without calibration. Misalignment and attitude are the largest errors of
+    Doppler navigation (Kinsey and Whitcomb, 2007)"""
     bottom_noise: float = 0.001
-    """[m/s] per beam and ping: the sheet's 1 mm/s read as one sigma"""
+    """[m/s] Noise per beam and ping: the sheet's 1 mm/s read as one sigma"""
     water_noise: float = 0.0035
-    """[m/s] per beam and ping, as in the lrauv simulation"""
+    """[m/s] Noise per beam and ping, as in the lrauv simulation"""
     mean_lock_time: float = 600.0
-    """[s] of the two-state Markov chain; ours"""
+    """[s] Mean time with lock (two-state Markov chain); our estimate"""
     mean_loss_time: float = 5.0
-    """[s] without any lock; 0: lock is never lost"""
+    """[s] Mean time without any lock; 0: lock is never lost"""
     outlier_probability: float = 0.0075
-    """[1] per ping"""
+    """[1] Probability of an outlier per ping"""
     outlier_size: float = 0.5
-    """[m/s] uniform within +- this, on one beam"""
+    """[m/s] Bound of an outlier, which is uniform within +- this, on one beam"""
     wrong_beam_share: float = 0.5
-    """[1] of the outliers, in which a beam reports its neighbour's velocity instead"""
+    """[1] Fraction of the outliers in which a beam reports its neighbour's velocity instead"""
 
     def __post_init__(self) -> None:
         require_positive(self, "ping_rate", "max_range", "mean_lock_time", "cell_max")
@@ -179,24 +177,24 @@ class Dvl(Sensor):
 
     @classmethod
     def ideal(cls) -> Dvl:
-        """The true velocity over ground, always."""
+        """Make a log that always reads the true velocity over ground."""
         return cls(exact=True, scale=0.0, misalignment_deg=0.0, lever_arm=(0.0, 0.0, 0.0))
 
     @classmethod
     def noise_free(cls) -> Dvl:
-        """The geometry, range and modes of the default instrument without random errors."""
+        """Make the default instrument without random errors; geometry, range and modes stay."""
         return cls(
             scale=0.0, misalignment_deg=0.0, bottom_noise=0.0, water_noise=0.0,
             mean_loss_time=0.0, outlier_probability=0.0,
         )  # fmt: skip
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's relative scale and sound-speed errors [1] and misalignment [rad]."""
+        """Sample the mission's relative scale and sound-speed errors [1] and misalignment [rad]."""
         turn = self.misalignment_deg * DEG
         return self.draw_normal(rng, (self.scale, self.sound_speed, turn, turn, turn))
 
     def begin(self, outset: Outset) -> DvlRun:
-        """measured_dvl_surge/_sway/_heave [m/s] at the CB and measured_dvl_mode.
+        """Begin to measure measured_dvl_surge/_sway/_heave [m/s] at the CB and measured_dvl_mode.
 
         The measured body rates remove the lever arm. The current of the surroundings is evaluated
         at the cell layer.
@@ -217,7 +215,7 @@ class Dvl(Sensor):
 
     @classmethod
     def observed(cls, name: str, signals: Signals) -> NDArray[Any] | None:
-        """The velocity over ground in bottom lock, through the water in water lock."""
+        """True velocity over ground in bottom lock, through the water in water lock."""
         from twin.frames import euler_to_matrix
 
         axis = name.removeprefix("dvl_")
@@ -231,7 +229,7 @@ class Dvl(Sensor):
         return np.where(mode == MODES["water"], through_water, ground)
 
     def _locked(self, rng: np.random.Generator, pings: int) -> NDArray[np.bool_]:
-        """Mark pings with lock, by alternating exponential stays of the two-state chain."""
+        """Mark pings with lock; times with and without lock are exponential (two-state chain)."""
         locked, ping_dt = np.ones(pings, bool), 1.0 / self.ping_rate
         if self.mean_loss_time == 0.0:
             return locked
@@ -248,7 +246,7 @@ class Dvl(Sensor):
             locked[lost : math.ceil(now / ping_dt)] = False
 
     def _outliers(self, rng: np.random.Generator, pings: int) -> tuple[Array, NDArray[np.int64]]:
-        """Per ping the wrong velocity [m/s] (0 none, NaN the neighbour's beam) and its beam."""
+        """Outlier velocity [m/s] of each ping (0 none, NaN the neighbour's) and its beam."""
         size, beam = np.zeros(pings), np.zeros(pings, np.int64)
         count = rng.binomial(pings, self.outlier_probability)
         where = rng.integers(pings, size=count)
@@ -262,30 +260,30 @@ class Pings(NamedTuple):
     """Random numbers and geometry of a log that pings."""
 
     locked: NDArray[np.bool_]
-    """per ping"""
+    """True for pings with lock."""
     white: NDArray[np.float32]
-    """standard normals, (n, 4)"""
+    """Standard normals, (n, 4)."""
     outlier: Array
-    """[m/s] per ping: 0 none, NaN the beam reports its neighbour's velocity"""
+    """[m/s] Outlier of each ping: 0 none, NaN the beam reports its neighbour's velocity."""
     outlier_beam: NDArray[np.int64]
     beams: Array
-    """directions as mounted, (4, 3)"""
+    """Directions of the beams as mounted, (4, 3)."""
     factor: float
-    """[1] by which velocities are scaled"""
+    """[1] Factor on the velocities."""
 
 
 @dataclasses.dataclass
 class DvlRun(SensorRun):
     """A Doppler log in one mission."""
 
-    delay = 1  # readings are means over an interval centred on the sample
+    delay = 1  # a reading is the mean over an interval centred on the sample
 
     dvl: Dvl
     dt: float
     samples: int
     surroundings: Surroundings = NOWHERE
     pings: Pings | None = None
-    """None: it is not fitted, or exact"""
+    """Random numbers of the pings; None: the log is not fitted, or exact."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -317,9 +315,9 @@ class DvlRun(SensorRun):
     def _pinged(
         self, pings: Pings, truth: Signals, around: slice, span: slice
     ) -> tuple[Array, Array]:
-        """Velocity at the instrument [m/s], (3, stretch), and mode of the samples of `span`.
+        """Velocity at the instrument [m/s], (3, stretch), and mode for the samples of `span`.
 
-        `around` has a sample more on either side, where the mission has.
+        `around` is `span` with one more sample on either side, where the mission has one.
         """
         its, current = self.dvl, self.surroundings.current
         angles, over_ground = (columns(truth, names, around) for names in (ANGLES, OVER_GROUND))

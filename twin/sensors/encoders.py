@@ -21,21 +21,21 @@ from twin.sensors.base import Outset, Sensor, SensorRun, Signals, require_non_ne
 class Encoders(Sensor):
     """Resolution of the position readings; a reading is the nearest multiple. 0 is continuous.
 
-    One channel for each part of the vehicle that the truth holds with its command. Not published
-    for the Sea-Wing: 12-bit potentiometers over each range give figures like these.
+    Each part whose position and command are in the truth has one channel. The Sea-Wing's are
+    unpublished; 12-bit potentiometers over each range have such resolutions.
     """
 
     name = "encoders"
     ideal_is_truth = True
 
     shift_resolution: float = 2.5e-5
-    """[m] of every part that slides: 0.1 m / 4096 for a battery"""
+    """[m] Resolution of each sliding part: 0.1 m / 4096 for a battery"""
     rotation_resolution_deg: float = 0.05
-    """[deg] of every part that turns: 180 deg / 4096"""
+    """[deg] Resolution of each turning part: 180 deg / 4096"""
     pump_resolution: float = 0.25
-    """[cm3] of every pumped volume: 976 cm3 / 4096"""
+    """[cm3] Resolution of each pumped volume: 976 cm3 / 4096"""
     resolutions: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """of single parts by name, in the unit of the part; parts of another unit are continuous"""
+    """Resolutions of single parts by name, in the part's unit; 0 for parts of other units"""
 
     def __post_init__(self) -> None:
         require_non_negative(self, "shift_resolution", "rotation_resolution_deg", "pump_resolution")
@@ -56,22 +56,22 @@ class Encoders(Sensor):
 
     @classmethod
     def ideal(cls) -> Encoders:
-        """Continuous readings."""
+        """Make encoders with continuous readings."""
         return cls(shift_resolution=0.0, rotation_resolution_deg=0.0, pump_resolution=0.0)
 
     def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
-        """The positions of the parts."""
+        """Signals of the parts' positions."""
         return tuple(f"true_{part}" for part in actuator_names(signals))
 
     def channels(self, signals: Iterable[str]) -> tuple[Variable, ...]:
-        """A reading of each part, in the unit of its position."""
+        """Variables of the parts' readings, in the units of their positions."""
         return tuple(_reading(part) for part in actuator_names(signals))
 
     def begin(self, outset: Outset) -> EncodersRun:
-        """measured_PART in the unit of true_PART, for each part.
+        """Begin to measure measured_PART, in the unit of true_PART, for each part.
 
         Raises:
-          UnknownName: `resolutions` names a part that the vehicle has not.
+          UnknownName: `resolutions` names a part that the vehicle lacks.
         """
         parts = actuator_names(outset.signals)
         for name in self.resolutions:
@@ -88,7 +88,7 @@ class EncodersRun(SensorRun):
     """Encoders of one vehicle."""
 
     steps: dict[str, float]
-    """resolution of each part"""
+    """Resolution of each part."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -100,7 +100,7 @@ class EncodersRun(SensorRun):
 
 
 def _reading(part: str) -> Variable:
-    """The variable of a part's encoder; that of a part of one's own follows its position's."""
+    """Variable of a part's encoder; for your own part it is declared like the position's."""
     true = variable(f"true_{part}")
     name = f"measured_{part}"
     try:

@@ -44,27 +44,27 @@ class Gps(Sensor):
     draws: ClassVar[Mapping[str, str]] = {"gps_sigma": "m"}
 
     antenna_position: tuple[float, float, float] | None = None
-    """[m] body FRD about the CB: fixes need this point above the mean surface. None: they need
+    """[m] Antenna, body FRD about the CB; a fix needs it above the mean surface. None: a fix needs
     the hull to break the surface (`max_immersion`), as with a mast raised at the surface"""
     max_immersion: float = 0.999
-    """[1] immersed share of the hull below which it breaks the surface; a glider that floats
-    0.5 kg light shows 0.8 % of its hull"""
+    """[1] Immersed fraction of the hull below which it breaks the surface; a glider floating 0.5 kg
+    light shows 0.8 % of its hull"""
     first_fix_min: float = 30.0
-    """[s] shortest time to first fix, uniform"""
+    """[s] Shortest time to first fix, uniformly distributed"""
     first_fix_max: float = 120.0
-    """[s] longest time to first fix"""
+    """[s] Longest time to first fix"""
     tracking_at_start: bool = True
-    """A mission that starts at the surface starts with a fix: vehicles wait for one to dive"""
+    """True: a mission that starts at the surface starts with a fix, as vehicles wait for one"""
     dip_tolerance: float = 5.0
-    """[s] the receiver keeps its satellites through shorter dips of the antenna"""
+    """[s] Longest dip of the antenna through which the receiver keeps its satellites"""
     sigma_min: float = 3.0
-    """[m] smallest standard deviation of a mission, per horizontal axis, uniform"""
+    """[m] Smallest standard deviation of a mission per horizontal axis, uniformly distributed"""
     sigma_max: float = 5.0
-    """[m] largest one"""
+    """[m] Largest standard deviation of a mission"""
     correlation_time: float = 120.0
-    """[s] of the position error; ours"""
+    """[s] Correlation time of the position error; our estimate"""
     fix_interval: float = 1.0
-    """[s] between fixes; 0: in every sample"""
+    """[s] Time between fixes; 0: in every sample"""
 
     def __post_init__(self) -> None:
         require_non_negative(
@@ -83,17 +83,17 @@ class Gps(Sensor):
 
     @classmethod
     def ideal(cls) -> Gps:
-        """The true position in every sample at the surface, from the first one on."""
+        """Make a receiver with the true position in every sample at the surface."""
         return cls(
             first_fix_min=0.0, first_fix_max=0.0, sigma_min=0.0, sigma_max=0.0, fix_interval=0.0
         )
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's standard deviation per axis [m]."""
+        """Sample the mission's standard deviation per axis [m]."""
         return {"gps_sigma": float(rng.uniform(self.sigma_min, self.sigma_max))}
 
     def at_surface(self, truth: Signals) -> NDArray[np.bool_]:
-        """Whether the antenna is out of the water, shape (n,)."""
+        """Mark samples with the antenna out of the water, shape (n,)."""
         if self.antenna_position is None:
             return np.asarray(truth["true_immersion"]) < self.max_immersion
         x, y, z = self.antenna_position
@@ -102,9 +102,9 @@ class Gps(Sensor):
         return signal(truth, "true_depth") + below < 0.0
 
     def begin(self, outset: Outset) -> GpsRun:
-        """measured_gps_north and measured_gps_east [m] about the mission's origin; NaN: no fix.
+        """Begin to measure measured_gps_north and measured_gps_east [m] about the mission's origin.
 
-        Nothing of a surfacing is drawn before it has come.
+        NaN: no fix. Random numbers of a surfacing are sampled when it happens, not before.
         """
         return GpsRun(
             gps=self, dt=outset.dt, rng=outset.rng, sigma=drawn_value(outset.drawn, "gps_sigma")
@@ -115,7 +115,7 @@ class Gps(Sensor):
 class Wander:
     """Two Gauss-Markov processes, north and east [m], as `twin.sensors.base.gauss_markov`.
 
-    Knots are drawn when they are needed, so that no one has to know how long it goes on.
+    Knots are sampled on demand, so that the length need not be known.
     """
 
     rng: np.random.Generator
@@ -127,7 +127,7 @@ class Wander:
     following: Array = dataclasses.field(default_factory=lambda: np.zeros(2))
 
     def next(self) -> Array:
-        """The next errors, shape (2,)."""
+        """Sample the next errors, shape (2,)."""
         if self.count == 0:
             self.following = self.std * normals(self.rng, 2).astype(float)
         place = self.count % self.stride
@@ -148,11 +148,11 @@ class GpsRun(SensorRun):
     rng: np.random.Generator
     sigma: float
     wander: Wander | None = None
-    """of this surfacing, once it has had a fix"""
+    """Errors of this surfacing after its first fix."""
     next_fix: int = 0
-    """sample"""
+    """Index of the next sample with a fix."""
     last_dry: int = -(10**9)
-    """sample at which the antenna was last out of the water"""
+    """Index of the last sample with the antenna out of the water."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -177,7 +177,7 @@ class GpsRun(SensorRun):
             self.next_fix = k + math.ceil(wait / self.dt)
         self.last_dry = k
         error = None
-        while self.next_fix <= k:  # the process went on while the antenna was under
+        while self.next_fix <= k:  # the error process went on while the antenna was under water
             if self.wander is None:
                 self.wander = self._wander()
             value = self.wander.next()
@@ -188,11 +188,11 @@ class GpsRun(SensorRun):
 
     @property
     def _stride(self) -> int:
-        """Samples from fix to fix."""
+        """Number of samples from fix to fix."""
         return max(1, round(self.gps.fix_interval / self.dt))
 
     def _wander(self) -> Wander:
-        """Errors of the fixes of one surfacing."""
+        """Make the errors of the fixes of one surfacing."""
         interval, time = self._stride * self.dt, self.gps.correlation_time
         return Wander(self.rng, *gauss_markov_knots(self.sigma, interval, time))
 

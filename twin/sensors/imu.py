@@ -1,11 +1,11 @@
 """IMU: the gyroscope and accelerometer triads.
 
-measured = (I + scale + misalignment) true + turn-on bias + bias instability + rate random walk
-+ white noise, per axis. The terms are set from Allan deviation figures by the conventions of
-IEEE 952-2020: white noise reads N at 1 s; a first-order Gauss-Markov process of standard
-deviation s_b peaks at GAUSS_MARKOV_PEAK s_b, 1.89 correlation times out, so the data sheet's
-bias instability (the floor of its Allan curve) is s_b = floor / GAUSS_MARKOV_PEAK; rate random
-walk reads K at 3 s.
+measured = (I + scale + misalignment) true + turn-on bias + bias instability + rate random walk +
+white noise, per axis. The terms follow from data sheets' Allan deviation curves by the conventions
+of IEEE 952-2020. White noise has N on the curve at 1 s, and rate random walk has K at 3 s. A
+first-order Gauss-Markov process of standard deviation s_b peaks at GAUSS_MARKOV_PEAK s_b, 1.89
+correlation times out. The sheet's bias instability (the curve's minimum) therefore gives s_b =
+minimum / GAUSS_MARKOV_PEAK.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from twin.sensors.kernels import slow_kernel, triad_kernel
 DEG = math.pi / 180.0
 DEG_PER_HOUR = DEG / 3600.0
 STANDARD_GRAVITY = 9.80665
-"""[m/s2], the "g" of data sheets"""
+"""[m/s2] Gravity "g" of data sheets."""
 GAUSS_MARKOV_PEAK = 0.618
-"""peak of a Gauss-Markov process's Allan deviation over its standard deviation"""
+"""Peak of a Gauss-Markov process's Allan deviation over its standard deviation."""
 GAUSS_MARKOV_PEAK_TIME = 1.89
-"""averaging time of that peak in correlation times"""
+"""Averaging time of that peak over the correlation time."""
 DRIFT_HORIZON = 3600.0
-"""[s] averaging time at which the default rate random walk equals the bias instability. Data
+"""[s] Averaging time at which the default rate random walk equals the bias instability. Data
 sheets give no rate random walk; real MEMS curves rise again within about an hour."""
 
 AXES = ("x", "y", "z")
@@ -54,12 +54,12 @@ CONSTANTS = {
     "gyro_bias": "rad s-1", "gyro_scale": "1", "gyro_misalignment": "rad",
     "accel_bias": "m s-2", "accel_scale": "1", "accel_misalignment": "rad",
 }  # fmt: skip
-"""Units of what a mission draws for each axis"""
+"""Units of the constants sampled per mission for each axis."""
 DRAWS = {f"{name}_{axis}": unit for name, unit in CONSTANTS.items() for axis in AXES}
 
 
 def _walk(bias_instability: float) -> float:
-    """The rate random walk K whose Allan deviation at DRIFT_HORIZON is `bias_instability`."""
+    """Rate random walk K whose Allan deviation at DRIFT_HORIZON is `bias_instability`."""
     return bias_instability / math.sqrt(DRIFT_HORIZON / 3.0)
 
 
@@ -67,7 +67,7 @@ def _walk(bias_instability: float) -> float:
 class Imu(Sensor):
     """Errors of one IMU; the defaults are the Microstrain 3DM-GX5-25 (LORD data sheet 8400-0093).
 
-    Turn-on bias, scale factor and misalignment are drawn once per mission from normal
+    Turn-on bias, scale factor and misalignment are sampled once per mission from normal
     distributions with the standard deviations below.
     """
 
@@ -78,29 +78,29 @@ class Imu(Sensor):
     ideal_is_truth = True
 
     gyro_noise_density: float = 0.005 * DEG
-    """[rad/s/sqrt(Hz)] angular random walk N"""
+    """[rad/s/sqrt(Hz)] Angular random walk N"""
     gyro_bias_instability: float = 8.0 * DEG_PER_HOUR
-    """[rad/s] floor of the Allan deviation"""
+    """[rad/s] Minimum of the Allan deviation"""
     gyro_rate_random_walk: float = _walk(8.0 * DEG_PER_HOUR)
-    """[rad/s/sqrt(s)] K; ours, see DRIFT_HORIZON"""
+    """[rad/s/sqrt(s)] Rate random walk K; our estimate, see DRIFT_HORIZON"""
     gyro_turn_on_bias: float = 0.04 * DEG
-    """[rad/s] standard deviation; the sheet's +-0.04 deg/s read as one sigma"""
+    """[rad/s] Standard deviation; the sheet's +-0.04 deg/s read as one sigma"""
     gyro_scale: float = 0.0005
-    """[1] standard deviation of the scale factor error (0.05 %)"""
+    """[1] Standard deviation of the scale factor error (0.05 %)"""
     accel_noise_density: float = 25e-6 * STANDARD_GRAVITY
-    """[m/s2/sqrt(Hz)] velocity random walk N (25 ug at +-8 g)"""
+    """[m/s2/sqrt(Hz)] Velocity random walk N (25 ug at +-8 g)"""
     accel_bias_instability: float = 0.04e-3 * STANDARD_GRAVITY
-    """[m/s2] floor of the Allan deviation (0.04 mg)"""
+    """[m/s2] Minimum of the Allan deviation (0.04 mg)"""
     accel_rate_random_walk: float = _walk(0.04e-3 * STANDARD_GRAVITY)
-    """[m/s2/sqrt(s)] K; ours, see DRIFT_HORIZON"""
+    """[m/s2/sqrt(s)] Rate random walk K; our estimate, see DRIFT_HORIZON"""
     accel_turn_on_bias: float = 0.002 * STANDARD_GRAVITY
-    """[m/s2] standard deviation (0.002 g)"""
+    """[m/s2] Standard deviation (0.002 g)"""
     accel_scale: float = 0.0003
-    """[1] standard deviation of the scale factor error (0.03 %)"""
+    """[1] Standard deviation of the scale factor error (0.03 %)"""
     misalignment_deg: float = 0.05
-    """[deg] standard deviation of the three angles by which each triad is turned"""
+    """[deg] Standard deviation of the three angles by which each triad is turned"""
     correlation_time: float = 100.0
-    """[s] of the bias instability; sheets give none, Allan floors of this class lie at 1-5 min"""
+    """[s] Correlation time of the bias instability; not in sheets, whose minima lie at 1-5 min"""
 
     def __post_init__(self) -> None:
         names = [f.name for f in dataclasses.fields(self) if f.name != "correlation_time"]
@@ -109,26 +109,26 @@ class Imu(Sensor):
 
     @classmethod
     def ideal(cls) -> Imu:
-        """No error at all."""
+        """Make an IMU without errors."""
         names = (f.name for f in dataclasses.fields(cls) if f.name != "correlation_time")
         return cls(**dict.fromkeys(names, 0.0))
 
     @classmethod
     def preset(cls, name: str) -> Imu:
-        """An IMU of `IMU_PRESETS` by name."""
+        """Return an IMU of `IMU_PRESETS` by name."""
         if name not in IMU_PRESETS:
             raise InputError(unknown_name("IMU", name, IMU_PRESETS))
         return IMU_PRESETS[name]
 
     def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """The mission's constants: turn-on bias [SI], scale [1], misalignment [rad] per axis."""
+        """Sample the mission's constants per axis: bias [SI], scale [1], misalignment [rad]."""
         turn = self.misalignment_deg * DEG
         gyro = (self.gyro_turn_on_bias, self.gyro_scale, turn)
         accel = (self.accel_turn_on_bias, self.accel_scale, turn)
         return self.draw_normal(rng, np.repeat((*gyro, *accel), len(AXES)).tolist())
 
     def begin(self, outset: Outset) -> ImuRun:
-        """Rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
+        """Begin to measure rates [rad/s] and specific force [m/s2] at the IMU site, body FRD."""
         return ImuRun(
             self._triad(outset, GYRO_SIGNALS, "gyro"), self._triad(outset, FORCE_SIGNALS, "accel")
         )
@@ -144,7 +144,7 @@ class Imu(Sensor):
             np.array([drawn_value(drawn, f"{triad}_{what}_{axis}") for axis in AXES])
             for what in ("bias", "scale", "misalignment")
         )
-        # I + diag(scale) - turn x: the frame turned by small angles, as the triad sees the vector.
+        # I + diag(scale) - turn x: rotation of the triad by small angles
         matrix = np.diag(1.0 + scale) + np.array(
             [[0.0, turn[2], -turn[1]], [-turn[2], 0.0, turn[0]], [turn[1], -turn[0], 0.0]]
         )
@@ -164,14 +164,14 @@ class TriadRun(SensorRun):
 
     names: tuple[str, ...]
     matrix: Array
-    """scale factors and misalignment, (3, 3)"""
+    """Scale factors and misalignment, (3, 3)."""
     white: NDArray[np.float32]
-    """standard normals, (3, n)"""
+    """Standard normals, (3, n)."""
     white_std: float
     slow: Array
-    """bias and what wanders, at its knots, (3, m)"""
+    """Bias and its slow changes at the knots, (3, m)."""
     stride: int
-    """samples from knot to knot"""
+    """Number of samples from knot to knot."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -185,7 +185,7 @@ class TriadRun(SensorRun):
 
 @dataclasses.dataclass
 class ImuRun(SensorRun):
-    """Gyroscope and accelerometer."""
+    """Gyroscope and accelerometer in one mission."""
 
     gyro: TriadRun
     force: TriadRun
@@ -198,8 +198,8 @@ class ImuRun(SensorRun):
 IMU_PRESETS: dict[str, Imu] = {
     "ideal": Imu.ideal(),
     "3DM-GX5-25": Imu(),
-    # What the paper's table says of it, with the sheet's noise: its filter has removed the turn-on
-    # biases, and the table has neither scale factors nor misalignments.
+    # the paper's table with the sheet's noise: the filter has removed turn-on biases, and there are
+    # neither scale factors nor misalignments
     "3DM-GX5-25-table": Imu(
         gyro_turn_on_bias=0.0,
         gyro_scale=0.0,
@@ -207,9 +207,9 @@ IMU_PRESETS: dict[str, Imu] = {
         accel_scale=0.0,
         misalignment_deg=0.0,
     ),
-    # Secondary text with the higher accelerometer noise for the same device.
+    # a second source gives a higher accelerometer noise for the same device
     "3DM-GX5-25-80ug": Imu(accel_noise_density=80e-6 * STANDARD_GRAVITY),
-    # As in the osrf/lrauv simulation of the Tethys class.
+    # the osrf/lrauv simulation of the Tethys class
     "AHRS-M2": Imu(
         gyro_noise_density=0.04 * DEG,
         gyro_bias_instability=6.415 * DEG_PER_HOUR,
@@ -221,4 +221,4 @@ IMU_PRESETS: dict[str, Imu] = {
     "MTi-630": Imu(gyro_noise_density=0.007 * DEG, accel_noise_density=60e-6 * STANDARD_GRAVITY),
     "MV5-AR": Imu(gyro_noise_density=0.0075 * DEG, accel_noise_density=85e-6 * STANDARD_GRAVITY),
 }
-"""Named IMUs. A figure that a device's source does not give is the 3DM-GX5-25's."""
+"""IMUs by name. A figure that a device's source lacks is the 3DM-GX5-25's."""

@@ -1,6 +1,6 @@
-"""Compiled loops of the sensors: recursions in time, and loops too small for numpy calls.
+"""Kernels: compiled loops of the sensors, for recursions in time and for small arrays.
 
-Vectors are contiguous float64 of shape (n,) on the mission's time grid, normals are float32.
+Vectors are contiguous float64 of shape (n,) on the mission's time grid; normals are float32.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ DEG = math.pi / 180.0
 BEAMS = 4
 NO_LOCK, BOTTOM_LOCK, WATER_LOCK = 0, 1, 2
 MIN_BEAMS = 3
-"""a three-dimensional velocity needs three beams"""
+"""Least number of beams for a three-dimensional velocity."""
 LEAST_COSINE = 0.05
-"""of pitch: closer to the vertical than 87 deg, roll and heading have no useful meaning"""
+"""Lower bound of cos(pitch): above 87 deg, roll and heading have no useful meaning."""
 
 
 @jit
 def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-untyped-def]
-    """out = a stationary first-order Gauss-Markov process with a knot every `stride` samples.
+    """Fill `out` with a stationary first-order Gauss-Markov process, linear between its knots.
 
-    white: one standard normal per knot; decay: from knot to knot; linear in between.
+    white: one standard normal per knot; decay: from knot to knot; stride: samples per knot.
     """
     step = std * math.sqrt(1.0 - decay * decay)
     n = out.shape[0]
@@ -41,7 +41,7 @@ def gauss_markov_kernel(white, std, decay, stride, out):  # type: ignore[no-unty
 
 @jit
 def slow_kernel(bias, knots, bias_std, decay, walk_step, slow):  # type: ignore[no-untyped-def]
-    """slow = bias[i] + Gauss-Markov process + random walk at the knots, (3, m).
+    """Fill `slow`, (3, m), with bias[i] + Gauss-Markov process + random walk at the knots.
 
     knots: standard normals (3, 2, m) that drive the two processes.
     """
@@ -58,10 +58,10 @@ def slow_kernel(bias, knots, bias_std, decay, walk_step, slow):  # type: ignore[
 
 @jit
 def triad_kernel(x, y, z, matrix, white, white_std, slow, stride, begin, out):  # type: ignore[no-untyped-def]
-    """out[i] = matrix[i] @ (x, y, z) + slow errors + white noise, (3, stretch).
+    """Fill `out[i]`, (3, stretch), with matrix[i] @ (x, y, z) + slow errors + white noise.
 
-    x, y, z: of the samples from `begin` on. white: standard normals (3, n) and slow: the slow
-    errors with a knot every `stride` samples, linear in between, of the whole mission.
+    x, y, z: samples from `begin` on. white: standard normals (3, n) of the whole mission. slow:
+    slow errors of the whole mission with a knot every `stride` samples, linear in between.
     """
     n = x.shape[0]
     for i in range(3):
@@ -79,11 +79,11 @@ def triad_kernel(x, y, z, matrix, white, white_std, slow, stride, begin, out):  
 
 @jit
 def complementary_kernel(rate, reference, dt, time_constant, carried, out):  # type: ignore[no-untyped-def]
-    """out = error of a complementary filter: out' = rate - (out - reference) / time_constant.
+    """Error of a complementary filter: out' = rate - (out - reference) / time_constant.
 
-    rate: error of the angle's rate that the gyros give; reference: error of the angle that
-    gravity or the compass gives, shape (n,). Backward Euler, stable for every step. carried: (1,)
-    error at the sample before, NaN at the first one, on whose rate it has settled.
+    rate: error of the angle's rate from the gyros; reference: error of the angle from gravity or
+    the compass, shape (n,). Backward Euler, stable for every step. carried: (1,) error at the
+    sample before; NaN at the first sample, where the filter has settled.
     """
     error = carried[0]
     if error != error:
@@ -97,9 +97,9 @@ def complementary_kernel(rate, reference, dt, time_constant, carried, out):  # t
 
 @jit
 def tilt_kernel(roll, pitch, force, gyro, rate, reference):  # type: ignore[no-untyped-def]
-    """Errors of roll and pitch and of their rates, as an accelerometer and gyros give them.
+    """Errors of roll and pitch and of their rates, from accelerometer and gyros.
 
-    roll, pitch: true [deg], (n,). force: measured specific force [m/s2], (3, n), taken for
+    roll, pitch: true [deg], (n,). force: measured specific force [m/s2], (3, n), assumed to be
     -gravity: roll = atan2(-f_y, -f_z), pitch = atan2(f_x, |f_y, f_z|). gyro: error of the measured
     rates [rad/s], (3, n). rate [deg/s] and reference [deg]: (2, n), roll and pitch. Near the
     vertical, where roll has no meaning, its errors are kept finite.
@@ -119,7 +119,7 @@ def tilt_kernel(roll, pitch, force, gyro, rate, reference):  # type: ignore[no-u
 
 @jit
 def turn_kernel(roll, pitch, gyro_y, gyro_z, rate):  # type: ignore[no-untyped-def]
-    """rate = error of the heading's rate [deg/s] by the gyros' errors [rad/s]; angles [deg]."""
+    """Error of the heading's rate [deg/s] from the gyros' errors [rad/s]; angles [deg]."""
     for k in range(rate.shape[0]):
         turning = math.sin(roll[k] * DEG) * gyro_y[k] + math.cos(roll[k] * DEG) * gyro_z[k]
         rate[k] = turning / max(math.cos(pitch[k] * DEG), LEAST_COSINE) / DEG
@@ -129,11 +129,11 @@ def turn_kernel(roll, pitch, gyro_y, gyro_z, rate):  # type: ignore[no-untyped-d
 def thermal_kernel(  # type: ignore[no-untyped-def]
     temperature, dt, lag, amplitude, time_constant, carried, thermistor, cell
 ):
-    """Temperature that a CTD's thermistor shows, and that of the water in its conductivity cell.
+    """Temperatures of a CTD's thermistor and of the water in its conductivity cell.
 
-    thermistor: first-order lag [s] of the water's temperature. cell: temperature less the anomaly
-    that the cell's wall makes, by the recursion of Lueck and Picklo (1990). All (n,) [deg C].
-    carried: (3,) water, thermistor and anomaly at the sample before, NaN at the first one.
+    thermistor: first-order lag [s] behind the water. cell: the water's temperature less the anomaly
+    that the cell's wall causes (recursion of Lueck and Picklo, 1990). All (n,) [deg C]. carried:
+    (3,) water, thermistor and anomaly at the sample before, NaN at the first one.
     """
     kept = math.exp(-dt / lag) if lag > 0.0 else 0.0
     a = 2.0 * amplitude * time_constant / dt / (1.0 + 2.0 * time_constant / dt)
@@ -156,12 +156,12 @@ def compass_kernel(  # type: ignore[no-untyped-def]
     roll, pitch, heading, level_roll, level_pitch, shift, rotation, hard_iron, soft_iron, battery,
     distance, dip_tangent, offset, out,
 ):  # fmt: skip
-    """out = error of the heading [deg] by the magnetic vector: soft_iron R^T m_n + hard iron.
+    """Error of the heading [deg] from the magnetic vector soft_iron R^T m_n + hard iron.
 
     m_n = (1, 0, dip_tangent), in units of the horizontal field. Angles [deg] in, shift [m].
-    level_roll, level_pitch: the tilt that the vector is levelled by. hard_iron: (3,) at the
-    neutral battery position. battery: (3,) the part of the field that the battery carries there;
-    it turns with the rotation and falls with the cube of the distance [m]. offset [rad] is added.
+    level_roll, level_pitch: angles that level the vector. hard_iron: (3,) at the neutral battery
+    position. battery: (3,) the battery's part of that field; it turns with the rotation and falls
+    with the cube of the distance [m]. offset [rad] is added.
     """
     for k in range(out.shape[0]):
         sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
@@ -173,7 +173,7 @@ def compass_kernel(  # type: ignore[no-untyped-def]
         bx = hard_iron[0] + (fall - 1.0) * battery[0]
         by = hard_iron[1] + fall * (cos_g * battery[1] - sin_g * battery[2]) - battery[1]
         bz = hard_iron[2] + fall * (sin_g * battery[1] + cos_g * battery[2]) - battery[2]
-        # Earth's field in body axes.
+        # Earth's field in body axes
         x = cos_p * cos_h - sin_p * dip_tangent
         z = sin_p * cos_h + cos_p * dip_tangent
         y = -cos_r * sin_h + sin_r * z
@@ -181,7 +181,7 @@ def compass_kernel(  # type: ignore[no-untyped-def]
         mx = x + soft_iron[0, 0] * x + soft_iron[0, 1] * y + soft_iron[0, 2] * z + bx
         my = y + soft_iron[1, 0] * x + soft_iron[1, 1] * y + soft_iron[1, 2] * z + by
         mz = z + soft_iron[2, 0] * x + soft_iron[2, 1] * y + soft_iron[2, 2] * z + bz
-        # Tilt compensation, then the angle between the level vector and the true heading's.
+        # tilt compensation, then the angle between the level vector and the true heading's
         sin_r, cos_r = math.sin(level_roll[k] * DEG), math.cos(level_roll[k] * DEG)
         sin_p, cos_p = math.sin(level_pitch[k] * DEG), math.cos(level_pitch[k] * DEG)
         level_y = cos_r * my - sin_r * mz
@@ -195,9 +195,9 @@ def compass_kernel(  # type: ignore[no-untyped-def]
 def body_kernel(  # type: ignore[no-untyped-def]
     roll, pitch, heading, north, east, down, velocity, plumb
 ):
-    """velocity = R^T (north, east, down) in body FRD; plumb = R^T (0, 0, 1). Both (3, n).
+    """Fill `velocity` with R^T (north, east, down), body FRD, and `plumb` with R^T (0, 0, 1).
 
-    Angles [deg], velocity over ground [m/s].
+    Shapes (3, n). Angles [deg], velocity over ground [m/s].
     """
     for k in range(roll.shape[0]):
         sin_r, cos_r = math.sin(roll[k] * DEG), math.cos(roll[k] * DEG)
@@ -216,7 +216,7 @@ def body_kernel(  # type: ignore[no-untyped-def]
 
 @jit
 def level_slant_kernel(plumb, depth, bottom_depth, lever, beams, slant):  # type: ignore[no-untyped-def]
-    """slant = distance [m] along each beam from the instrument to a level bottom, (4, n).
+    """Distance [m] along each beam from the instrument to a level bottom: slant, (4, n).
 
     plumb: (3, n). depth, bottom_depth: (n,) [m]. lever: (3,) [m] and beams: (4, 3), body FRD.
     inf for a beam that does not look down.
@@ -236,11 +236,11 @@ def level_slant_kernel(plumb, depth, bottom_depth, lever, beams, slant):  # type
 def slant_kernel(  # type: ignore[no-untyped-def]
     table, north, east, depth, roll, pitch, heading, lever, beams, farthest, step, slant
 ):
-    """slant = distance [m] along each beam from the instrument to the sea floor, (4, n).
+    """Distance [m] along each beam from the instrument to the sea floor: slant, (4, n).
 
     table: the compiled sea floor. north, east, depth: (n,) [m] of the CB; angles (n,) [deg].
-    lever: (3,) [m] and beams: (4, 3), body FRD. inf beyond `farthest` [m] and for a beam that
-    does not look down. `step` [m] is that of the search, see `beam_length`.
+    lever: (3,) [m] and beams: (4, 3), body FRD. inf beyond `farthest` [m] and for a beam that does
+    not look down. `step` [m]: step of the search, see `beam_length`.
     """
     toward = np.empty(3)
     least = shallowest_depth(table)
@@ -250,7 +250,7 @@ def slant_kernel(  # type: ignore[no-untyped-def]
         sin_h, cos_h = math.sin(heading[k] * DEG), math.cos(heading[k] * DEG)
         ahead, beside, below = lever[0], lever[1], lever[2]
         for i in range(BEAMS + 1):
-            # first the lever arm, then the beams, from body axes to NED
+            # the lever arm first, then the beams, from body axes to NED
             across = cos_r * beside - sin_r * below
             plumb = sin_r * beside + cos_r * below
             level = cos_p * ahead + sin_p * plumb
@@ -276,14 +276,13 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
     """Velocity at the instrument [m/s], body FRD, (3, m), and mode (m,), from single pings.
 
     ground, water, rates, plumb: (3, m) body velocity over ground and through the cell layer,
-    angular velocity and the plumb line. depth (m,) [m]; slant (4, m) [m] from the instrument to
-    the bottom along each beam. These are of the mission's samples from `first` on, and the places
-    begin to end - 1 of them are measured. beams: (4, 3) unit vectors; solve: (16, 3, 4)
-    least-squares inverses by the set of beams. ping_step: samples from ping to ping. Per ping of
-    the mission: locked, bool, outlier [m/s]: 0 none, NaN the beam reports its neighbour's velocity,
-    and outlier_beam. white: standard normals (n, 4) of the mission. cell_reach [m] is the slant
-    range of the farthest water cell.
-    The lock is decided at each sample; the sample is the mean over its pings.
+    angular velocity and plumb line. depth (m,) [m]; slant (4, m) [m] from the instrument to the
+    bottom along each beam. These arrays begin at the mission's sample `first`; their samples begin
+    to end - 1 are measured. beams: (4, 3) unit vectors; solve: (16, 3, 4) least-squares inverses by
+    the set of beams. ping_step: samples from ping to ping. Per ping of the mission: locked, bool;
+    outlier [m/s], 0 none, NaN if the beam reports its neighbour's velocity; and outlier_beam.
+    white: standard normals (n, 4) of the mission. cell_reach [m]: slant range of the farthest water
+    cell. The lock is decided at each sample, and the reading is the mean over the sample's pings.
     """
     n = depth.shape[0]
     pings = locked.shape[0]
@@ -333,7 +332,7 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
             ping += 1
             if kind == NO_LOCK or not locked[now]:
                 continue
-            # Between samples the body-frame vectors are linear in time.
+            # between samples the body-frame vectors are linear in time
             a = min(int(now * ping_step) - first, n - 1)
             f = now * ping_step - first - a
             b = min(a + 1, n - 1)
@@ -360,7 +359,7 @@ def dvl_kernel(  # type: ignore[no-untyped-def]
                 radial[i] += wrong
         if count > 0:
             mode[k] = kind
-            # The mean of `count` independent pings carries 1/sqrt(count) of one ping's noise.
+            # the mean of `count` independent pings has 1/sqrt(count) of one ping's noise
             std /= math.sqrt(count)
             for i in range(BEAMS):
                 along = beams[i, 0] * sum_x + beams[i, 1] * sum_y + beams[i, 2] * sum_z
@@ -380,11 +379,11 @@ def onboard_kernel(  # type: ignore[no-untyped-def]
     depth, pitch, heading, gps_north, gps_east, dt, window, angle_of_attack, min_pitch,
     surface_depth, max_speed, min_dive_time, use_current, carried, begin, out,
 ):  # fmt: skip
-    """Dead reckoning as in `twin.sensors.onboard`; out: (4, m) north, east, current n, e.
+    """Dead reckoning of `twin.sensors.onboard`; out: (4, m) north, east, current n, e.
 
     Measured depth [m], pitch and heading [deg], GPS [m] with NaN where there is no fix, (n,);
-    window in samples; angles of the settings [rad], speeds [m/s], times [s]. out is of the samples
-    from `begin` on; carried: (7,), zeros at the first one.
+    window in samples; angles of the settings [rad], speeds [m/s], times [s]. out holds the samples
+    from `begin` on; carried: (7,), zeros at the first sample.
     """
     north, east, current_n, current_e = carried[0], carried[1], carried[2], carried[3]
     speed, since_fix, pitch_sum = carried[4], carried[5], carried[6]
@@ -430,10 +429,10 @@ def dvl_track_kernel(  # type: ignore[no-untyped-def]
     velocity_north, velocity_east, mode, gps_north, gps_east, dt, min_dive_time, use_current,
     carried, begin, out,
 ):  # fmt: skip
-    """Dead reckoning by a Doppler log, `twin.sensors.onboard`; out: (4, m) as `onboard_kernel`.
+    """Dead reckoning of `twin.sensors.onboard` by a Doppler log; out: (4, m) as `onboard_kernel`.
 
     Measured velocity [m/s] NED and mode of its lock, (m,), GPS [m] with NaN where there is no fix,
-    of the samples from `begin` on; carried: (8,), zeros at the first one.
+    for the samples from `begin` on; carried: (8,), zeros at the first sample.
     """
     north, east, current_n, current_e = carried[0], carried[1], carried[2], carried[3]
     speed_n, speed_e, water_time, in_water = carried[4], carried[5], carried[6], carried[7]

@@ -1,9 +1,9 @@
-"""Live sensors: a suite at work in one mission, sample by sample, as a vehicle under way has it.
+"""Live sensors: a suite that measures a mission sample by sample, as on a vehicle under way.
 
-The readings are those of `SensorSuite.measure` for the same seed and as many samples: the same
-random numbers, drawn in the same order. A fault acts on a sample as soon as the sensors that it
-changes have measured it, and before a sensor that reads them, so that the vehicle is navigated by
-what the log shows.
+The readings equal those of `SensorSuite.measure` for the same seed and number of samples, because
+the same random numbers are sampled in the same order. A fault changes a sample once the affected
+sensors have measured it, and before other sensors read it. The vehicle then navigates by the
+readings in its log.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from twin.sensors.base import NOWHERE, Outset, SensorRun, Surroundings, sensor_g
 from twin.sensors.suite import SensorSuite, truths
 
 _STREAM = 0xFA17
-"""Branch of a mission's seed that faults draw from"""
+"""Branch of a mission's seed for the faults."""
 
 
 class LiveSuite:
     """The sensors of a suite in one mission.
 
-    A reading that needs samples after its own, such as a Doppler log's mean over an interval around
-    it, comes as much later: `step` gives the last one that is known, `measured` puts each where it
-    belongs.
+    A reading that needs later samples, such as a Doppler log's mean over an interval, is late by
+    that many samples. `step` returns the latest known reading; `measured` assigns each reading to
+    its own sample.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class LiveSuite:
 
         Args:
           suite: the sensors.
-          signals: names of the true and commanded signals that a sample has.
-          samples: of the mission at most; random numbers are drawn for so many.
+          signals: names of the true and commanded signals of a sample.
+          samples: largest number in the mission; random numbers are sampled for all of them.
           dt, rng_seed: as in `SensorSuite.measure`.
           surroundings: water, place and sea floor.
-          wanted: measured signals; sensors that neither measure one nor are read for one stay out.
-            None: all.
-          faults: of the vehicle, which change what its sensors read.
+          wanted: measured signals; sensors that these do not need, directly or through others, are
+            left out. None: all.
+          faults: faults of the vehicle; some change sensor readings.
 
         Raises:
           InputError: a signal is missing, or a sensor measures whole missions only.
@@ -70,7 +70,7 @@ class LiveSuite:
             )
         self.drawn = suite.draw(rng_seed)
         self.count = 0
-        """Samples so far."""
+        """Number of samples so far."""
         self._runs: list[tuple[SensorRun | None, int, dict[str, str]]] = []
         self._delays: dict[str, int] = {}
         order: list[tuple[Sequence[str], Sequence[str], int]] = []
@@ -95,13 +95,13 @@ class LiveSuite:
             order.append((inputs, own, delay))
         self._faulty = FaultySensors(faults, order, dt=dt, rng_seed=rng_seed)
         self.channels = tuple(channel for _, own, _ in order for channel in own)
-        """Channels that it measures."""
+        """Measured channels."""
         self._arrays: dict[str, Array] = {
             name: np.full(samples, np.nan) for name in (*self.signals, *self.channels)
         }
 
     def step(self, sample: Mapping[str, float]) -> dict[str, float]:
-        """Readings after a sample, by channel; NaN where there is none yet.
+        """Take a sample and return the latest readings by channel; NaN where there is none yet.
 
         Args:
           sample: true and commanded signals, in the units of the schema.
@@ -133,18 +133,18 @@ class LiveSuite:
         }
 
     def measured(self) -> dict[str, Array]:
-        """The readings so far, each of shape (count,).
+        """Return the readings so far, each of shape (count,).
 
-        The last ones of sensors that come later are measured as if the mission ended here; a step
-        afterwards gives them again, as they are then.
+        The last readings of late sensors are measured as if the mission ended here; a later `step`
+        measures them again with the samples that follow.
         """
         out = {name: self._arrays[name][: self.count].copy() for name in self.channels}
-        late = [(run, delay, known) for run, delay, known in self._runs if run and delay]
-        if not late or not self.count:
+        delayed = [(run, delay, known) for run, delay, known in self._runs if run and delay]
+        if not delayed or not self.count:
             return out
         kept = self.state()
         ended = {name: values[: self.count] for name, values in self._arrays.items()}
-        for run, delay, known in late:
+        for run, delay, known in delayed:
             first = max(self.count - delay, 0)
             for channel, values in run.finish(ended, first, self.count).items():
                 if channel not in known:
@@ -165,10 +165,10 @@ class LiveSuite:
         return state | self._faulty.state()
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from where `state` was called, with sensors that were made in the same way.
+        """Continue from a `state`, with sensors made in the same way.
 
         Raises:
-          InputError: it is of another suite, or of a longer mission.
+          InputError: the state is from another suite, or from a longer mission.
         """
         names = {f"signal:{name}" for name in self._arrays}
         if names - set(state) or len(state[f"signal:{self.signals[0]}"]) > self.samples:
@@ -189,29 +189,29 @@ class LiveSuite:
 
 
 def _needed(suite: SensorSuite, signals: tuple[str, ...], wanted: Iterable[str] | None) -> set[str]:
-    """Names of the sensors that measure something wanted, or that those read."""
+    """Names of the sensors that measure a wanted signal, and of the sensors that these read."""
     if wanted is None:
         return set(suite)
     signals_wanted, needed = set(wanted), set()
-    for name, sensor in reversed(list(suite.items())):  # each comes after those that it reads
+    for name, sensor in reversed(list(suite.items())):  # sensors come after those that they read
         if signals_wanted & {entry.name for entry in sensor.channels(signals)}:
             needed.add(name)
             signals_wanted |= set(sensor.inputs(signals))
     return needed
 
 
-class _Acting(NamedTuple):
-    """A fault at work on some channels."""
+class _ActiveFault(NamedTuple):
+    """A fault that acts on some channels."""
 
     run: FaultRun
     channels: tuple[str, ...]
     delay: int
-    """[samples] of the latest of the channels"""
+    """[samples] Delay of the latest of the channels."""
     seed: int
 
 
 class FaultySensors:
-    """The faults of one mission's sensors."""
+    """Faults of one mission's sensors."""
 
     def __init__(
         self,
@@ -224,14 +224,14 @@ class FaultySensors:
         """Begin before the first sample.
 
         Args:
-          faults: of the vehicle; those that change no reading are left out.
-          sensors: what each one reads and writes, and its delay [samples], in their order.
+          faults: faults of the vehicle; those that change no reading are left out.
+          sensors: signals read and written and delay [samples] of each sensor, in order.
           dt: [s] between samples.
-          rng_seed: of the mission; each fault has a branch of its own.
+          rng_seed: seed of the mission; each fault has a branch of its own.
         """
         self._dt = dt
-        self._all: list[_Acting] = []
-        self._after: dict[int, list[_Acting]] = {}
+        self._all: list[_ActiveFault] = []
+        self._after: dict[int, list[_ActiveFault]] = {}
         tree = np.random.SeedSequence(rng_seed.entropy, spawn_key=(*rng_seed.spawn_key, _STREAM))
         seeds = tree.generate_state(max(len(faults), 1), np.uint64)
         channels = [name for _, writes, _ in sensors for name in writes]
@@ -249,34 +249,34 @@ class FaultySensors:
             ]  # fmt: skip
             last = min(readers, default=len(sensors)) - 1
             delay = max(sensors[k][2] for k in writers)
-            acting = _Acting(fault.begin(), tuple(sorted(changed)), delay, int(seed))
+            acting = _ActiveFault(fault.begin(), tuple(sorted(changed)), delay, int(seed))
             self._all.append(acting)
             self._after.setdefault(last, []).append(acting)
 
     def act(self, sensor: int, arrays: Mapping[str, Array], sample: int) -> None:
-        """Change the readings whose turn has come when a sensor has measured a sample.
+        """Apply the faults that are due after a sensor has measured a sample.
 
         Args:
           sensor: place of the sensor in the order.
           arrays: signals of the whole mission, shape (n,); changed in place.
-          sample: the newest one.
+          sample: index of the newest sample.
         """
         for acting in self._after.get(sensor, ()):
             if sample >= acting.delay:
                 self._change(acting, arrays, sample - acting.delay)
 
     def finish(self, arrays: Mapping[str, Array], count: int) -> None:
-        """Change the readings of the last samples, which came late, of a mission that ended."""
+        """Apply the faults to the late readings of a mission that ended after `count` samples."""
         for acting in self._all:
             for sample in range(max(count - acting.delay, 0), count):
                 self._change(acting, arrays, sample)
 
-    def _change(self, acting: _Acting, arrays: Mapping[str, Array], sample: int) -> None:
+    def _change(self, acting: _ActiveFault, arrays: Mapping[str, Array], sample: int) -> None:
         run = acting.run
         size = run.fault.at(np.array([sample * self._dt]))
         if not (size.any() or run.carried.size):
             return
-        # a stream of each sample: what is drawn does not depend on how often it was asked for
+        # one stream per sample, so that random numbers do not depend on repeated calls
         rng = np.random.default_rng((acting.seed, sample))
         signals = {name: values[sample : sample + 1] for name, values in arrays.items()}
         found = run.readings(signals, size, self._dt, rng)
@@ -288,6 +288,6 @@ class FaultySensors:
         return {f"fault:{k}": one.run.carried.copy() for k, one in enumerate(self._all)}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from where `state` was called."""
+        """Continue from a `state` saved earlier."""
         for index, one in enumerate(self._all):
             one.run.carried = np.array(state[f"fault:{index}"], np.float64)

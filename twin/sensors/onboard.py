@@ -1,24 +1,24 @@
 """On-board track: the position that a vehicle dead-reckons and logs by itself.
 
-As buoyancy gliders do it, `speed_by="depth-rate"` (OceanGliders' depth-averaged current procedure:
-Slocum takes the horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of
-attack of 3 deg):
+Buoyancy gliders, `speed_by="depth-rate"` (OceanGliders' depth-averaged current procedure: Slocum
+takes the horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of attack of
+3 deg):
 
-1. depth rate = change of the measured depth over the last `window` seconds, and pitch = mean of
-   the measured pitch over the same window;
-2. horizontal speed = |depth rate| / tan(|pitch| + angle of attack), at most `max_speed`. It is
-   held while the pitch is below `min_pitch` or the depth rate has the wrong sign for it (at
-   inflections), and is 0 above `surface_depth`;
-3. the position moves by that speed along the measured heading, plus the last depth-averaged
-   current if `use_current`;
-4. a GPS fix resets the position. The first one after at least `min_dive_time` without a fix
-   also gives the depth-averaged current: what was used plus (fix - position) / time since the
-   last fix.
+1. The depth rate is the change of the measured depth over the last `window` seconds, and the pitch
+   is the mean measured pitch over the same window.
+2. The horizontal speed is |depth rate| / tan(|pitch| + angle of attack), at most `max_speed`. It is
+   held while the pitch is below `min_pitch` or the depth rate has the wrong sign for the pitch (at
+   inflections), and is 0 above `surface_depth`.
+3. The position moves by that speed along the measured heading, plus the last depth-averaged
+   current if `use_current`.
+4. A GPS fix resets the position. The first fix after at least `min_dive_time` without one also
+   gives the depth-averaged current: the current used plus (fix - position) / time since the last
+   fix.
 
-As propelled vehicles with a Doppler log do it, `speed_by="dvl"`: the measured velocity in body
-axes, turned by the measured roll, pitch and heading, moves the position; the last one is held while
-there is no lock. A velocity through the water takes the depth-averaged current with it, which a fix
-gives after at least `min_dive_time` of water lock; one over ground needs none.
+Propelled vehicles with a Doppler log, `speed_by="dvl"`: the measured body velocity, turned by the
+measured roll, pitch and heading, moves the position. Without lock the last velocity is held. A
+velocity through the water gets the depth-averaged current added, which a fix gives after at least
+`min_dive_time` of water lock; a velocity over ground does not.
 
 The track starts at the mission's origin, or at the first fix if there is one at the start.
 """
@@ -57,22 +57,22 @@ DVL_READS = (
 
 
 class OnboardTrack(NamedTuple):
-    """Track and currents by the measured signals; each of shape (n,)."""
+    """Track and currents from the measured signals; each of shape (n,)."""
 
     north: Array
-    """[m] from the mission's origin"""
+    """[m] Distance north of the mission's origin."""
     east: Array
-    """[m]"""
+    """[m] Distance east of the mission's origin."""
     current_north: Array
-    """[m/s] latest depth-averaged current, 0 before the first one"""
+    """[m/s] Latest depth-averaged current toward north, 0 before the first."""
     current_east: Array
-    """[m/s]"""
+    """[m/s] Latest depth-averaged current toward east, 0 before the first."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Onboard(Sensor):
-    """Settings of the vehicle's own dead reckoning. It has no error of its own to switch off:
-    with ideal devices it still shows what its assumptions cost."""
+    """Settings of the vehicle's own dead reckoning. The algorithm has no errors that could be
+    switched off: with ideal devices it still shows the cost of its assumptions."""
 
     name = "onboard"
     reads = (
@@ -83,21 +83,21 @@ class Onboard(Sensor):
     unset: ClassVar[Mapping[str, Any]] = {"speed_by": DEPTH_RATE}
 
     speed_by: str = DEPTH_RATE
-    """Source of the speed: "depth-rate" or "dvl" """
+    """Source of the speed: "depth-rate" or "dvl"."""
     angle_of_attack_deg: float = 3.0
-    """[deg] one constant for every glide, as Spray assumes; the Sea-Wing's is 1.3 to 3 deg"""
+    """[deg] Angle of attack in every glide, as Spray assumes; the Sea-Wing's is 1.3 to 3 deg"""
     window: float = 20.0
-    """[s] over which the depth rate is taken"""
+    """[s] Time over which depth rate and mean pitch are taken"""
     min_pitch_deg: float = 10.0
-    """[deg] below this the quotient is not used"""
+    """[deg] Pitch below which the last speed is held"""
     surface_depth: float = 1.0
-    """[m] above this the vehicle counts as surfaced"""
+    """[m] Depth above which the vehicle counts as surfaced"""
     max_speed: float = 1.0
-    """[m/s] no buoyancy glider is faster through the water for long; by depth rate"""
+    """[m/s] Upper bound of the speed by depth rate; no buoyancy glider keeps a larger one"""
     use_current: bool = True
-    """Add the last depth-averaged current"""
+    """True: add the last depth-averaged current"""
     min_dive_time: float = 300.0
-    """[s] shorter times without a fix give no depth-averaged current"""
+    """[s] Shortest time without a fix that gives a depth-averaged current"""
 
     def __post_init__(self) -> None:
         if self.speed_by not in SPEEDS:
@@ -112,31 +112,31 @@ class Onboard(Sensor):
 
     @classmethod
     def ideal(cls) -> Onboard:
-        """The defaults: the algorithm has no error of its own."""
+        """Make the defaults: the algorithm has no error of its own."""
         return cls()
 
     def inputs(self, signals: Iterable[str]) -> tuple[str, ...]:
-        """Depth, attitude and GPS, and the Doppler log where it gives the speed."""
+        """Depth, attitude and GPS, and the Doppler log if it gives the speed."""
         return self.reads + (DVL_READS if self.speed_by == DVL else ())
 
     def track(self, measured: Signals, *, dt: float) -> OnboardTrack:
-        """The track from measured depth, pitch, heading and GPS on one time grid of step dt [s]."""
+        """Compute the track from measured depth, pitch, heading and GPS every dt [s]."""
         n = signal(measured, "measured_depth").shape[0]
         return OnboardTrack(*OnboardRun(self, dt).rows(measured, 0, n))
 
     def begin(self, outset: Outset) -> OnboardRun:
-        """measured_onboard_north and measured_onboard_east [m]."""
+        """Begin to measure measured_onboard_north and measured_onboard_east [m]."""
         return OnboardRun(self, outset.dt)
 
 
 @dataclasses.dataclass
 class OnboardRun(SensorRun):
-    """Dead reckoning under way."""
+    """Dead reckoning in one mission."""
 
     onboard: Onboard
     dt: float
     carried: Array = dataclasses.field(default_factory=lambda: np.zeros(8))
-    """position, current, speed and times, as the kernels have them"""
+    """Position, current, speed and times, in the kernels' order."""
 
     def measure(self, signals: Signals, first: int, last: int) -> dict[str, NDArray[Any]]:
         """See `SensorRun`."""
@@ -144,7 +144,7 @@ class OnboardRun(SensorRun):
         return {"measured_onboard_north": rows[0], "measured_onboard_east": rows[1]}
 
     def rows(self, measured: Signals, first: int, last: int) -> Array:
-        """The fields of `OnboardTrack` for a stretch of samples, shape (4, stretch)."""
+        """Compute the fields of `OnboardTrack` for a stretch of samples, shape (4, stretch)."""
         its, dt = self.onboard, self.dt
         out = np.empty((4, last - first))
         if its.speed_by == DVL:

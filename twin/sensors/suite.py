@@ -1,9 +1,9 @@
-"""Suite: the sensors of one vehicle, and what they make of one mission's truth.
+"""Suite: the sensors of one vehicle, which measure the truth of one mission.
 
-Every sensor has its own branch of the mission's seed, one stream for the constants it draws and
-one for its noise, so that changing one sensor leaves the others' errors as they were. A sensor may
-read others as a vehicle does: the DVL removes its lever arm with the measured gyro, the on-board
-track uses measured depth, attitude, heading and GPS. They are measured in that order.
+Every sensor has its own branch of the mission's seed, with one stream for its constants and one for
+its noise. Changing one sensor therefore leaves the others' errors unchanged. A sensor may read
+others as on a vehicle: the DVL removes its lever arm with the measured gyro, and the on-board track
+uses measured depth, attitude, heading and GPS. Each sensor is measured after those that it reads.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from twin.sensors.imu import Imu
 from twin.sensors.onboard import DVL, Onboard
 
 PLUS = "+"
-"""Adds a registered sensor to a preset by name: field+turbidity"""
+"""Separator that adds a registered sensor to a preset by name: field+turbidity."""
 
 
 class SensorSuite(Mapping[str, Sensor]):
     """The sensors of a vehicle by name; immutable.
 
     `SensorSuite(dvl=Dvl(fitted=False), turbidity=Turbidity())` holds every shipped sensor, with
-    its defaults (the `field` preset) where none is given, and the registered ones that are given.
+    its defaults (the `field` preset) unless given, and the registered sensors that are given.
     Sensors are attributes too: `suite.dvl`.
     """
 
@@ -52,7 +52,7 @@ class SensorSuite(Mapping[str, Sensor]):
         """Take sensors by name.
 
         Raises:
-          InputError: a name that is not registered, or something else than that sensor.
+          InputError: a name is not registered, or its value is not an object of that sensor.
         """
         for name, sensor in sensors.items():
             if name not in SENSORS:
@@ -70,10 +70,10 @@ class SensorSuite(Mapping[str, Sensor]):
 
     @classmethod
     def preset(cls, name: str) -> SensorSuite:
-        """A suite of `SUITE_PRESETS` by name, with registered sensors added: `field+turbidity`.
+        """Return a suite of `SUITE_PRESETS`, with registered sensors added: `field+turbidity`.
 
         Raises:
-          UnknownName: no such preset or sensor; the nearest one is named.
+          UnknownName: there is no such preset or sensor; the nearest one is offered.
         """
         preset, *added = (word.strip() for word in name.split(PLUS))
         if preset not in SUITE_PRESETS:
@@ -82,10 +82,10 @@ class SensorSuite(Mapping[str, Sensor]):
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Mapping[str, Any]]) -> SensorSuite:
-        """The suite whose `settings()` these are, as stores hold them.
+        """Rebuild the suite from its `settings()`, as stores hold them.
 
         Raises:
-          InputError: a sensor that is not registered here, or a setting that it has not.
+          InputError: a sensor is not registered here, or lacks one of the settings.
         """
         if not isinstance(settings, Mapping):
             raise InputError(f"sensor settings are {settings!r}: give a table of sensors")
@@ -107,11 +107,11 @@ class SensorSuite(Mapping[str, Sensor]):
         return cls(**sensors)
 
     def replace(self, **sensors: Sensor) -> SensorSuite:
-        """The suite with other or further sensors; raises as the class itself."""
+        """Return a suite with other or further sensors; raises as the class itself."""
         return SensorSuite(**{**self._sensors, **sensors})
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        """Every field of every sensor, as JSON can hold it."""
+        """Return every field of every sensor as JSON values."""
         return {name: dataclasses.asdict(cast(Any, s)) for name, s in self._sensors.items()}
 
     def __getitem__(self, name: str) -> Sensor:
@@ -150,7 +150,7 @@ class SensorSuite(Mapping[str, Sensor]):
         return functools.partial(SensorSuite, **self._sensors), ()
 
     def reads(self, signals: Iterable[str]) -> tuple[str, ...]:
-        """The signals of the truth that `measure` needs, of a vehicle that has `signals`."""
+        """Signals of the truth that `measure` needs from a vehicle that has `signals`."""
         names = list(signals)
         needed = (read for sensor in self.values() for read in sensor.inputs(names))
         return tuple(dict.fromkeys(name for name in needed if not name.startswith("measured_")))
@@ -161,15 +161,15 @@ class SensorSuite(Mapping[str, Sensor]):
         return tuple(entry for sensor in self.values() for entry in sensor.channels(names))
 
     def readers(self, changed: Iterable[str], signals: Iterable[str]) -> set[str]:
-        """Measured signals that are made of some measured ones, directly or not.
+        """Measured signals that depend on the `changed` ones, directly or through other sensors.
 
         Args:
           changed: names of measured signals.
-          signals: of the vehicle.
+          signals: names of the vehicle's signals.
         """
         names, sources = list(signals), set(changed)
         found: set[str] = set()
-        for sensor in self.values():  # each comes after those that it reads
+        for sensor in self.values():  # sensors come after those that they read
             if sources & set(sensor.inputs(names)):
                 own = {entry.name for entry in sensor.channels(names)}
                 found |= own
@@ -177,14 +177,14 @@ class SensorSuite(Mapping[str, Sensor]):
         return found
 
     def drawn_units(self) -> dict[str, str]:
-        """Every constant that a mission draws, with its unit, in the order of `draw`."""
+        """Units of all constants that are sampled per mission, by name, in the order of `draw`."""
         return {name: unit for sensor in self.values() for name, unit in sensor.draws.items()}
 
     def draw(self, seed: np.random.SeedSequence | np.random.Generator) -> dict[str, float]:
-        """The constants of one mission: biases, scales, deviation coefficients (`drawn_units`).
+        """Sample the constants of one mission: biases, scales, deviation (`drawn_units`).
 
-        With the mission's SeedSequence the draw is the one that `measure` makes by itself; a
-        Generator gives another draw and moves on.
+        With the mission's SeedSequence the constants equal those that `measure` samples itself. A
+        Generator gives other constants and advances.
         """
         if isinstance(seed, np.random.Generator):
             seed = np.random.SeedSequence(int(seed.integers(2**63)))
@@ -204,16 +204,16 @@ class SensorSuite(Mapping[str, Sensor]):
         measured: Signals | None = None,
         **surroundings: Any,
     ) -> dict[str, NDArray[Any]]:
-        """Every array of `writes`, shape (n,), from the truth of one mission.
+        """Measure the truth of one mission: every array of `writes`, shape (n,).
 
         Args:
-          truth: the arrays of `reads`, shape (n,), beside others. They are not changed, and a
-            sensor without errors returns them themselves.
+          truth: the arrays of `reads`, shape (n,), and any others. They are not changed; a sensor
+            without errors returns these arrays themselves.
           dt: [s] between samples.
-          rng_seed: the mission's, left as it was.
+          rng_seed: seed of the mission, not changed.
           drawn: the mission's constants, by default `draw(rng_seed)`.
-          measured: readings of `LiveSuite` under way; only sensors without a signal in it are
-            measured, by these and the truth.
+          measured: readings of a `LiveSuite`; only sensors without a signal among them are
+            measured, from these readings and the truth.
           surroundings: fields of `Surroundings`, such as latitude, density and bottom_depth.
 
         Raises:
@@ -227,13 +227,13 @@ class SensorSuite(Mapping[str, Sensor]):
         out: dict[str, NDArray[Any]] = {}
         for name, sensor in self.items():
             channels = [entry.name for entry in sensor.channels(truth)]
-            if not channels:  # nothing that this vehicle and this sea let it measure
+            if not channels:  # nothing to measure with this vehicle in this sea
                 continue
             made: Mapping[str, Any] = measured or {}
             if not set(channels) <= set(made):
                 known = truths(sensor, channels, truth, drawn)
                 made = {}
-                if len(known) < len(channels):  # conductivity, for one, has no truth
+                if len(known) < len(channels):  # some channels, such as conductivity, have no truth
                     rng = sensor_generator(rng_seed, name)
                     made = sensor.measure(signals, dt=dt, drawn=drawn, rng=rng, surroundings=around)
                     _check_made(name, made, channels, n)
@@ -280,9 +280,9 @@ class SensorSuite(Mapping[str, Sensor]):
 def truths(
     sensor: Sensor, channels: Iterable[str], signals: Iterable[str], drawn: Drawn
 ) -> dict[str, str]:
-    """True signals that a sensor passes on, by channel; empty where it has errors.
+    """True signals that an error-free sensor returns, by channel; empty for one with errors.
 
-    It has some by its settings, or by a constant that was given by hand.
+    Errors come from the settings, or from a constant that is given by hand.
     """
     given = any(drawn.get(constant, 0.0) for constant in sensor.draws)
     if given or not sensor.ideal_is_truth or sensor != type(sensor).ideal():
@@ -292,7 +292,7 @@ def truths(
 
 
 def _check_made(name: str, made: Any, channels: list[str], n: int) -> None:
-    """Refuse what a sensor of one's own returns beside what it says."""
+    """Raise InputError when a sensor returns other channels, shapes or gaps than it declares."""
     if not isinstance(made, Mapping) or set(made) != set(channels):
         got = ", ".join(map(str, made)) if isinstance(made, Mapping) else repr(made)
         raise InputError(
@@ -313,7 +313,7 @@ def _check_made(name: str, made: Any, channels: list[str], n: int) -> None:
 
 
 def _in_order(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
-    """The sensors so that each comes after those that it reads, otherwise in the given order."""
+    """Order the sensors so that each follows those that it reads, otherwise as given."""
     waiting, ready, written = dict(sensors), {}, set[str]()
     while waiting:
         lacking = {
@@ -333,9 +333,9 @@ def _in_order(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
 
 
 TETHYS_DVL = Dvl(lever_arm=(-0.60, 0.0, 0.16))
-"""At the station of the lrauv simulation, under the hull"""
+"""DVL under the hull, at the place in the lrauv simulation."""
 LEVEL_ALTIMETER = Altimeter(tilt_deg=0.0)
-"""The altimeter of vehicles that cruise level looks straight down"""
+"""Altimeter that looks straight down, for vehicles that cruise level."""
 
 SUITE_PRESETS: dict[str, SensorSuite] = {
     "ideal": SensorSuite(**{name: SENSORS[name].ideal() for name in SENSORS.shipped()}),
@@ -354,8 +354,8 @@ SUITE_PRESETS: dict[str, SensorSuite] = {
         dvl=TETHYS_DVL, altimeter=LEVEL_ALTIMETER, onboard=Onboard(speed_by=DVL)
     ),
 }
-"""`ideal`: measured is true (GPS still only at the surface; the on-board track is the algorithm
-on ideal inputs). `field`: 3DM-GX5-25, "calibrated" compass, and the other sensors' defaults.
+"""Suites by name. `ideal`: measured equals true (GPS still only at the surface; the on-board track
+is the algorithm on ideal inputs). `field`: 3DM-GX5-25, "calibrated" compass, defaults otherwise.
 `survey`: a propelled vehicle's, with the figures of the paper's two tables: accelerometer bias
 instability 0.04 mg, gyro 8 deg/h, attitude 0.25 deg and heading 0.8 deg RMS, and the LinkQuest
 600 kHz micro DVL of 0.3 to 110 m, 1 % +- 1 mm/s and 5 Hz, with our lost locks and outliers.

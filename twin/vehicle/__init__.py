@@ -1,4 +1,4 @@
-"""The vehicle: a hull with its parts, read by name from an MJCF file."""
+"""Vehicle: a hull with its parts, read by name from an MJCF file."""
 
 from typing import TYPE_CHECKING
 

@@ -1,6 +1,6 @@
-"""Additions: parts and a hull law put into a vehicle file by a program, not by hand.
+"""Additions: parts and a hull law that a program adds to a vehicle file.
 
-The result is a complete vehicle: its `xml` is the text of a file that every command takes.
+The result is a complete vehicle; every command accepts its `xml` as a file.
 
     vehicle = with_part("glider", "airbrake", kind="airbrake", travel=(0.0, 1.0), lag=1.0, rate=0.5,
                         numbers={"drag_area": 0.02})
@@ -39,22 +39,22 @@ def with_part(
     numbers: Mapping[str, Values] | None = None,
     steers: Sequence[str] = (),
 ) -> Vehicle:
-    """A vehicle with one more part, the last in the order of commands.
+    """Return a vehicle with one more part, the last in the order of commands.
 
-    Every pose (keyframe) of the file has the part at rest.
+    Every pose (keyframe) of the file gets the part at rest.
 
     Args:
-      vehicle: a vehicle, or what `load_vehicle` takes.
+      vehicle: a vehicle, or an argument of `load_vehicle`.
       name: of the part, a plain word.
-      kind: of vehicle part, shipped or of your own; it acts at a place of the hull and moves no
+      kind: of vehicle part, shipped or your own; it acts at a place of the hull and moves no
         mass on a joint.
       travel: lowest and highest position, in the kind's unit.
-      lag: [s] of its first-order response. rate: largest rate, in the unit per second.
+      lag: [s] of the first-order response. rate: largest rate, in the unit per second.
       place: [m], body forward-starboard-down about the CB, shape (3,).
-      numbers: the kind's own numbers by name, as it reads them from a file (axes there are forward,
+      numbers: the kind's own numbers by name, as in a vehicle file (axes there are forward,
         port, up).
-      steers: what guidance is to use it for in place of another part: of "pitch", "heading",
-        "buoyancy", "speed", "trim".
+      steers: controls that guidance serves by this part: of "pitch", "heading", "buoyancy",
+        "speed", "trim".
 
     Raises:
       VehicleError: the kind is unknown or needs a joint, or the part lacks or has a wrong number.
@@ -101,12 +101,12 @@ def with_part(
 def with_law(
     vehicle: Vehicle | str | Path, kind: str, numbers: Mapping[str, Values] | None = None
 ) -> Vehicle:
-    """A vehicle whose bare hull has another law.
+    """Return a vehicle whose bare hull has another law.
 
     Args:
-      vehicle: a vehicle, or what `load_vehicle` takes.
-      kind: of hull law, shipped or of your own.
-      numbers: what the law reads from the file, by name.
+      vehicle: a vehicle, or an argument of `load_vehicle`.
+      kind: of hull law, shipped or your own.
+      numbers: numbers that the law reads from the file, by name.
 
     Raises:
       VehicleError: the kind is unknown, or a number is missing or wrong.
@@ -121,7 +121,7 @@ def with_law(
 
 
 class _VehicleText:
-    """The text of a vehicle's file while it is changed; comments, which have the sources, stay."""
+    """Editable text of a vehicle file; comments, which hold the sources, stay."""
 
     def __init__(self, vehicle: Vehicle | str | Path):
         given = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
@@ -153,7 +153,7 @@ class _VehicleText:
         custom.append(_element(tag, name=name, data=data))
 
     def vehicle(self) -> Vehicle:
-        """The vehicle of the text; raises VehicleError."""
+        """Parse the vehicle from the text; raises VehicleError."""
         text = ElementTree.tostring(self.reader.root, encoding="unicode")
         return parse_vehicle(f"{self._head}{text}\n", self.path)
 

@@ -1,13 +1,13 @@
-"""Assembly: the parts and moving masses of a vehicle file, and what guidance steers with them.
+"""Assembly: the parts and moving masses of a vehicle file, and the parts that guidance moves.
 
 Moving mass: a body that a slide or a hinge moves inside the hull, such as a battery.
 
-Allocation: how several parts of a kind share what guidance asks of one of them.
-Guidance moves one part for pitch, one for heading and one for speed. Where more of its kind can do
-the same, such as the fins of an X tail, a third rudder or a second screw, they go along: by weights
-that make the wanted moment or thrust with the least sum of squared travels, and no other moment
-(Fossen 2011, section 12.3: generalised inverse of the effectiveness matrix, weighted). The matrix
-has each part's own wrench by position at 1 m/s ahead. A part without a mate goes alone.
+Allocation: sharing of one control among several parts of a kind. Guidance moves one part for each
+of pitch, heading and speed: the lead. Parts of the lead's kind with the same effect follow it: fins
+of an X tail, a third rudder, a second screw. The followers' weights give the wanted moment or
+thrust with the least sum of squared travels, and no other moment (Fossen 2011, section 12.3:
+weighted generalised inverse of the effectiveness matrix). The matrix holds each part's wrench per
+position at 1 m/s ahead. A lead without such parts moves alone.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ class MovingMass:
     """A mass on the hull's axis that slides along it, turns about it, or both."""
 
     name: str
-    """of its body in the vehicle file"""
+    """Name of the body in the vehicle file."""
     mass: float
     """[kg]"""
     inertia: Array
-    """[kg m2], shape (3, 3), body FRD, about its own CG with the hinge at 0"""
+    """[kg m2] Inertia about the mass's own CG with the hinge at 0, shape (3, 3), body FRD."""
     neutral_x: float
-    """[m], of its CG forward of the CB with the slide at 0"""
+    """[m] Distance of the mass's CG forward of the CB with the slide at 0."""
     eccentricity: float
-    """[m], of its CG below the axis with the hinge at 0"""
+    """[m] Distance of the mass's CG below the axis with the hinge at 0."""
     slide: str | None = None
-    """part that slides it, None: none does"""
+    """Name of the part that slides the mass; None: no part."""
     hinge: str | None = None
-    """part that turns it, None: none does"""
+    """Name of the part that turns the mass; None: no part."""
 
     def position(self, shift: float, rotation: float) -> Array:
         """CG [m], shape (3,), body FRD, at `shift` [m] and `rotation` [rad].
 
-        Positive rotation puts it to port (Zhang et al. 2013).
+        Positive rotation moves the mass to port (Zhang et al. 2013).
         """
         lateral = -self.eccentricity * math.sin(rotation)
         vertical = self.eccentricity * math.cos(rotation)
@@ -66,13 +66,13 @@ STEERING = {
 
 
 def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
-    """The parts, one for each actuator of the file and in their order.
+    """Read the parts, one for each actuator of the file and in the file's order.
 
-    A part's kind is the `<text name="NAME.kind">`; without one an actuator of a slide or hinge is
-    a battery's, and one at a site a pump.
+    `<text name="NAME.kind">` gives a part's kind. Without it, an actuator on a slide or hinge is
+    a battery, and the actuator named 'pump' at a site is a pump.
 
     Raises:
-      VehicleError: an actuator that is not a part, or without what its kind needs.
+      VehicleError: an actuator is no part, or lacks something that its kind needs.
     """
     parts: list[Part] = []
     for actuator in reader.actuators():
@@ -81,7 +81,7 @@ def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
             reader.fail(f"the name {name!r} of an actuator", "a plain word, such as 'rudder'")
         if name in (part.name for part in parts):
             reader.fail(f"the name {name!r} of two actuators", "different")
-        word = reader.text(f"{name}.kind", "") or _usual(reader, actuator, name)
+        word = reader.text(f"{name}.kind", "") or _usual_kind(reader, actuator, name)
         if word not in PARTS:
             raise VehicleError(
                 f"vehicle file {reader.path}: <text name='{name}.kind'>: "
@@ -93,8 +93,8 @@ def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def _usual(reader: MjcfReader, actuator: Element, name: str) -> str:
-    """The kind of an actuator whose file does not say it."""
+def _usual_kind(reader: MjcfReader, actuator: Element, name: str) -> str:
+    """Kind of an actuator whose file gives none."""
     joint = actuator.get("joint")
     if joint is not None:
         element = reader.joint(joint)
@@ -131,12 +131,12 @@ def _check_actuator(reader: MjcfReader, actuator: Element, kind: type[Part]) -> 
 
 
 def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass, ...]:
-    """The bodies that slides and hinges move.
+    """Read the bodies that slides and hinges move.
 
     Raises:
-      VehicleError: a mass off the hull's axis, a joint without a part or of another kind.
+      VehicleError: a mass is off the hull's axis, or a joint has no part or another kind.
     """
-    driven = {
+    part_by_joint = {
         actuator.get("joint"): actuator.get("name")
         for actuator in reader.actuators()
         if actuator.get("joint") is not None
@@ -146,7 +146,7 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
         name = body.get("name", "")
         drives: dict[str, str] = {}
         for joint in body.findall("joint"):
-            part, kind = driven.get(joint.get("name")), joint.get("type", "hinge")
+            part, kind = part_by_joint.get(joint.get("name")), joint.get("type", "hinge")
             if part is None:
                 reader.fail(f"joint {joint.get('name')!r}", "driven by an actuator of its own")
             if kind in drives:
@@ -181,19 +181,19 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
 
 
 def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]:
-    """Name of the part that guidance uses for each control that the vehicle has.
+    """Name of the part that guidance moves for each control that the vehicle has.
 
-    `<text name="steer.pitch" data="PART"/>` chooses one of several, which then does it alone; else
-    the first that can and does nothing else has it, and the others of its kind go along
-    (see `followers`).
+    `<text name="steer.pitch" data="PART"/>` assigns a part, which then has no followers. Otherwise
+    the first capable part without another control is taken, and others of its kind follow it (see
+    `followers`).
 
     Raises:
-      VehicleError: the part named does not exist or cannot do it.
+      VehicleError: the assigned part does not exist or cannot serve the control.
     """
     steering: dict[str, str] = {}
     for control, meaning in STEERING.items():
         able = [part.name for part in parts if control in part.controls()]
-        if control == "trim":  # batteries that slide beside another part that pitches it
+        if control == "trim":  # trim: a battery slide, where another part pitches the vehicle
             slides = [part.name for part in parts if isinstance(part, BatterySlide)]
             able = [] if steering.get("pitch") in (None, *slides) else slides
         free = [name for name in able if name not in steering.values()]
@@ -214,36 +214,36 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
 
 
 def named_controls(reader: MjcfReader) -> tuple[str, ...]:
-    """Controls whose part the file names: it does them alone."""
+    """Controls whose part the file assigns; these parts have no followers."""
     return tuple(control for control in STEERING if f"steer.{control}" in reader.texts)
 
 
 SHARED = {"pitch": (4, 3, 5), "heading": (5, 3, 4), "speed": (0, 4, 5)}
-"""Row of the wrench that each shared control wants, and rows that must vanish"""
+"""Row of the wrench (X to N) that each shared control needs, and the rows that must stay 0."""
 MOST_FOLLOWERS = 24
-"""in a vehicle; guidance keeps them in a table of this length"""
+"""Largest number of followers in a vehicle; guidance has a table of this length."""
 NEGLIGIBLE = 1e-6
-"""Weight below which a part does not go along"""
+"""Smallest weight of a follower; a part with a smaller one does not follow."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Follower:
-    """A part that goes along with the one that guidance moves."""
+    """A part that moves along with the part that guidance moves, its lead."""
 
     lead: str
     part: str
     weight: float
-    """its way from rest over that of the lead; from the lead's rest"""
+    """Follower's displacement from its rest over the lead's displacement from the lead's rest."""
 
 
 def followers(
     parts: Sequence[Part], steering: Mapping[str, str], alone: Sequence[str] = ()
 ) -> tuple[Follower, ...]:
-    """Who goes along with whom, by the wrenches of the parts; () where each part is alone.
+    """Followers of each lead, found from the wrenches of the parts; () where there are none.
 
     Args:
       steering: name of the part that guidance moves for each control.
-      alone: controls whose one part the file has named, which share nothing.
+      alone: controls whose part the file assigns; these have no followers.
 
     Raises:
       VehicleError: there are more than MOST_FOLLOWERS.
@@ -269,7 +269,7 @@ def followers(
 
 
 def _weights(control: str, team: Sequence[Part]) -> Array:
-    """Ways of a team's parts from rest over that of its first, shape (parts,)."""
+    """Displacements of a team's parts over that of its first part, shape (parts,)."""
     travel = np.array([part.high - part.low for part in team])
     matrix = np.array([part.effectiveness() for part in team]).T[list(SHARED[control])] * travel
     share = np.linalg.pinv(matrix, rcond=1e-9) @ np.eye(3)[0]
@@ -285,9 +285,9 @@ def idle_parts(
     shared: Sequence[Follower],
     alone: Sequence[str] = (),
 ) -> dict[str, str]:
-    """Parts that guidance leaves at rest, and the part that does what each could do.
+    """Map each idle part to the part that steers in its place.
 
-    A part beside one that the file has named for the control is not idle but not wanted.
+    Idle parts could serve a control but stay at rest; controls in `alone` do not count.
     """
     busy = {*steering.values(), *(follower.part for follower in shared)}
     found = {}

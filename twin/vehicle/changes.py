@@ -1,8 +1,8 @@
-"""Changes: what differs between two copies of a vehicle, as JSON keeps it.
+"""Changes: differences between two copies of a vehicle as JSON values, and uncertain numbers.
 
-Stores say with what vehicle they were made by the text of its file and the changes to it.
+A store describes its vehicle by the text of the vehicle file and the changes to it.
 
-Uncertainty: a number of a vehicle that its file cannot say exactly, and how far it may be off.
+Uncertainty: a number that a vehicle file cannot give exactly, with the distribution of its error.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ _VERSION_1_BATTERY = {
 
 
 def changed(item: Any, changes: Mapping[str, Any]) -> Any:
-    """A part or moving mass with some fields replaced; raises VehicleError for unknown ones."""
+    """Return a part or moving mass with fields replaced; raises VehicleError for unknown ones."""
     known = [field.name for field in dataclasses.fields(item)]
     for name in changes:
         if name not in known:
             raise VehicleError(unknown_name(f"field of {item.name!r}", name, known))
-    return dataclasses.replace(item, **{n: _typed(getattr(item, n), v) for n, v in changes.items()})
+    return dataclasses.replace(item, **{n: _cast(getattr(item, n), v) for n, v in changes.items()})
 
 
-def _typed(mine: Any, value: Any) -> Any:
-    """`value`, as JSON gives it, in the type that a field has."""
+def _cast(mine: Any, value: Any) -> Any:
+    """Convert a JSON `value` to the type of the field value `mine`."""
     if isinstance(mine, np.ndarray):
         return np.array(value, dtype=np.float64)
     return tuple(value) if isinstance(value, list) else value
 
 
 def differences(mine: Any, theirs: Any, leave: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Fields of `mine` that are not as in `theirs`, as JSON-able values, but those to `leave`."""
+    """Fields of `mine` that differ from `theirs`, as JSON values, without the fields in `leave`."""
     found = {}
     for field in dataclasses.fields(mine):
         a, b = getattr(mine, field.name), getattr(theirs, field.name)
@@ -59,11 +59,11 @@ def differences(mine: Any, theirs: Any, leave: tuple[str, ...] = ()) -> dict[str
 def renamed(
     changes: Mapping[str, Any], part_names: Sequence[str], owners: Sequence[Any]
 ) -> dict[str, Any]:
-    """Changes with the names and types of today; stores of version 1 name all actuators at once.
+    """Convert changes to today's names and types; version 1 listed all actuators under one name.
 
     Args:
-      part_names: of the vehicle, in their order.
-      owners: the vehicle and its hull law, whose fields say of which type a value must be.
+      part_names: names of the vehicle's parts, in their order.
+      owners: the vehicle and its hull law, whose fields give the types of the values.
     """
     out: dict[str, Any] = {}
     for name, value in changes.items():
@@ -77,43 +77,43 @@ def renamed(
             out.setdefault(name, {}).update(value)
         else:
             present = next((getattr(o, name) for o in owners if hasattr(o, name)), None)
-            out[name] = _typed(present, value)
+            out[name] = _cast(present, value)
     return out
 
 
 COEFFICIENT_SPREAD = "uniform(0.9, 1.1)"
-"""Factor on a coefficient; +-10 % is our guess of how well one is known."""
+"""Distribution of the factor on a coefficient; +-10 % is our guess of its uncertainty."""
 LAG_SPREAD = "uniform(0.8, 1.2)"
-"""Factor on a lag or on a largest rate; they are rarely published."""
+"""Distribution of the factor on a lag or a largest rate; these are rarely published."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """One number of a vehicle that its file cannot say exactly."""
+    """One number of a vehicle that its file cannot give exactly."""
 
     name: str
-    """of the factory's parameter after `vehicle.`; that of a part follows the part's own name"""
+    """Name of the factory's parameter after `vehicle.`; for a part, the part's name precedes it."""
     spread: str
-    """distribution of the real value, as the factory writes it"""
+    """Distribution of the real value, as the factory writes it."""
     long_name: str
-    """what it is, a short noun phrase"""
+    """Short noun phrase that names the number."""
     why: str
-    """one line: why this spread, and conventions"""
+    """Reason for this distribution, with conventions, in one line."""
     unit: str = "1"
-    """as CF writes it; "1" is a factor on the file's value"""
+    """Unit as CF writes it; "1" is a factor on the file's value."""
     certain: float = 1.0
-    """value at which the vehicle is as its file says"""
+    """Value at which the vehicle is exactly as in its file."""
     field: str | None = None
-    """of a part: the field that the factor multiplies; None: the position at which its encoder
-    says 0"""
+    """Field of a part that the factor multiplies; None: the number is the position at which the
+    part's encoder reads 0."""
     scale: float = 1.0
-    """of a position: the part's unit in `unit`"""
+    """Size of `unit` in the part's own unit, for a position."""
     known: bool = False
-    """of a hull law: guidance has it too, as a pilot knows which way the vehicle turns"""
+    """True: guidance has the sampled value too, as a pilot knows to which side a vehicle turns."""
 
 
 def coefficient(name: str, what: str, *, field: str | None = None) -> Uncertainty:
-    """A factor on a coefficient of the vehicle file."""
+    """Uncertain factor on a coefficient of the vehicle file."""
     return Uncertainty(
         name=name,
         spread=COEFFICIENT_SPREAD,
@@ -126,7 +126,7 @@ def coefficient(name: str, what: str, *, field: str | None = None) -> Uncertaint
 def encoder_zero(
     part: str, *, name: str, unit: str, scale: float, spread: str, why: str
 ) -> Uncertainty:
-    """Zero error of a part's encoder, in `unit`, which is `scale` of the part's own."""
+    """Uncertain zero of a part's encoder in `unit`; `scale` is that unit in the part's own."""
     return Uncertainty(
         name=name,
         unit=unit,
@@ -139,7 +139,7 @@ def encoder_zero(
 
 
 def turned_encoder(part: str, what: str) -> Uncertainty:
-    """Zero error [degree] of the encoder of what turns: a battery or a fin."""
+    """Uncertain zero [degree] of the encoder of a turning part: a battery or a fin."""
     return encoder_zero(
         part, name="offset_deg", unit="degree", scale=math.pi / 180.0, spread="uniform(-2, 2)",
         why=f"{what} turned from where it says",

@@ -1,16 +1,15 @@
-"""Consumption: electrical energy that a vehicle's parts and electronics take.
+"""Consumption: electrical energy that a vehicle's parts and electronics use.
 
-Each part says what a move of it takes. Pumping out against the sea costs its work p dV, letting it
-in takes a valve; a battery is moved by a screw against friction and its own weight, and nothing is
-won back. The pressure is that of water of the vehicle's reference density under its own gravity,
-as everywhere in the physics.
+Each part computes the energy of its own moves. Pumping oil out against the sea costs the work p dV;
+letting it in costs the energy of a valve. A battery's screw works against friction and the
+battery's weight. No energy is recovered. The pressure is that of water at the vehicle's reference
+density and gravity.
 
-Vehicle files say their own figures and where they are from; without any, hotel load and pump
-efficiency are those of a Seaglider's own account of a dive to 704 m (SG249,
-dive 10, 12 April 2024, NANOOS, basestation3 file p2490010.nc). `DEVICE_SECS` times `DEVICE_MAMPS`
-of Core, LPSleep, Compass and GPS and of the sensor controller with its CTD at 14.8 V is 3.96 kJ in
-13 560 s; the pump took 4.69 kJ at 12.6 V for 236 cm3 at 700 m. The other figures are ours, of the
-size that small gliders have.
+Vehicle files may give their own figures and sources. The default hotel load and pump efficiency are
+from a Seaglider's account of a dive to 704 m (SG249, dive 10, 12 April 2024, NANOOS, basestation3
+file p2490010.nc). `DEVICE_SECS` times `DEVICE_MAMPS` of Core, LPSleep, Compass, GPS and the sensor
+controller with its CTD at 14.8 V is 3.96 kJ in 13 560 s. The pump used 4.69 kJ at 12.6 V for 236
+cm3 at 700 m. The other defaults are our own estimates for small gliders.
 """
 
 from __future__ import annotations
@@ -31,22 +30,22 @@ from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 HOTEL = "hotel"
-"""Name of the share of the electronics beside the names of the parts"""
+"""Name of the electronics' share, beside the names of the parts."""
 AFLOAT = 1.5
-"""[m] above which a vehicle is at the surface, as imports have it"""
+"""[m] Depth above which a vehicle counts as at the surface, as in imported logs."""
 ENERGY = "true_energy_"
-"""Begins the names of signals of energy; `true_energy_pump` is that of the part `pump`"""
+"""Prefix of energy signals: `true_energy_pump` is the energy of the part `pump`."""
 
 
 class Consumption(Losses):
-    """Losses of the parts and power of the electronics."""
+    """Losses of the parts and power of the electronics, with the energies that follow from them."""
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Consumption:
-        """Consumption of a vehicle: its file's `<numeric>` of a field's name, else the default.
+        """Read the consumption from the `<numeric>` elements of a vehicle's file, with defaults.
 
         Raises:
-          VehicleError: such a number cannot be used.
+          VehicleError: a number in the file cannot be used.
         """
         return _of_file(vehicle.xml, vehicle.path)
 
@@ -61,12 +60,12 @@ class Consumption(Losses):
         duration: ArrayLike,
         speed: ArrayLike = 0.0,
     ) -> dict[str, Array]:
-        """Energy [J] of short moves: that of the electronics as `hotel`, and that of each part.
+        """Energy [J] of short moves: of the electronics as `hotel`, and of each part by name.
 
         Args:
           before, after: positions of the parts, in their order and units, shape (..., parts).
-          depth: [m]. pitch: [rad]. duration: [s]. Numbers, or as many as there are moves.
-          speed: [m/s] of surge through the water, which a turning screw feels.
+          depth: [m]. pitch: [rad]. duration: [s]. Each is a number or has one value per move.
+          speed: [m/s] of surge through the water, for turning screws.
         """
         afloat = np.asarray(depth) < AFLOAT
         power = self.hotel_power + self.payload_power + self.surface_power * afloat
@@ -79,15 +78,15 @@ class Consumption(Losses):
     def signals(
         self, vehicle: Vehicle, signals: Mapping[str, Array], time: Array
     ) -> dict[str, Array]:
-        """Energy [J] taken since the start by the electronics and by each part, shape (time,).
+        """Energy [J] used since the start by the electronics and by each part, shape (time,).
 
-        Each is named `true_energy_` and `hotel` or the part. Between two samples a part counts as
-        moved straight from one position to the other.
+        Names are `true_energy_hotel` and `true_energy_PART`. Between two samples each part moves
+        on a straight line.
 
         Args:
-          signals: what `needed_signals` names: true_depth [m], true_pitch [degree], true_surge
-            [m/s] where a screw turns, and true_PART of each part in its stored unit, shape
-            (time,), of a trajectory or of a mission of any store.
+          signals: signals of `needed_signals`, shape (time,), from a trajectory or a stored
+            mission: true_depth [m], true_pitch [degree], true_surge [m/s] where a screw turns, and
+            true_PART of each part in its stored unit.
           time: [s], shape (time,).
 
         Raises:
@@ -131,9 +130,9 @@ def needed_signals(vehicle: Vehicle) -> list[str]:
 def _of_file(xml: str, path: Path) -> Consumption:
     reader = MjcfReader(xml, path)
     fields = [field.name for field in dataclasses.fields(Losses)]
-    said = {name: reader.number(name) for name in fields if name in reader.numerics}
+    given = {name: reader.number(name) for name in fields if name in reader.numerics}
     try:
-        return Consumption(**said)
+        return Consumption(**given)
     except InputError as error:
         raise VehicleError(f"vehicle file {path}: {error}") from error
 
@@ -141,7 +140,7 @@ def _of_file(xml: str, path: Path) -> Consumption:
 def cost_of_transport(vehicle: Vehicle, energy: ArrayLike, distance: ArrayLike) -> Any:
     """Energy [J] over weight times distance [m], dimensionless; infinite without progress.
 
-    Numbers, or arrays of one shape.
+    Takes numbers, or arrays of one shape.
     """
     progress = np.maximum(distance, 0.0)
     with np.errstate(divide="ignore"):

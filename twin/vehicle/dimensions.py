@@ -1,22 +1,22 @@
-"""Dimensions: a vehicle file from length, diameter, mass and fins, where nothing else is known.
+"""Dimensions: a vehicle file made from length, diameter, mass and fins alone.
 
-A slender hull of revolution under a propeller, with a rudder and an elevator astern; in body axes
-about the centre of buoyancy, which is amidships. Its numbers are where `twin identify` begins, not
-where it ends:
+The vehicle is a slender hull of revolution with a propeller, a rudder and an elevator astern, in
+body axes about the centre of buoyancy, which is amidships. Its numbers are a first guess for
+`twin identify`:
 
 - added mass: Lamb (1932, articles 114 and 115) for the spheroid of this length and diameter, per
-  displaced mass, and Kirchhoff's coupling of it, Munk's moment among it;
+  displaced mass, with Kirchhoff's coupling, which includes Munk's moment;
 - drag ahead: 0.2 on the frontal area (Hoerner 1965, chapter 6, and published AUVs: 0.11 of REMUS
   100, 0.19 of Tethys);
 - lift of the hull: 0.003 per degree times length over diameter on the diameter squared, at 0.65 of
   the length from the nose (Hoerner, as in Prestero 2001, section 4.3);
 - cross flow: a cylinder's drag, 1.1 (Hoerner, page 3-9), along the whole length;
-- fins: slope 3.12 per radian (Prestero, table 2.2), as large as 1/40 of length times diameter where
-  nobody says it; at 0.46 of the length behind the middle;
-- screw: of 0.7 diameters, with a thrust of 0.16 rho n2 D4 at rest, none at 0.5 of n D (n per s;
+- fins: slope 3.12 per radian (Prestero, table 2.2), area 1/40 of length times diameter unless
+  given, at 0.46 of the length behind the middle;
+- screw: 0.7 diameters, thrust 0.16 rho n2 D4 at rest and none at an advance of 0.5 n D (n per s;
   Oosterveld and van Oossanen 1975, two blades);
-- inertia: across between an ellipsoid's and a cylinder's, along a cylinder's; centre of gravity
-  0.05 diameters low.
+- inertia: across the axis, the mean of an ellipsoid and a cylinder; along it, a cylinder; centre of
+  gravity 0.05 diameters low.
 """
 
 from __future__ import annotations
@@ -33,43 +33,43 @@ from twin.errors import InputError, unknown_name
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 SEA = 1025.0
-"""[kg/m3]"""
+"""[kg/m3] Density of sea water."""
 FRONTAL_DRAG, CROSS_FLOW_DRAG = 0.2, 1.1
 HULL_LIFT, LIFT_PLACE = 0.003 * 180.0 / math.pi, -0.15
-"""Per radian and length over diameter; part of the length ahead of the middle"""
+"""[1/rad] Lift slope over slenderness; place of the lift ahead of the middle, over length."""
 FIN_LIFT, FIN_AREA, FIN_PLACE = 3.12, 1.0 / 40.0, -0.46
-"""[1/rad]; of length times diameter; of the length"""
+"""[1/rad] Lift slope; area over length times diameter; place ahead of the middle, over length."""
 FIN_REACH = 0.75
-"""Diameters from the axis to the middle of a fin, for the damping of roll"""
+"""Distance from the axis to the middle of a fin over the diameter, for roll damping."""
 SCREW, THRUST, FREE_ADVANCE = 0.7, 0.16, 0.5
-"""Diameters of the hull; thrust coefficient at rest and advance ratio without thrust, per turn"""
+"""Screw over hull diameter; per turn: thrust coefficient at rest, advance ratio of zero thrust."""
 LOW = 0.05
-"""Diameters by which the centre of gravity is low"""
+"""Depth of the centre of gravity below the axis, over the diameter."""
 SLENDER = (3.0, 20.0)
-"""Length over diameter for which this holds"""
+"""Range of length over diameter in which the slender-hull formulas hold."""
 NEUTRAL = (0.5, 1.5)
-"""Mass over that of the water in a cylinder of this length and diameter; the lower end is a little
-below a spheroid's 2/3"""
+"""Allowed mass over the water mass in a cylinder of this length and diameter; a spheroid has 2/3,
+a little more than the lower end."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Dimensions:
-    """Sizes that one can measure on the quay, in m, kg and m2."""
+    """Sizes of a vehicle that can be measured on the quay, in m, kg and m2."""
 
     length: float
     diameter: float
     mass: float
-    """neutral, with the water in it"""
+    """[kg] Mass of the neutral vehicle with its flooding water."""
     fin_area: float = 0.0
-    """[m2] of the two blades of a rudder, or of an elevator; 0: a fortieth of length times
-    diameter"""
+    """[m2] Area of both blades of a rudder, or of an elevator; 0: a fortieth of length times
+    diameter."""
     fin_place: float = 0.0
-    """[m] ahead of the hull's middle, so below 0; 0: at 0.46 of the length behind it"""
+    """[m] Place of the fins, negative behind the middle; 0: 0.46 of the length behind it."""
     screw: float = 0.0
-    """[m] diameter of the propeller; 0: 0.7 of the hull's"""
+    """[m] Diameter of the propeller; 0: 0.7 of the hull's."""
     density: float = SEA
-    """[kg/m3] of the water in which it is about neutral: that of the runs, where they have no
-    CTD"""
+    """[kg/m3] Density of the water in which the vehicle is about neutral: that of the runs where
+    these have no CTD."""
 
     def __post_init__(self) -> None:
         for field in ("length", "diameter", "mass"):
@@ -108,10 +108,10 @@ class Dimensions:
 
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> Dimensions:
-        """By name.
+        """Make dimensions from numbers by name.
 
         Raises:
-          InputError: an unknown name, or one of length, diameter and mass is missing or impossible.
+          InputError: a name is unknown, or length, diameter or mass is missing or impossible.
         """
         fields = [field.name for field in dataclasses.fields(cls)]
         for name in numbers:
@@ -126,22 +126,22 @@ class Dimensions:
         return cls(**numbers)
 
     def vehicle(self, name: str = "dimensions") -> Vehicle:
-        """The vehicle; its parts are `propeller`, `rudder` and `elevator`.
+        """Build the vehicle; its parts are `propeller`, `rudder` and `elevator`.
 
-        A positive elevator pitches the nose down, a positive rudder turns to port, as in the
+        A positive elevator pitches the nose down and a positive rudder turns to port, as in the
         shipped `remus` and `tethys`.
         """
         return parse_vehicle(self.xml(), Path(f"{name}.xml"))
 
     def added_mass(self) -> NDArray[np.float64]:
-        """M_A [kg, kg m2] about the centre of buoyancy, (6, 6)."""
+        """Added mass M_A [kg, kg m2] about the centre of buoyancy, shape (6, 6)."""
         along, across, turning = _lamb(self.length / self.diameter)
         square = (self.length**2 + self.diameter**2) / 20.0  # a spheroid's inertia per mass
         parts = [along, across, across, 0.0, turning * square, turning * square]
         return self.mass * np.diag(parts)
 
     def derivatives(self) -> dict[str, float]:
-        """Derivatives of the hull, fins at rest, without the added mass's own coupling; SI."""
+        """Derivatives of the hull with fins at rest, without the added-mass coupling; SI."""
         length, wide, pressure = self.length, self.diameter, 0.5 * self.density
         lift = pressure * wide**2 * HULL_LIFT * length / wide
         fin = pressure * FIN_LIFT * self._fin_area
@@ -169,7 +169,7 @@ class Dimensions:
         return self.fin_place or FIN_PLACE * self.length
 
     def xml(self) -> str:
-        """The vehicle as MJCF text."""
+        """MJCF text of the vehicle."""
         long, radius, mass = self.length, 0.5 * self.diameter, self.mass
         screw, at = self.screw or SCREW * self.diameter, self._fin_place
         swing = 0.5 * mass * (long**2 / 12.0 + radius**2 / 4.0 + (long**2 / 4.0 + radius**2) / 5.0)
@@ -208,8 +208,8 @@ class Dimensions:
 
 
 def _lamb(slenderness: float) -> tuple[float, float, float]:
-    """Added mass of a prolate spheroid along and across its axis over the displaced mass, and added
-    inertia about an axis across over the displaced water's (Lamb 1932, articles 114 and 115)."""
+    """Added-mass ratios of a prolate spheroid: along and across its axis over the displaced mass,
+    and turning over the displaced water's inertia (Lamb 1932, articles 114 and 115)."""
     square = 1.0 - 1.0 / slenderness**2
     e = math.sqrt(square)
     logarithm = math.log((1.0 + e) / (1.0 - e))

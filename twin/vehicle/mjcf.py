@@ -1,8 +1,8 @@
-"""MJCF: a vehicle file's elements looked up by name; says which one is missing or malformed.
+"""MJCF: lookup of a vehicle file's elements by name, and checks of the file.
 
-Limits: a vehicle file stands alone. Stores keep its text, and the text must be the whole vehicle:
-what another file adds could change behind the same text. And a few words of MJCF can ask for more
-memory or time than there is; each count has a largest value that no vehicle needs.
+A vehicle file must stand alone: stores keep its text as the whole vehicle, and an included file
+could change later. A few words of MJCF can ask for too much memory or time, so each count has a
+largest value that no vehicle needs.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from twin.frames import flip_vector
 
 Array = NDArray[np.float64]
 USER = "user."
-"""Begins the names of a file's numbers and texts that are not for the twin"""
+"""Prefix of a file's numbers and texts that the twin ignores."""
 MOST_XML = 16 * 2**20
-"""[byte] of a vehicle file: meshes written out have a hundred thousand vertices in it"""
+"""[byte] Longest vehicle file: enough for meshes with a hundred thousand vertices."""
 MOST_DEPTH = 64
-"""Elements inside each other"""
+"""Most elements nested inside each other."""
 MOST_ELEMENTS = 20_000
-"""Elements, each counted as often as the <replicate> around it repeats it"""
+"""Most elements of a file; an element in a <replicate> counts once for each repeat."""
 MOST_CELLS = 2**22
-"""Cells of a height field, or pixels of a generated texture: 2048 by 2048"""
+"""Most cells of a height field, or pixels of a generated texture: 2048 by 2048."""
 MOST_MEMORY = 2**30
-"""[byte] in <size memory>"""
+"""[byte] Largest <size memory>."""
 AREAS = (("nrow", "ncol"), ("width", "height"))
 COUNTS = {
     "actdim": 100, "dim": 1000, "num": 1000, "nsample": 100_000, "size": 1_000_000,
@@ -43,9 +43,9 @@ COUNTS = {
     "offwidth": 16_384, "offheight": 16_384, "resolution": 16_384, "shadowsize": 16_384,
     "offsamples": 64, "numslices": 1000, "numstacks": 1000, "numquads": 1000,
 }  # fmt: skip
-"""Largest value of every attribute that counts something (`nuser_...`: 1000)"""
+"""Largest value of each attribute that is a count (`nuser_...`: 1000)."""
 _SIZED = {"size": ("numeric",), "num": ("contact", "tactile")}
-"""Elements in which these attributes are counts; elsewhere they are lengths [m] or texts"""
+"""Elements in which these attributes are counts; elsewhere they are lengths [m] or texts."""
 REFUSED = {
     "composite": "a vehicle has no soft bodies",
     "flexcomp": "a vehicle has no soft bodies",
@@ -58,14 +58,14 @@ INSTEAD = {
     "texture": 'take a generated one (builtin="gradient" ...) or a plain colour (rgba)',
     "hfield": 'write its heights into the file (nrow, ncol, elevation="...")',
 }
-"""Advice for an element that names a file"""
+"""Advice for elements that refer to a file."""
 
 
 class MjcfReader:
-    """The elements of one MJCF file by name.
+    """Elements of one MJCF file by name.
 
-    Every method raises VehicleError, naming the file as the user gave it, when its element is
-    missing or malformed. Vectors come in the file's own axes (hull x forward, y port, z up).
+    Every method raises VehicleError, with the file's path as the user gave it, when its element is
+    missing or malformed. Vectors are in the file's own axes (hull x forward, y port, z up).
     """
 
     def __init__(self, xml: str, path: Path):
@@ -80,14 +80,14 @@ class MjcfReader:
         self.numerics = {e.get("name", ""): e for e in self.root.iterfind("./custom/numeric")}
         self.texts = {e.get("name", ""): e for e in self.root.iterfind("./custom/text")}
         self.asked: set[str] = set()
-        """Names of numbers and texts that somebody has looked for, there or not."""
+        """Names of numbers and texts that the code has looked up, present or not."""
 
     def fail(self, what: str, rule: str) -> NoReturn:
         """Raise a VehicleError: `what` must be `rule`."""
         raise VehicleError(f"vehicle file {self.path}: {what} must be {rule}")
 
     def one(self, path: str) -> ElementTree.Element:
-        """The first element at an ElementTree path."""
+        """Return the first element at an ElementTree path."""
         element = self.root.find(path)
         if element is None:
             raise VehicleError(
@@ -106,15 +106,15 @@ class MjcfReader:
         return found[name]
 
     def body(self, name: str) -> ElementTree.Element:
-        """The <body> of that name, at any depth."""
+        """Return the <body> of that name, at any depth."""
         return self._named("body", name, ".//body")
 
     def site(self, name: str) -> ElementTree.Element:
-        """The <site> of that name on body 'hull'."""
+        """Return the <site> of that name on body 'hull'."""
         return self._named("site", name, ".//body[@name='hull']/site")
 
     def actuators(self) -> list[ElementTree.Element]:
-        """The <general> actuators, in their order."""
+        """Return the <general> actuators in the file's order."""
         found = self.root.findall("./actuator/*")
         for element in found:
             if element.tag != "general":
@@ -122,11 +122,11 @@ class MjcfReader:
         return found
 
     def joint(self, name: str) -> ElementTree.Element:
-        """The <joint> of that name."""
+        """Return the <joint> of that name."""
         return self._named("joint", name, ".//body/joint")
 
     def moving_bodies(self) -> list[ElementTree.Element]:
-        """The bodies on body 'hull' that have joints of their own."""
+        """Return the bodies on body 'hull' that have joints of their own."""
         return [b for b in self.body("hull").iterfind(".//body") if b.find("joint") is not None]
 
     def place(self, site: str) -> Array:
@@ -134,24 +134,24 @@ class MjcfReader:
         return flip_vector(self.vector(self.site(site), "pos", 3, default="0 0 0"))
 
     def text(self, name: str, default: str) -> str:
-        """The data of a <custom><text>, or `default`."""
+        """Return the data of a <custom><text>, or `default`."""
         self.asked.add(name)
         element = self.texts.get(name)
         return default if element is None else element.get("data", default)
 
     def number(self, name: str, default: float | None = None) -> float:
-        """The one number of a <custom><numeric>, or `default` when there is none."""
+        """Return the one number of a <custom><numeric>, or `default` if the element is missing."""
         self.asked.add(name)
         if default is not None and name not in self.numerics:
             return default
         return float(self.numeric(name, 1)[0])
 
     def flipped(self, name: str, size: int) -> Array:
-        """A vector of a <custom><numeric> in the file's axes, turned to FRD."""
+        """Return a vector of a <custom><numeric>, turned from the file's axes to FRD."""
         return flip_vector(np.array(self.numeric(name, size)))
 
     def numeric(self, name: str, size: int, default: tuple[float, ...] | None = None) -> tuple:
-        """The `size` numbers of a <custom><numeric>; without a default it must be there."""
+        """Return the `size` numbers of a <custom><numeric>, or `default`; raises without either."""
         self.asked.add(name)
         if name not in self.numerics:
             if default is not None:
@@ -163,11 +163,11 @@ class MjcfReader:
         return tuple(float(x) for x in self.vector(self.numerics[name], "data", size))
 
     def refuse_unknown(self, known: Iterable[str], own: tuple[str, ...]) -> None:
-        """Raise VehicleError for a number or text that would be ignored.
+        """Raise VehicleError for a number or text that no code reads.
 
         Args:
-          known: names that are right although nobody has asked for them.
-          own: what names of another purpose begin with or contain.
+          known: names that are allowed although no code has looked them up.
+          own: prefixes or parts of names that are allowed for other purposes.
         """
         right = self.asked | set(known)
         for name in (*self.numerics, *self.texts):
@@ -180,7 +180,7 @@ class MjcfReader:
     def vector(
         self, element: ElementTree.Element, attribute: str, size: int, default: str | None = None
     ) -> Array:
-        """The `size` finite numbers of an attribute, shape (size,)."""
+        """Return the `size` finite numbers of an attribute, shape (size,)."""
         label = f"<{element.tag} name={element.get('name')!r}> {attribute}"
         text = element.get(attribute, default)
         if text is None:
@@ -203,7 +203,7 @@ class MjcfReader:
         return element
 
     def inertial(self, body: ElementTree.Element, attribute: str) -> Array:
-        """`pos` [m], shape (3,), or `mass` [kg], shape (1,), of a body's <inertial>."""
+        """Return `pos` [m], shape (3,), or `mass` [kg], shape (1,), of a body's <inertial>."""
         return self.vector(self._inertial(body), attribute, 3 if attribute == "pos" else 1)
 
     def inertia(self, body: ElementTree.Element) -> Array:
@@ -219,18 +219,18 @@ class MjcfReader:
 
 
 def check_file(xml: str, path: Path) -> None:
-    """Raise VehicleError when a vehicle file is not complete in itself or asks for too much."""
+    """Raise VehicleError when a vehicle file refers to other files or exceeds a limit."""
     check = _Check(path)
     if len(xml) > MOST_XML:
         check.fail(f"is longer than {MOST_XML // 2**20} MB", "leave out what is not needed")
     try:
         check.parser.Parse(xml, True)
     except (expat.ExpatError, UnicodeEncodeError):
-        return  # who parses it next says so
+        return  # the next parser reports the error
 
 
 class _Check:
-    """One pass over the text."""
+    """One pass over the text of a vehicle file, with its limits."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -239,7 +239,7 @@ class _Check:
         self.parser.StartElementHandler = self._begin
         self.parser.EndElementHandler = self._end
         self.repeats = [1.0]
-        """Repeats of each open element, the outermost first"""
+        """Number of repeats of each open element, the outermost first."""
         self.elements = 0.0
 
     def fail(self, what: str, advice: str) -> NoReturn:
@@ -267,52 +267,52 @@ class _Check:
                 )
             self._check_count(tag, name, value)
         for sides in AREAS:
-            cells = math.prod(self._whole(tag, n, attributes.get(n, "1")) for n in sides)
+            cells = math.prod(self._parse_count(tag, n, attributes.get(n, "1")) for n in sides)
             if cells > MOST_CELLS:
                 self.fail(
-                    f"<{tag}>: {sides[0]} by {sides[1]} is {cells:.3g}", self._most(MOST_CELLS)
+                    f"<{tag}>: {sides[0]} by {sides[1]} is {cells:.3g}", self._limit(MOST_CELLS)
                 )
         repeats = self.repeats[-1]
         self.elements += repeats
         if tag == "replicate":
-            repeats *= max(1.0, self._whole(tag, "count", attributes.get("count", "1")))
+            repeats *= max(1.0, self._parse_count(tag, "count", attributes.get("count", "1")))
         if self.elements > MOST_ELEMENTS or repeats > MOST_ELEMENTS:
-            self.fail("too many elements, those of <replicate> counted", self._most(MOST_ELEMENTS))
+            self.fail("too many elements, those of <replicate> counted", self._limit(MOST_ELEMENTS))
         self.repeats.append(repeats)
         if len(self.repeats) > MOST_DEPTH:
-            self.fail("too many elements inside each other", self._most(MOST_DEPTH))
+            self.fail("too many elements inside each other", self._limit(MOST_DEPTH))
 
     def _end(self, tag: str) -> None:
         self.repeats.pop()
 
     def _check_count(self, tag: str, name: str, value: str) -> None:
         if name == "memory":
-            if self._bytes(value) > MOST_MEMORY:
+            if self._parse_memory(value) > MOST_MEMORY:
                 self.fail(f"<{tag} memory={value!r}> is too much", "at most 1G is possible")
             return
         most = 1000 if name.startswith("nuser_") else COUNTS.get(name)
         if most is None or tag not in _SIZED.get(name, (tag,)):
             return
         for word in value.split():
-            if self._whole(tag, name, word) > most:
-                self.fail(f"<{tag} {name}={_short(value)!r}> is too much", self._most(most))
+            if self._parse_count(tag, name, word) > most:
+                self.fail(f"<{tag} {name}={_shortened(value)!r}> is too much", self._limit(most))
 
-    def _whole(self, tag: str, name: str, word: str) -> float:
+    def _parse_count(self, tag: str, name: str, word: str) -> float:
         try:
             return float(word)
         except ValueError:
-            self.fail(f"<{tag} {name}={_short(word)!r}> is not a number", "give a whole number")
+            self.fail(f"<{tag} {name}={_shortened(word)!r}> is not a number", "give a whole number")
 
-    def _bytes(self, value: str) -> float:
+    def _parse_memory(self, value: str) -> float:
         units = {"K": 2.0**10, "M": 2.0**20, "G": 2.0**30, "T": 2.0**40, "P": 2.0**50, "E": 2.0**60}
         word = value.strip()
         unit = units.get(word[-1:].upper(), 1.0)
-        return self._whole("size", "memory", word[:-1] if unit > 1.0 else word) * unit
+        return self._parse_count("size", "memory", word[:-1] if unit > 1.0 else word) * unit
 
     @staticmethod
-    def _most(number: float) -> str:
+    def _limit(number: float) -> str:
         return f"at most {number:,.0f} are possible".replace(",", " ")
 
 
-def _short(text: str) -> str:
+def _shortened(text: str) -> str:
     return text if len(text) <= 40 else f"{text[:40]}..."

@@ -2,16 +2,16 @@
 
 The files lie in `assets/`: in the wheel, or at the top of a source checkout.
 
-A file lists its sets by `<text name="presets" data="OWN OTHER ..."/>` under <custom>. The first is
-the file as it stands. Every other set is written by elements that begin with its name and a colon:
+`<text name="presets" data="OWN OTHER ..."/>` under <custom> lists the sets of a file. The first set
+is the file as it stands. Elements whose names begin with a set's name and a colon define that set:
 
-- `<numeric name="OTHER:Xuu" data="..."/>` and `<text name="OTHER:summary" data="..."/>` take the
-  place of the element of that name;
+- `<numeric name="OTHER:Xuu" data="..."/>` and `<text name="OTHER:summary" data="..."/>` replace the
+  element of that name;
 - `<text name="OTHER:TAG/NAME@ATTRIBUTE" data="..."/>` sets an attribute of another element of the
   file, such as `site/rudder@pos`, `general/rudder@actrange` or `body/hull/inertial@mass`;
-- `<text name="OTHER:without" data="Yuv Nuv"/>` leaves numbers and texts out.
+- `<text name="OTHER:without" data="Yuv Nuv"/>` removes numbers and texts.
 
-To MuJoCo all of these are custom data without a meaning: the file loads and is its first set.
+MuJoCo ignores these elements as custom data: it loads the first set.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ _PLACES = (_PACKAGE / "assets", _PACKAGE.parent / "assets")
 
 
 def assets_folder() -> Path:
-    """The folder of the shipped vehicles and scenes.
+    """Return the folder of the shipped vehicles and scenes.
 
     Raises:
-        InputError: the installation lacks it.
+        InputError: the installation lacks the folder.
     """
     for place in _PLACES:
         if place.is_dir():
@@ -61,11 +61,11 @@ def asset_path(name: str) -> Path:
 
 
 RENAMED = {"slocum": "graver-2005"}
-"""Shipped vehicles of earlier versions by their names of today"""
+"""Today's names of shipped vehicles by their names in earlier versions."""
 
 
 def vehicle_names() -> list[str]:
-    """Names of the shipped vehicles, each preset of a file by a name of its own."""
+    """Names of the shipped vehicles, with one name for each further preset."""
     names = []
     for name, path in sorted(shipped_files().items()):
         others = preset_names(vehicle_text(path), path)[1:]
@@ -74,17 +74,17 @@ def vehicle_names() -> list[str]:
 
 
 def shipped_files() -> dict[str, Path]:
-    """Path of each shipped file by its name, presets not told apart."""
+    """Path of each shipped file by its name, without presets."""
     return {path.stem: path for path in assets_folder().glob("*.xml")}
 
 
 def vehicle_text(path: Path) -> str:
-    """The text of a vehicle file, shipped or not; raises VehicleError."""
+    """Read the text of a vehicle file, shipped or not; raises VehicleError."""
     return read_text(path, "vehicle file", VehicleError, most=MOST_XML)
 
 
 def unknown_vehicle(name: str) -> str:
-    """One line for a name that no shipped vehicle has; a maker's name brings up its vehicles."""
+    """Error text for an unknown vehicle; a maker's name brings a list of the maker's vehicles."""
     if Path(name).is_file():
         return f"{name} is no vehicle file: the name of one ends in .xml (MJCF)"
     kinds = [known for known in vehicle_names() if known.startswith(f"{name}-")]
@@ -95,16 +95,16 @@ def unknown_vehicle(name: str) -> str:
 
 
 PRESETS = "presets"
-"""Name of the `<text>` that lists the sets of a file"""
+"""Name of the `<text>` that lists the sets of a file."""
 WITHOUT = "without"
-"""Word after the colon where a set leaves elements out"""
+"""Word after the colon in the element that removes other elements from a set."""
 SEPARATOR = ":"
-"""Between a vehicle's name or path and its set, and between a set and what it changes"""
+"""Separator between a vehicle and its set, and between a set and the element that it changes."""
 _ATTRIBUTE = re.compile(r"(?P<tag>\w+)/(?P<name>[^/@]+)(?:/(?P<child>\w+))?@(?P<attribute>\w+)")
 
 
 def split_preset(vehicle: str) -> tuple[str, str]:
-    """("tethys", "gazebo") of "tethys:gazebo"; (all of it, "") where no set is named."""
+    """Split "tethys:gazebo" into ("tethys", "gazebo"); without a set, (the whole text, "")."""
     name, colon, preset = vehicle.rpartition(SEPARATOR)
     if not (colon and preset) or "/" in preset or "\\" in preset or preset.endswith(".xml"):
         return vehicle, ""
@@ -112,7 +112,7 @@ def split_preset(vehicle: str) -> tuple[str, str]:
 
 
 def preset_names(xml: str, path: Path) -> tuple[str, ...]:
-    """The sets of a file, its own first; () of a file with one set without a name.
+    """Names of a file's sets, its own first; () where the file lists none.
 
     Raises:
       VehicleError: the file is not MJCF.
@@ -121,12 +121,12 @@ def preset_names(xml: str, path: Path) -> tuple[str, ...]:
 
 
 def apply_preset(xml: str, path: Path, preset: str) -> str:
-    """The MJCF text of one set: a complete file, in which nothing of the other sets is left.
+    """MJCF text of one set: a complete file without elements of the other sets.
 
-    The file's own first set is the text as it is.
+    The file's own first set returns the text unchanged.
 
     Raises:
-      VehicleError: no set has this name (the nearest is offered), or what it changes is not there.
+      VehicleError: the set is unknown (the nearest is offered), or it changes a missing element.
     """
     reader, names = MjcfReader(xml, path), preset_names(xml, path)
     if not names:
@@ -139,7 +139,7 @@ def apply_preset(xml: str, path: Path, preset: str) -> str:
     if preset == names[0]:
         return xml
     custom = reader.one("custom")
-    changes = _taken_out(reader, custom, names)[preset]
+    changes = _pop_changes(reader, custom, names)[preset]
     own = {(e.tag, e.get("name", "")): e for e in custom}
     for name, element in changes.items():
         if name == WITHOUT:
@@ -167,10 +167,10 @@ def apply_preset(xml: str, path: Path, preset: str) -> str:
     return ElementTree.tostring(reader.root, encoding="unicode") + "\n"
 
 
-def _taken_out(
+def _pop_changes(
     reader: MjcfReader, custom: Element, names: tuple[str, ...]
 ) -> dict[str, dict[str, Element]]:
-    """The changes of every set but the first, taken out of the file: elements by what they name."""
+    """Remove the elements of all sets but the first from the file; return them by set and name."""
     changes: dict[str, dict[str, Element]] = {name: {} for name in names[1:]}
     for element in list(custom):
         preset, colon, name = element.get("name", "").partition(SEPARATOR)

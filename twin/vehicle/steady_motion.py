@@ -1,7 +1,7 @@
-"""The steady motion of a glider at fixed actuator positions: its figures, and a root finder.
+"""Steady motion of a glider at fixed actuator positions: its figures and a root finder.
 
-Both models (the MuJoCo twin and the Fossen equations) answer with the same `Trim`, so that
-their steady states can be compared field by field.
+The MuJoCo twin and the Fossen equations both return the same `Trim`, so that their steady states
+can be compared field by field.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
 STRAIGHT_TURN_RATE = 1e-8
-"""[rad/s] below this the track is called straight: the radius would exceed 10 000 km."""
+"""[rad/s] Turn rate below which the track counts as straight: the radius exceeds 10 000 km."""
 RESIDUAL_TOLERANCE = 1e-9
-"""[m/s2, rad/s2] largest acceleration that still counts as steady; a glider that kept it for
-an hour would change its speed by 4 micrometres per second."""
+"""[m/s2, rad/s2] Largest acceleration that counts as steady; kept for an hour, it changes the
+speed by 4 micrometres per second."""
 DISTINCT_ROOTS = 1e-6
-"""Two roots closer than this in every unknown are the same motion."""
+"""Largest difference, in every unknown, between two roots that count as the same motion."""
 NEUTRAL = 1e-9
-"""[kg] a net mass below this drives no glide"""
+"""[kg] Net mass below which buoyancy propels no glide."""
 LIMIT_SLACK = 1e-9
-"""Part of an actuator's travel by which a value may exceed it through rounding."""
+"""Fraction of an actuator's travel by which rounding may exceed the ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class Trim:
     vertical_speed_m_s: float
     """rate of depth [m/s], positive down"""
     in_identified_range: bool
-    """whether angle of attack and sideslip lie where the coefficients were identified"""
+    """True when angle of attack and sideslip are within the range of identified coefficients"""
 
     @classmethod
     def from_motion(
@@ -66,7 +66,7 @@ class Trim:
         turn_rate: float,
         linear_angle: float,
     ) -> Trim:
-        """Derive the figures from a steady motion.
+        """Compute the figures of a steady motion.
 
         `v_rel` [m/s], shape (3,), body FRD, through the water; `roll`, `pitch` [rad];
         `turn_rate` [rad/s] about the vertical; `linear_angle` [rad] bounds the identified
@@ -102,15 +102,15 @@ def trim_positions(
     net_mass: float = 0.0,
     positions: Mapping[str, float] | None = None,
 ) -> NDArray[np.float64]:
-    """Positions of the parts, shape (parts,), that a request for a steady motion means.
+    """Positions of the parts, shape (parts,), for a requested steady motion.
 
     Args:
-      shift: [m] of a battery slide. rotation: [rad] of what turns the vehicle. net_mass: [kg] that
-        its pump makes it heavy at reference density: net mass = - density * pumped volume.
-      positions: of parts by name, in their units; the others rest. They win over the above.
+      shift: [m] of a battery slide. rotation: [rad] of the part that turns the vehicle.
+      net_mass: [kg] that the pump sets at reference density: - density * pumped volume.
+      positions: of parts by name, in their units; override the above. All other parts rest.
 
     Raises:
-      InputError: outside the travel of a part, or of a part that the vehicle has not.
+      InputError: a position is outside a part's travel, or the vehicle lacks the part.
     """
     wanted, names = vehicle.rest, vehicle.part_names
     slide = vehicle.steered("pitch")
@@ -142,13 +142,13 @@ def trim_positions(
 
 
 def driven(vehicle: Vehicle, positions: NDArray[np.float64]) -> bool:
-    """Whether a propeller drives the vehicle at these positions of its parts, shape (parts,)."""
+    """Tell whether a propeller turns at these positions of the parts, shape (parts,)."""
     driving = vehicle.steered_index("speed")
     return driving is not None and abs(float(positions[driving])) > 0.0
 
 
 def require_drive(vehicle: Vehicle, positions: NDArray[np.float64], net_mass: float) -> None:
-    """Raise NoSteadyState, saying what to give, when nothing drives the vehicle.
+    """Raise NoSteadyState, with advice, when neither buoyancy nor a propeller moves the vehicle.
 
     net_mass: [kg] at these positions of its parts.
     """
@@ -169,13 +169,13 @@ def require_drive(vehicle: Vehicle, positions: NDArray[np.float64], net_mass: fl
 
 
 def positions_text(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
-    """Positions of the parts, shape (parts,), as messages name them."""
+    """Text of the positions of the parts, shape (parts,), for messages."""
     pairs = zip(vehicle.parts, positions, strict=True)
     return ", ".join(f"{part.name} {part.text(value)}" for part, value in pairs)
 
 
 def advice(vehicle: Vehicle, positions: NDArray[np.float64]) -> str:
-    """Advice for `positions` of the parts, shape (parts,), that give no steady motion."""
+    """Advice for `positions` of the parts, shape (parts,), at which no steady motion exists."""
     slides, turned, resting = list[str](), list[str](), list[str]()
     for part, position, rest in zip(vehicle.parts, positions, vehicle.rest, strict=True):
         if isinstance(part, BatterySlide):
@@ -212,16 +212,16 @@ def solve_steady_state(
     residual: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     guesses: Iterable[ArrayLike],
 ) -> list[NDArray[np.float64]]:
-    """Every distinct root of `residual` that Powell's hybrid method reaches from `guesses`.
+    """Find all distinct roots of `residual` that Powell's hybrid method reaches from `guesses`.
 
-    `residual` maps n unknowns to n accelerations; a root is kept when all of them are below
-    `RESIDUAL_TOLERANCE`. An empty list says that no guess led to one.
+    `residual` maps n unknowns to n accelerations. A root is kept when all accelerations are below
+    `RESIDUAL_TOLERANCE`. The list is empty when no guess leads to a root.
     """
     from scipy.optimize import root
 
     roots: list[NDArray[np.float64]] = []
     for guess in guesses:
-        # hybr stalls at its noise floor and then reports failure: the residual decides.
+        # hybr may report failure at its noise floor, so the residual alone decides
         found: Any = root(residual, np.asarray(guess, dtype=float), method="hybr", tol=1e-13)
         if not np.all(np.isfinite(found.x)):
             continue

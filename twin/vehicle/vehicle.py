@@ -1,7 +1,7 @@
-"""Vehicle: what an MJCF file says about a vehicle, read by name.
+"""Vehicle: the parameters of a vehicle, read by name from its MJCF file.
 
-The file is the only place where a vehicle's numbers live. It is parsed here without MuJoCo, so
-that the Fossen model shares the parameters with the MuJoCo twin but none of its code.
+All numbers of a vehicle stand in that file. This module parses the file without MuJoCo, so that
+the Fossen model shares the parameters with the MuJoCo twin but none of its code.
 """
 
 from __future__ import annotations
@@ -51,95 +51,95 @@ from twin.version import PHYSICS_VERSION
 
 Array = NDArray[np.float64]
 USUAL_GLIDE = (math.radians(30.0), 0.3)
-"""[rad], [kg] of vehicles whose files do not say: the Sea-Wing's"""
+"""[rad], [kg] Pitch and net mass of a usual dive where the file gives none: the Sea-Wing's."""
 LEVEL = 1e-6
-"""[m] that rounding may put the centre of gravity above the centre of buoyancy"""
+"""[m] Rounding error allowed in the centre of gravity's height above the centre of buoyancy."""
 IDENTIFIED = ("hull_and_water", "sensor_errors", "identification", "pump_position")
-"""Names of what `twin identify` writes into a vehicle file for itself"""
+"""Names of the numbers and texts that `twin identify` adds to a vehicle file for its own use."""
 SPREAD = "spread."
-"""Begins the names of the `<text>` elements that say what the factory draws for the vehicle."""
+"""Prefix of the `<text>` elements that give the factory's distributions for this vehicle."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Vehicle:
-    """A hull, the masses that move in it and its parts; SI units, body axes FRD about the CB."""
+    """Hull, moving masses and parts of a vehicle; SI units, body axes FRD about the CB."""
 
     name: str
-    """Name of its file."""
+    """Name of the vehicle file, without its suffix."""
     path: Path
     xml: str
-    """The MJCF text that everything below was read from."""
+    """MJCF text from which all fields below were read."""
     gravity: float
-    """[m/s2]"""
+    """[m/s2] Gravity, positive down."""
     reference_density: float
-    """[kg/m3], inside the dimensional coefficients; the neutral volume is mass / this."""
+    """[kg/m3] Density inside the dimensional coefficients; neutral volume = mass / density."""
     hull_length: float
-    """[m]"""
+    """[m] Length of the hull."""
     hull_diameter: float
-    """[m]"""
+    """[m] Diameter of the hull."""
     hull_compressibility: float
-    """[1/Pa], relative volume lost per pressure."""
+    """[1/Pa] Relative volume lost per unit of pressure."""
     hull_thermal_expansion: float = 0.0
-    """[1/K], relative volume gained per temperature of the hull."""
+    """[1/K] Relative volume gained per kelvin of hull temperature."""
     hull_thermal_lag: float = 200.0
-    """[s], by which the hull's temperature follows the water's."""
+    """[s] Time constant with which the hull's temperature follows the water's."""
     hull_reference_temperature: float = 10.0
-    """[degree_Celsius], of the hull at which it displaces its neutral volume."""
+    """[degree_Celsius] Hull temperature at which the hull displaces its neutral volume."""
     static_mass: float
-    """[kg]"""
+    """[kg] Mass of the static block: the hull without the moving masses."""
     static_cg: Array
-    """[m], shape (3,)"""
+    """[m] CG of the static block, shape (3,)."""
     static_inertia: Array
-    """[kg m2], shape (3, 3), about the static block's own CG."""
+    """[kg m2] Inertia of the static block about its own CG, shape (3, 3)."""
     masses: tuple[MovingMass, ...]
-    """The masses that slides and hinges move."""
+    """Masses that slides and hinges move."""
     parts: tuple[Part, ...]
-    """In the order of the file's actuators, hence of every command and activation."""
+    """Parts in the order of the file's actuators, hence of commands and activations."""
     law: HullLaw
-    """The water's force on the hull."""
+    """Law of the water's force and moment on the bare hull."""
     added_mass: Array
-    """M_A, shape (6, 6), kg, kg m, kg m2, positive definite or semi-definite."""
+    """[kg, kg m, kg m2] Added mass M_A, shape (6, 6), positive definite or semi-definite."""
     added_mass_coupling: bool = True
-    """False when the law's coefficients hold the added mass's own coupling (Munk moment) already"""
+    """False: the law's coefficients already contain the added mass's coupling (Munk moment)."""
     imu_position: Array
-    """[m], shape (3,)"""
+    """[m] Place of the IMU, shape (3,)."""
     gps_position: Array
-    """[m], shape (3,)"""
+    """[m] Place of the GPS antenna, shape (3,)."""
     pitch_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of the pitching part per pitch error: gain, over s, times s; per rad."""
+    """Gains P, I [1/s], D [s]: pitch error [rad] to position of the pitching part."""
     heading_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of the turning part per heading error: gain, over s, times s; per rad."""
+    """Gains P, I [1/s], D [s]: heading error [rad] to position of the turning part."""
     trim_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of a battery beside an elevator per pitch error in a hover, likewise."""
+    """Gains P, I [1/s], D [s]: pitch error in a hover [rad] to battery beside an elevator."""
     depth_pid: tuple[float, float, float] | None = None
-    """Pitch, nose down [rad], per depth error on level ways [m]: gain, over s, times s; None: the
-    file has none"""
+    """Gains P, I [1/s], D [s]: depth error on level legs [m] to nose-down pitch [rad]; None: the
+    file has none."""
     buoyancy_pid: tuple[float, float, float] | None = None
-    """Volume of the pump [cm3] less per depth error in a hover [m], likewise"""
+    """Gains P, I [1/s], D [s]: depth error in a hover [m] to pump volume less [cm3], or None."""
     control_period: float
-    """[s]"""
+    """[s] Time between two control ticks of guidance."""
     cruise_speed: float = 0.0
-    """[m/s] through the water that a propeller drives it at when a mission does not say"""
+    """[m/s] Speed through the water under propeller where the mission gives none."""
     steering: Mapping[str, str]
-    """Name of the part that guidance uses for what it steers: the words of
-    `twin.vehicle.assembly.STEERING` that the vehicle has a part for."""
+    """Part that guidance moves, by control of `twin.vehicle.assembly.STEERING`; a control without a
+    part is absent."""
     followers: tuple[Follower, ...] = ()
-    """Parts that go along with those of `steering`: `twin.vehicle.assembly.followers`."""
+    """Parts that move with those of `steering`: see `twin.vehicle.assembly.followers`."""
     idle: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Parts that guidance leaves at rest, and the part that does what each could do."""
+    """Part that steers in place of each idle part, by the idle part's name."""
     usual_glide: tuple[float, float] = USUAL_GLIDE
-    """Pitch [rad] and net mass [kg] of a usual dive, magnitudes; the net mass is that of missions
-    that do not say theirs."""
+    """[rad], [kg] Magnitudes of pitch and net mass in a usual dive; missions without a net mass
+    take this one."""
     rated_depth: float | None = None
-    """[m] that it is built for; None: the file does not say"""
+    """[m] Depth that the vehicle is built for; None: not in the file."""
     usual_mission: str = ""
-    """Shipped mission for it when nobody names one; empty: by its parts."""
+    """Shipped mission for a user who names none; empty: chosen by the vehicle's parts."""
     summary: str = ""
     """Description in one line."""
     source: str = ""
-    """Where its numbers are from, in one line."""
+    """Source of the numbers, in one line."""
     spreads: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Distributions of the factory in place of its table: "PAPER; FIELD" by parameter"""
+    """Distributions in place of those in the factory's table: "PAPER; FIELD" by parameter."""
 
     def __post_init__(self) -> None:
         steep, net_mass = self.usual_glide
@@ -174,7 +174,7 @@ class Vehicle:
             raise VehicleError(f"vehicle {self.name!r} ({self.path}): {name} must be {rule}")
 
     def _repr_html_(self) -> str:
-        """A table and the hull from the side, for notebooks."""
+        """Return a table and a side view of the hull for notebooks."""
         from twin.notebook import card, hull
 
         rows = {
@@ -188,29 +188,29 @@ class Vehicle:
 
     @property
     def model(self) -> str:
-        """Name of the MJCF's model, which a vehicle made from a shipped file keeps."""
+        """Model name in the MJCF; a vehicle derived from a shipped file keeps it."""
         return ElementTree.fromstring(self.xml).get("model", "")
 
     @property
     def physics_version(self) -> int:
-        """Version of the physics by which it flies: the latest of what it is made of."""
+        """Version of the physics by which the vehicle flies: the latest of its law and parts."""
         return max(self.law.physics, *(part.physics for part in self.parts), PHYSICS_VERSION)
 
     # --- masses and volumes -----------------------------------------------------------------------
 
     @property
     def mass(self) -> float:
-        """Total mass [kg], constant: the pump moves oil, not mass, across the hull."""
+        """Total mass [kg], constant: the pump moves oil, but no mass leaves the vehicle."""
         return self.static_mass + sum(mass.mass for mass in self.masses)
 
     @property
     def neutral_volume(self) -> float:
-        """Displaced volume [m3] with its pumps at neutral and at zero pressure."""
+        """Displaced volume [m3] with the pumps at neutral and at zero pressure."""
         return self.mass / self.reference_density
 
     @property
     def battery(self) -> MovingMass:
-        """Its one moving mass; raises VehicleError when it has none or several."""
+        """The only moving mass; raises VehicleError when the vehicle has none or several."""
         if len(self.masses) != 1:
             held = ", ".join(mass.name for mass in self.masses) or "none"
             raise VehicleError(
@@ -221,7 +221,7 @@ class Vehicle:
 
     @property
     def flow_frame(self) -> FlowFrame:
-        """Its hull law, when it is the flow-frame one; VehicleError for vehicles of other laws."""
+        """Hull law if it is the flow-frame law; raises VehicleError for other laws."""
         if not is_flow_frame(self.law):
             raise VehicleError(
                 f"vehicle {self.name!r} has the hull law {self.law.kind!r}; this needs a glider "
@@ -230,22 +230,22 @@ class Vehicle:
         return self.law
 
     def moved_by(self, part: str) -> MovingMass:
-        """The mass that a slide or hinge moves; raises VehicleError when it moves none."""
+        """Mass that a slide or hinge moves; raises VehicleError when it moves none."""
         for mass in self.masses:
             if part in (mass.slide, mass.hinge):
                 return mass
         raise VehicleError(f"vehicle {self.name!r}: part {part!r} moves no mass")
 
     def pump_for_net_mass(self, net_mass: float) -> float:
-        """Position of its pump [cm3] that makes it `net_mass` [kg] heavy at reference density.
+        """Pump position [cm3] at which the vehicle has `net_mass` [kg] at its reference density.
 
         Raises:
-          VehicleError: it has no pump.
+          VehicleError: the vehicle has no pump.
         """
         return -net_mass / self.reference_density / CUBIC_CM + self._pump.neutral
 
     def net_mass_for_pump(self, pump: float) -> float:
-        """Net buoyancy mass [kg] at reference density and zero pressure, positive = heavy."""
+        """Net mass [kg] at a pump position [cm3], reference density, zero pressure; + is heavy."""
         return -(pump - self._pump.neutral) * CUBIC_CM * self.reference_density
 
     @property
@@ -265,7 +265,7 @@ class Vehicle:
 
     @property
     def metacentric_height(self) -> float:
-        """[m], CB above CG with the moving masses hanging down; negative: it turns over."""
+        """Height [m] of CB above CG, moving masses hanging down; below 0 it turns over."""
         moments = self.static_mass * float(self.static_cg[2])
         return (moments + sum(m.mass * m.eccentricity for m in self.masses)) / self.mass
 
@@ -277,27 +277,27 @@ class Vehicle:
         return tuple(part.name for part in self.parts)
 
     def part(self, name: str) -> Part:
-        """The part of that name; raises VehicleError that offers the nearest."""
+        """Part with this name; raises VehicleError that offers the nearest name."""
         for part in self.parts:
             if part.name == name:
                 return part
         raise VehicleError(unknown_name(f"part of vehicle {self.name!r}", name, self.part_names))
 
     def steered(self, control: str) -> Part | None:
-        """The part that guidance uses for "pitch", "heading", "buoyancy" or "speed"; or None."""
+        """Part that guidance moves for a control such as "pitch" (see `steering`), or None."""
         name = self.steering.get(control)
         return None if name is None else self.part(name)
 
     def steered_index(self, control: str) -> int | None:
-        """Place among the parts of what `steered` gives; None: the vehicle has none."""
+        """Index among the parts of the part that `steered` returns; None: there is none."""
         name = self.steering.get(control)
         return None if name is None else self.part_names.index(name)
 
     def allocated(self, position: Array, leads: Collection[str] | None = None) -> Array:
-        """Positions of all parts, shape (parts,), when those that steer stand as in `position`.
+        """Add the followers' displacements to the parts' positions `position`, shape (parts,).
 
-        A part that goes along with another has its share of that one's way from rest added, and
-        stops at the ends of its travel. `leads`: names of the parts that others follow; None: all.
+        A follower moves by its weight times its lead's travel from rest, at most to its own end.
+        `leads`: names of the parts whose followers move; None: all.
         """
         going = [f for f in self.followers if leads is None or f.lead in leads]
         if not going:
@@ -320,7 +320,7 @@ class Vehicle:
 
     @property
     def actuator_lag(self) -> Array:
-        """[s], shape (parts,), first-order lags."""
+        """First-order lags [s], shape (parts,)."""
         return np.array([part.lag for part in self.parts])
 
     @property
@@ -330,19 +330,19 @@ class Vehicle:
 
     @property
     def rest(self) -> Array:
-        """Positions at which nothing drives or steers, shape (parts,)."""
+        """Positions at which no part propels or steers, shape (parts,)."""
         return np.array([part.rest for part in self.parts])
 
     # --- copies -----------------------------------------------------------------------------------
 
     def replace(self, **changes: Any) -> Vehicle:
-        """A copy with other parameters; `xml` keeps describing the original.
+        """Return a copy with other parameters; `xml` keeps describing the original.
 
-        Takes fields of the vehicle and of its hull law (`drag=...`), `battery` with a mapping of
-        fields of its moving mass, and the name of a part with a mapping of that part's fields.
+        Accepts fields of the vehicle and of its hull law (`drag=...`), `battery` with a mapping of
+        fields of the moving mass, and a part's name with a mapping of that part's fields.
 
         Raises:
-          VehicleError: nothing has such a name (the nearest is offered), or a value is impossible.
+          VehicleError: a name is unknown (the nearest is offered), or a value is impossible.
         """
         own = {field.name for field in dataclasses.fields(self)}
         of_law = {field.name for field in dataclasses.fields(self.law)}
@@ -367,10 +367,10 @@ class Vehicle:
         return dataclasses.replace(self, **mine)
 
     def with_law(self, kind: str) -> Vehicle:
-        """A copy whose water acts by another hull law, read from the same file.
+        """Return a copy with another hull law, read from the same file.
 
         Raises:
-          VehicleError: unknown law, or the file lacks what it needs.
+          VehicleError: the law is unknown, or the file lacks numbers that it needs.
         """
         if kind == self.law.kind:
             return self
@@ -393,7 +393,7 @@ class Vehicle:
         return found
 
     def with_changes(self, changes: Mapping[str, Any]) -> Vehicle:
-        """A copy with what `changes` of another copy returned, also in its form of version 1."""
+        """Return a copy with another copy's `changes()`, in today's or version 1's form."""
         changes = dict(changes)
         vehicle = self
         if "hull_law" in changes:
@@ -404,7 +404,7 @@ class Vehicle:
 def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
     """Read a vehicle by the name of a shipped file ("glider") or by the path of an MJCF file.
 
-    Behind either, ":PRESET" chooses one of the file's other sets of numbers ("tethys:gazebo").
+    ":PRESET" after either chooses another set of numbers in the file ("tethys:gazebo").
 
     Raises:
       VehicleError: unknown name or preset, unreadable file, missing or wrong element (named).
@@ -428,7 +428,7 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
 
 @functools.lru_cache(maxsize=16)
 def parse_vehicle(xml: str, path: Path) -> Vehicle:
-    """Build a `Vehicle` from MJCF text; `path` names it in errors."""
+    """Build a `Vehicle` from MJCF text; `path` only names the file in errors."""
     reader = MjcfReader(xml, path)
     hull = reader.body("hull")
     numeric, number = reader.numeric, reader.number
@@ -443,8 +443,8 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         added_mass = np.array(numeric("added_mass", 36)).reshape(6, 6)
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
     steering = read_steering(reader, parts)
-    alone = named_controls(reader)
-    shared = followers(parts, steering, alone)
+    assigned = named_controls(reader)
+    following = followers(parts, steering, assigned)
     fields: dict[str, Any] = {
         f"{axis}_pid": numeric(f"{axis}_pid", 3)
         for axis in ("pitch", "heading", "trim")
@@ -479,8 +479,8 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         gps_position=reader.place("gps"),
         cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
         steering=steering,
-        followers=shared,
-        idle=idle_parts(parts, steering, shared, alone),
+        followers=following,
+        idle=idle_parts(parts, steering, following, assigned),
         spreads={
             name.removeprefix(SPREAD): element.get("data", "")
             for name, element in reader.texts.items()
@@ -502,7 +502,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
 
 
 def _refuse_unknown(reader: MjcfReader) -> None:
-    """Raise VehicleError for a misspelt number or text; those of other hull laws may be there."""
+    """Raise VehicleError for misspelt names; names of other hull laws' numbers are allowed."""
     others = [name for law in LAWS.values() for name in law.names()]
     loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid")
     known = ("added_mass", "cruise_speed", "rated_depth", "usual_glide", PRESETS)

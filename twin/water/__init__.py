@@ -1,1 +1,1 @@
-"""The water: its density over depth, the currents in it, and the sea floor below it."""
+"""Water: its density over depth, the currents in it, and the sea floor below it."""

@@ -1,7 +1,7 @@
 """Density: in-situ density of sea water over depth, and the pressure that it makes.
 
-A profile is a table. It compiles to a flat float64 array that the native plant reads with
-`density_at`, and it integrates to the pressure that a gauge at some depth feels.
+A profile is a table over depth. Compiled to a flat float64 array, it is read by `density_at` in the
+native plant; integrated over depth, it gives the pressure at a gauge.
 Equation of state: TEOS-10 through `gsw` (McDougall and Barker, 2011).
 """
 
@@ -22,32 +22,32 @@ from twin.numbers import Array, number, numbers
 from twin.water.table_file import column_numbers, read_table_file
 
 REFERENCE_DENSITY = 1025.0
-"""[kg/m3], the density inside the Sea-Wing's coefficients (Zhang et al., 2013)"""
+"""[kg/m3] Density inside the Sea-Wing's coefficients (Zhang et al., 2013)."""
 DENSITY_RANGE = (950.0, 1100.0)
-"""[kg/m3], sea, brackish and fresh water from the surface to the deepest trench"""
+"""[kg/m3] Allowed densities: sea, brackish and fresh water down to the deepest trench."""
 GRAVITY_DEPTH_RATE = 2.26e-7
-"""[1/m], relative growth of gravity with depth in TEOS-10"""
+"""[1/m] Relative growth of gravity with depth in TEOS-10."""
 PASCAL_PER_DBAR = 1e4
 DEFAULT_LONGITUDE = -121.8
-"""[deg], Monterey Bay: longitude only enters the small composition anomaly of salinity"""
+"""[deg] Monterey Bay; longitude only enters the small composition anomaly of salinity."""
 DEFAULT_LATITUDE = 36.8
-"""[deg], Monterey Bay, where the paper's vehicle sailed"""
+"""[deg] Monterey Bay, where the paper's vehicle sailed."""
 DEEPEST = 12_000.0
-"""[m] of a profile: the deepest sea has 10 935 m. The table of a run has a row a metre"""
+"""[m] Largest depth of a profile; the deepest sea has 10 935 m. Runs tabulate every metre."""
 DEFAULT_SPACING = 1.0
-"""[m], grid of a compiled profile whose own depths are not equally spaced"""
+"""[m] Grid of a compiled profile whose own depths are not equally spaced."""
 SEA_COMPRESSIBILITY = 4.35e-10
-"""[1/Pa] of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10). A hull's is
-nearly the same: without it a vehicle that has no CTD would seem to have a rigid hull."""
+"""[1/Pa] Compressibility of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10).
+A hull's is nearly equal: assumed incompressible, the water of a log makes its hull seem rigid."""
 COLUMN_DEPTH = 6000.0
-"""[m] of a column that is given by its surface alone"""
+"""[m] Depth of a column that is given by its surface density alone."""
 PROGRAM_HEADER = 2
 MAX_PROGRAM_POINTS = 20_000
-"""12 000 m at 1 m fits; a longer program means a wrong spacing"""
+"""Most points of a program: 12 000 m at 1 m fits; a longer program means a wrong spacing."""
 
 
 def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
-    """Gravity [m/s2] at `latitude` [deg] and `depth` [m]; TEOS-10, as `gsw.grav` computes it."""
+    """Gravity [m/s2] at `latitude` [deg] and `depth` [m]; TEOS-10, as in `gsw.grav`."""
     sin2 = np.sin(np.deg2rad(latitude)) ** 2
     surface = 9.780327 * (1.0 + (5.2792e-3 + 2.32e-5 * sin2) * sin2)
     return np.asarray(surface * (1.0 + GRAVITY_DEPTH_RATE * np.asarray(depth, float)))
@@ -55,7 +55,7 @@ def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
 
 @jit
 def _decay(depth, mixed_layer_depth, decay_depth):  # type: ignore[no-untyped-def]
-    """Part of the surface's excess that is left at each depth, with the same bits everywhere."""
+    """Fraction of the surface's excess left at each depth, bit-identical on all platforms."""
     left = np.empty(depth.size)
     for i in range(depth.size):
         left[i] = exp(-max(depth[i] - mixed_layer_depth, 0.0) / decay_depth)
@@ -72,12 +72,12 @@ def density_at(program, depth):  # type: ignore[no-untyped-def]
         return depth
     last = min(int(program[0]), program.size - PROGRAM_HEADER) - 1
     if last < 0:
-        return math.nan  # no profile at all
+        return math.nan  # an empty profile
     if depth <= 0.0 or last == 0:
         return program[PROGRAM_HEADER]
     x = depth / program[1]
     if not x >= 0.0:
-        return math.nan  # its step is no length: this profile is damaged
+        return math.nan  # a damaged profile: its spacing is not positive
     if x >= last:
         return program[PROGRAM_HEADER + last]
     i = int(x)
@@ -87,7 +87,7 @@ def density_at(program, depth):  # type: ignore[no-untyped-def]
 
 @borrowing
 def density_slope_at(program, depth):  # type: ignore[no-untyped-def]
-    """Change of `density_at` over depth [kg/m4], of the row at `depth`; 0 beyond the ends."""
+    """Slope of `density_at` over depth [kg/m4] in the row at `depth`; 0 beyond the ends."""
     last = min(int(program[0]), program.size - PROGRAM_HEADER) - 1
     if not depth > 0.0 or last < 1:
         return 0.0
@@ -100,7 +100,7 @@ def density_slope_at(program, depth):  # type: ignore[no-untyped-def]
 
 @jit
 def _pressure_kernel(top, values, above, surface_gravity, depth, out):  # type: ignore[no-untyped-def]
-    """out [dbar] at each depth from the rows `top` [m] and the pressure `above` them [Pa]."""
+    """Write the pressure [dbar] at each depth into `out`, from rows `top` [m] and `above` [Pa]."""
     i = 0
     last = top.shape[0] - 1
     for k in range(depth.shape[0]):
@@ -108,7 +108,7 @@ def _pressure_kernel(top, values, above, surface_gravity, depth, out):  # type: 
         if z <= 0.0:
             out[k] = 0.0
             continue
-        # A vehicle's depth moves little from sample to sample, so the row is near the last one.
+        # depth changes little between samples, so the search starts at the last row
         while i > 0 and top[i] > z:
             i -= 1
         while i < last and top[i + 1] <= z:
@@ -154,13 +154,13 @@ class DensityProfile:
     """In-situ density over depth, linear between the rows and constant beyond them."""
 
     depth: Array
-    """[m], shape (n,), positive down, increasing"""
+    """[m] Depths, shape (n,), positive down, increasing."""
     values: Array
-    """[kg/m3], shape (n,), in-situ density"""
+    """[kg/m3] In-situ densities, shape (n,)."""
     temperature: Array | None = None
-    """[degree_Celsius], shape (n,), in situ; None: not known"""
+    """[degree_Celsius] In-situ temperatures, shape (n,); None: unknown."""
     salinity: Array | None = None
-    """[1], shape (n,), practical (PSS-78); None: not known"""
+    """[1] Practical salinities (PSS-78), shape (n,); None: unknown."""
 
     def __post_init__(self) -> None:
         depth = numbers(self.depth, "density profile: depth")
@@ -187,12 +187,12 @@ class DensityProfile:
 
     @classmethod
     def constant(cls, density: float = REFERENCE_DENSITY) -> DensityProfile:
-        """The same density [kg/m3] at every depth."""
+        """Make a profile of one density [kg/m3] at every depth."""
         return cls(depth=np.zeros(1), values=np.array([density]))
 
     @classmethod
     def compressed(cls, surface: float = REFERENCE_DENSITY) -> DensityProfile:
-        """One water, `surface` [kg/m3] at the top, compressed by SEA_COMPRESSIBILITY below."""
+        """Make water of `surface` [kg/m3] at the top, compressed by SEA_COMPRESSIBILITY below."""
         depth = np.array([0.0, COLUMN_DEPTH])
         pressure = surface * float(gravity(DEFAULT_LATITUDE)) * depth
         return cls(depth=depth, values=surface * (1.0 + SEA_COMPRESSIBILITY * pressure))
@@ -207,7 +207,7 @@ class DensityProfile:
         latitude: float = DEFAULT_LATITUDE,
         longitude: float = DEFAULT_LONGITUDE,
     ) -> DensityProfile:
-        """Density of a cast: depth [m], in-situ temperature [degC], practical salinity [1].
+        """Make a profile from a cast: depth [m], in-situ temperature [degC], practical salinity.
 
         Each of shape (n,) or, for temperature and salinity, a number. latitude, longitude [deg].
         Raises InputError for NaN, negative or unsorted depth.
@@ -241,7 +241,7 @@ class DensityProfile:
         latitude: float = DEFAULT_LATITUDE,
         longitude: float = DEFAULT_LONGITUDE,
     ) -> DensityProfile:
-        """A climatology-like profile: a mixed layer over an exponential thermocline.
+        """Make a climatology-like profile: a mixed layer over an exponential thermocline.
 
         Temperature [degC] and practical salinity relax from their surface to their deep values
         as exp(-(z - mixed_layer_depth) / decay_depth) [m]. The defaults resemble Monterey Bay.
@@ -267,13 +267,13 @@ class DensityProfile:
         )
 
     def density(self, depth: ArrayLike) -> Array:
-        """[kg/m3] at `depth` [m], any shape; constant above the first and below the last row."""
+        """Density [kg/m3] at `depth` [m], any shape; constant beyond the first and last row."""
         return np.asarray(np.interp(np.asarray(depth, float), self.depth, self.values))
 
     def temperature_salinity(self, depth: ArrayLike) -> tuple[Array, Array] | None:
         """In-situ temperature [degree_Celsius] and practical salinity at `depth` [m], any shape.
 
-        None: the profile was given as density alone.
+        None: the profile holds density alone.
         """
         if self.temperature is None or self.salinity is None:
             return None
@@ -290,8 +290,8 @@ class DensityProfile:
         return self.pressure_integral(latitude)(depth)
 
     def pressure_integral(self, latitude: float) -> Callable[[ArrayLike], Array]:
-        """`pressure` as a function of the depth, for who asks again and again."""
-        # A row at the surface turns the clamped end above the first row into a segment.
+        """Prepare `pressure` once; returns a function of depth for repeated calls."""
+        # a row at the surface turns the constant density above the first row into a segment
         top = np.concatenate([[0.0], self.depth[self.depth > 0.0]])
         values = self.density(top)
         surface = float(gravity(latitude))
@@ -308,21 +308,21 @@ class DensityProfile:
         return pressure
 
     def describe(self) -> dict[str, list[float]]:
-        """JSON-able form; `DensityProfile(**form)` is equal."""
+        """Return the profile as JSON values; `DensityProfile(**values)` is equal."""
         columns = (field.name for field in dataclasses.fields(self))
         given = ((name, getattr(self, name)) for name in columns)
         return {name: column.tolist() for name, column in given if column is not None}
 
     def compile(self, *, spacing: float | None = None) -> Array:
-        """The profile as a flat float64 array for `density_at`: n, dz [m], n densities from 0 m.
+        """Compile to a flat float64 array for `density_at`: n, dz [m], n densities from 0 m.
 
-        Without `spacing` [m] the table's own spacing is kept when it is uniform from the surface
-        on; otherwise the table is interpolated every DEFAULT_SPACING.
+        Without `spacing` [m], a table equally spaced from the surface keeps its own spacing; any
+        other is interpolated every DEFAULT_SPACING.
         """
         return self._compiled(self.values, spacing)
 
     def compile_temperature(self, *, spacing: float | None = None) -> Array:
-        """In-situ temperature [degree_Celsius] likewise; empty where it is not known."""
+        """Compile in-situ temperature [degree_Celsius] as `compile`; empty where unknown."""
         if self.temperature is None:
             return np.zeros(0)
         return self._compiled(self.temperature, spacing)
@@ -347,24 +347,24 @@ class DensityProfile:
 
 NAMES = ("usual", "constant", "thermocline")
 GRID = "grid"
-"""The column of a gridded current's file; who knows the current makes it (`twin.facade`)"""
+"""Name for the water column of a gridded current's file, which `twin.facade` reads."""
 ALLOWED = (*NAMES, GRID, "a CSV file with columns depth,density")
 
 
 def parse_density(
     text: str, *, latitude: float = DEFAULT_LATITUDE, longitude: float = DEFAULT_LONGITUDE
 ) -> DensityProfile | None:
-    """The profile of "usual", "constant", "thermocline", or a CSV file.
+    """Make the profile named "usual", "constant" or "thermocline", or read a CSV file.
 
-    "usual" is None, what a scenario without a density flies in; "constant" is the reference density
-    at every depth, which no sea is: a hull that shrinks sinks ever faster there.
+    "usual" returns None: scenarios without a density choose one. "constant" is the reference
+    density at every depth, unlike any sea: there a compressible hull sinks ever faster.
 
     The file has a header with `depth` [m] and either `density` [kg/m3] or `temperature` [degC]
     and `salinity` (practical). Lines that start with # are comments.
 
     Args:
       text: one of these names, or a path.
-      latitude: [degree] north of where the water is, for densities that TEOS-10 gives.
+      latitude: [degree] north, for densities that TEOS-10 gives.
       longitude: [degree] east, likewise.
 
     Raises:

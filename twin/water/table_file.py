@@ -1,4 +1,4 @@
-"""Tables of numbers in CSV files, with comments behind #; errors name the line."""
+"""Table files: CSV files of numbers with comments behind #; errors name the line."""
 
 from __future__ import annotations
 
@@ -13,23 +13,22 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_ROWS = 100_000
-"""Lines of a table: nine for each metre of the deepest sea. Every store that uses it holds them."""
+"""Most lines of a table: nine per metre of the deepest sea. Stores hold copies of their tables."""
 
 
 def read_table_file(path: Path, what: str, error: type[InputError] = InputError) -> pd.DataFrame:
-    """The cells as text, without blanks around them; the index is the line in the file.
+    """Read the cells of a CSV file as stripped text; the index is the line in the file.
 
-    Empty lines and those that start with # are left out.
+    Empty lines and lines that start with # are left out.
 
     Args:
       path: the file.
-      what: what errors call it, such as "density file".
+      what: name of the file in errors, such as "density file".
       error: the class of the errors.
 
     Raises:
-      InputError: (or `error`) it cannot be read or is empty, columns are separated by something
-        else than commas, it has more lines than `MOST_ROWS`, or a line has more or fewer cells than
-        the header.
+      InputError: (or `error`) the file cannot be read or is empty, its separator is not the comma,
+        it has more lines than `MOST_ROWS`, or a line has more or fewer cells than the header.
     """
     import pandas as pd
 
@@ -64,7 +63,7 @@ def read_table_file(path: Path, what: str, error: type[InputError] = InputError)
         frame = pd.read_csv(
             io.StringIO("\n".join(lines.values())), header=None, dtype=str, na_filter=False
         )
-    except ValueError as cause:  # a quote that does not end
+    except ValueError as cause:  # an unclosed quote
         why = " ".join(str(cause).split())
         raise error(f"{what} {path} is not a table of cells: {why}") from cause
     frame = frame.apply(lambda column: column.str.strip())
@@ -77,7 +76,7 @@ def read_table_file(path: Path, what: str, error: type[InputError] = InputError)
 def column_numbers(
     frame: pd.DataFrame, name: str, source: str, error: type[InputError] = InputError
 ) -> list[float]:
-    """A column as numbers.
+    """Convert a column to numbers.
 
     Raises:
       InputError: (or `error`) a cell is not a number; the message names its line.
@@ -92,9 +91,9 @@ def column_numbers(
 
 
 def _separator(line: str) -> str | None:
-    """What separates the columns of a line where it is not commas.
+    """Name the separator of a line that does not use commas; None: commas.
 
-    A table of numbers needs none of these inside a cell. Spreadsheets write semicolons where the
+    Cells of numbers contain none of these characters. Spreadsheets write semicolons where the
     comma is the decimal mark.
     """
     if ";" in line:

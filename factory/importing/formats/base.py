@@ -10,9 +10,9 @@ import dataclasses
 import gzip
 import re
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from factory import seams
 from factory.importing.formats.slocum.caches import BINARY, CACHES
@@ -94,6 +94,8 @@ class Importer:
     """Channels that the logs give only when they change: between samples the last value holds."""
     lacks: frozenset[str] = frozenset()
     """Channels that no such vehicle has: their absence is not reported."""
+    samples: Mapping[str, Callable[[Path, Any], list[Path]]] | str | None = None
+    """Writers of `factory.samples` by layout, the usual one first, or their place `module:name`."""
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_-]*", self.name):
@@ -305,6 +307,7 @@ SLOCUM = Importer(
     first_bytes=(b"dbd_label",),
     period=2.0,
     read="factory.importing.formats.slocum:read_slocum",
+    samples="factory.samples.gliders:SLOCUM",
     extra="slocum",
     takes_cache=True,
     lacks=frozenset({"measured_rotation"}),
@@ -325,6 +328,7 @@ SEAGLIDER = Importer(
     ),
     period=5.0,
     read="factory.importing.formats.seaglider_reader:read_seaglider",
+    samples="factory.samples.gliders:SEAGLIDER",
     held=frozenset({"measured_shift", "measured_rotation"}),
 )  # fmt: skip
 """Seagliders and their basestation."""
@@ -342,6 +346,7 @@ SEAEXPLORER = Importer(
     marks=frozenset({"NavState", "BallastPos", "PLD_REALTIMECLOCK", "NAV_RESOURCE"}),
     period=5.0,
     read="factory.importing.formats.seaexplorer_reader:read_seaexplorer",
+    samples="factory.samples.gliders:SEAEXPLORER",
 )
 """Alseamar's SeaExplorer gliders."""
 
@@ -358,6 +363,7 @@ OG1 = Importer(
     ),
     period=5.0,
     read="factory.importing.formats.og1.og1_reader:read_og1",
+    samples="factory.samples.archives:OG1",
 )  # fmt: skip
 """The OceanGliders' common format."""
 
@@ -375,6 +381,7 @@ NGDAC = Importer(
     ),
     period=5.0,
     read="factory.importing.formats.ngdac_reader:read_ngdac",
+    samples="factory.samples.archives:NGDAC",
     lacks=frozenset({"measured_pump", "measured_shift", "measured_rotation"}),
 )  # fmt: skip
 """Profile files of the U.S. IOOS National Glider DAC, and time series of pyglider."""
@@ -394,6 +401,7 @@ SPRAY = Importer(
     ),
     period=60.0,
     read="factory.importing.formats.spray_reader:read_spray",
+    samples="factory.samples.archives:SPRAY",
     lacks=frozenset(
         {"measured_pitch", "measured_roll", "measured_heading", "measured_pump", "measured_shift",
          "measured_rotation"}
@@ -411,6 +419,7 @@ CSV = Importer(
     marks=frozenset(),
     period=1.0,
     read="factory.importing.formats.csv.table_reader:read_tables",
+    samples="factory.samples.archives:TABLES",
     takes_mapping=True,
     lacks=DRIVEN,
 )

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 import yaml
 from hubs import read_with
-from logs import Flight, refused, write_slocum
+from logs import refused, stored
 
 from factory.exporting import ExportOptions
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
-from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from factory.sampling.recipe import make_recipe
 from glider_twin_hubs import HUGGINGFACE, LEROBOT, huggingface
 from glider_twin_hubs.huggingface import licence_identifier
 from glider_twin_hubs.lerobot import Total, episode_statistics
 from twin.records.logged import LogStore
-from twin.records.store import write_store
 
 pq = pytest.importorskip("pyarrow.parquet")
 
@@ -63,8 +63,7 @@ def folders(run, tmp_path_factory):
 @pytest.fixture(scope="module")
 def log_store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
-    dataset, _ = import_logs("slocum", write_slocum(folder, Flight()))
-    return LogStore(write_store(dataset, folder / "real.zarr"))
+    return LogStore(stored(folder / "real.zarr", "slocum", write_slocum(folder, Flight())))
 
 
 def front_matter(folder):

@@ -8,34 +8,23 @@ import numpy as np
 import pytest
 import xarray as xr
 from examples import needs_docs, run
-from logs import (
-    LATITUDE,
-    LONGITUDE,
-    SHARED,
-    START,
-    Flight,
-    write_basestation,
-    write_ngdac,
-    write_og1,
-    write_pyglider,
-    write_seaexplorer,
-    write_slocum,
-)
+from logs import SHARED, stored
 
 import glider_twin_pipelines.accessor  # noqa: F401 (registers ds.glider)
 from factory.exporting import EXPORTERS
 from factory.exporting.og1.variables import Og1Variable
-from factory.importing import import_logs
 from factory.importing.angles import reference_declination
 from factory.importing.cleaning import degrees_minutes
 from factory.importing.columns import read_table
 from factory.importing.deployment_log import LoggedFixes
 from factory.importing.sample_clock import parse_stamps
 from factory.importing.tally import Tally
+from factory.samples import LATITUDE, LONGITUDE, START, Flight
+from factory.samples.archives import write_ngdac, write_og1, write_pyglider
+from factory.samples.gliders import write_basestation, write_seaexplorer, write_slocum
 from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, ModelledLog, modelled
 from twin.errors import InputError, StoreError
 from twin.records.logged import LogStore
-from twin.records.store import write_store
 from twin.vehicle.presets import assets_folder
 
 pytestmark = pytest.mark.filterwarnings("ignore:vertical water velocity")
@@ -54,8 +43,7 @@ VEHICLE = "slocum-200"
 def exported(tmp_path_factory):
     """An OG1.0 file of the project's own exporter."""
     folder = tmp_path_factory.mktemp("og1")
-    dataset, _ = import_logs("slocum", write_slocum(folder, FLIGHT))
-    logs = LogStore(write_store(dataset, folder / "real.zarr"))
+    logs = LogStore(stored(folder / "real.zarr", "slocum", write_slocum(folder, FLIGHT)))
     (path,) = EXPORTERS["og1"].export(logs, range(len(logs)), folder / "og1")
     return xr.load_dataset(path)
 

@@ -12,9 +12,12 @@ import netCDF4
 import numpy as np
 import pytest
 from examples import needs_docs, run
-from logs import SHARED, Flight, write_basestation, write_og1, write_pyglider
+from logs import SHARED
 
 import glider_twin_pipelines
+from factory.samples import Flight
+from factory.samples.archives import write_og1, write_pyglider
+from factory.samples.gliders import write_basestation
 from glider_twin_pipelines import add_flight, add_flights, basestation3, times_of
 from glider_twin_pipelines.__main__ import main
 from glider_twin_pipelines.modelled_log import CURRENTS, POSITIONS, modelled

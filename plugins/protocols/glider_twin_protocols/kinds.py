@@ -25,6 +25,7 @@ LRAUV = Importer(
     ),
     period=2.0,
     read="glider_twin_protocols.lrauv_reader:read_lrauv",
+    samples="glider_twin_protocols.auv_samples:LRAUV",
     lacks=frozenset({"measured_rotation"}),
 )  # fmt: skip
 """MBARI's long-range AUVs."""
@@ -41,6 +42,7 @@ MCAP = Importer(
     first_bytes=(b"\x89MCAP0\r\n",),
     period=0.2,
     read="glider_twin_protocols.mcap_reader:read_mcap",
+    samples="glider_twin_protocols.message_samples:MCAP",
     extra=PLUGIN,
     takes_mapping=True,
     lacks=DRIVEN,
@@ -58,6 +60,7 @@ ROSBAG2 = Importer(
     first_bytes=(b"SQLite format 3\0", b"\x89MCAP0\r\n"),
     period=0.2,
     read="glider_twin_protocols.mcap_reader:read_rosbag2",
+    samples="glider_twin_protocols.message_samples:ROSBAG2",
     extra=PLUGIN,
     takes_mapping=True,
     lacks=DRIVEN,
@@ -75,6 +78,7 @@ ARDUSUB = Importer(
     first_bytes=(b"\xa3\x95\x80",),
     period=0.1,
     read="glider_twin_protocols.ardusub_reader:read_ardusub",
+    samples="glider_twin_protocols.message_samples:ARDUSUB",
     extra=PLUGIN,
     takes_mapping=True,
     lacks=DRIVEN,
@@ -94,6 +98,7 @@ LSF = Importer(
     first_bytes=(b"\x54\xfe", b"\xfe\x54"),
     period=0.2,
     read="glider_twin_protocols.lsf_reader:read_lsf",
+    samples="glider_twin_protocols.auv_samples:LSF",
     extra=PLUGIN,
     takes_mapping=True,
     lacks=DRIVEN,
@@ -115,6 +120,7 @@ DORADO = Importer(
     first_bytes=(b"# binary ",),
     period=0.2,
     read="glider_twin_protocols.dorado_reader:read_dorado",
+    samples="glider_twin_protocols.auv_samples:DORADO",
     takes_mapping=True,
     lacks=DRIVEN,
 )  # fmt: skip

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dorado_logs import instruments, track_of, write_log, write_netcdf
-from logs import example, refused
-from message_logs import circles
+from logs import circles, example, refused, said, values
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
+from glider_twin_protocols.auv_samples import instruments, track_of, write_along, write_log
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
@@ -22,15 +21,6 @@ STATE["depth"] = STATE["depth"] * np.clip((TIME - TIME[0] - 4.0) / 30.0, 0.0, 1.
 FIXES = {"latitude": np.full(len(TIME), np.nan), "longitude": np.full(len(TIME), np.nan)}
 for _name, _place in (("latitude", 36.8), ("longitude", -122.0)):
     FIXES[_name][:3] = _place + 1e-6 * np.arange(3)
-
-
-def values(dataset, name):
-    return dataset[name].values[0, : int(dataset["n_samples"][0])].astype(float)
-
-
-def said(report, action, subject):
-    found = [e for e in report.entries if (e.action, e.subject) == (action, subject)]
-    return "; ".join(f"{e.count} {e.detail}" for e in found)
 
 
 def mission(folder, *, west=False, fixes=True):
@@ -96,7 +86,7 @@ def test_netcdf_of_each_instrument_gives_the_same(tmp_path):
     folder = tmp_path / "netcdf"
     folder.mkdir()
     for name, fields in instruments(TIME, {**STATE, **FIXES}).items():
-        write_netcdf(folder / f"{name}.nc", {n: v for _, n, v in fields[1:]}, fields[0][2])
+        write_along(folder / f"{name}.nc", {n: v for _, n, v in fields})
     dataset, _ = import_logs("dorado", [folder])
     assert set(dataset.data_vars) == set(logs.data_vars)
     for signal in dataset.data_vars:

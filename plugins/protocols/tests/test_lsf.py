@@ -5,31 +5,46 @@ import struct
 
 import numpy as np
 import pytest
-from imc_logs import DECLINATION, OTHER, described, entities, message, packets, track_of
-from logs import refused
-from message_logs import circles
+from logs import circles, refused, said, values
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
+from glider_twin_protocols.auv_samples import DECLINATION, OWN, entities, message, packets, track_of
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
 
 imcpy = pytest.importorskip("imcpy")
+OTHER = 31
+"""Address of another system"""
 TIME, STATE = circles(120.0)
 STATE["depth"] = STATE["depth"] * np.clip((TIME - TIME[0] - 4.0) / 30.0, 0.0, 1.0)  # it dives
 
 
-def values(dataset, name, row=0):
-    return dataset[name].values[row, : int(dataset["n_samples"][row])].astype(float)
+def checksum(data: bytes) -> int:
+    """CRC-16-IBM: polynomial 0x8005, reflected, from 0."""
+    value = 0
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return value
 
 
-def said(report, action, subject):
-    return "; ".join(
-        f"{e.count} {e.detail}"
-        for e in report.entries
-        if (e.action, e.subject) == (action, subject)
+def described(
+    order: str, number: int, layout: str, *values: float, moment: float, entity: int
+) -> bytes:  # fmt: skip
+    """A packet by the description of IMC (IMC.xml, 5.4): header, payload, sum.
+
+    Args:
+      order: < or >.
+      layout: of the payload, for `struct`.
+    """
+    payload = struct.pack(order + layout, *values)
+    header = struct.pack(
+        f"{order}HHHdHBHB", 0xFE54, number, len(payload), moment, OWN, entity, 0xFFFF, 0xFF
     )
+    return header + payload + struct.pack(f"{order}H", checksum(header + payload))
 
 
 def log(folder, **changes):

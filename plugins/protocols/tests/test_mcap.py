@@ -6,16 +6,16 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from logs import Flight, refused, write_slocum
+from logs import refused, stored
 from scipy.spatial.transform import Rotation
 
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.generation.generated_store import GeneratedStore
-from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from glider_twin_protocols.cdr import body, encode, orientation, to_body, world
 from twin.errors import StoreError
 from twin.records.logged import LogStore
-from twin.records.store import write_store
 from twin.records.timeseries import sample_coordinates
 
 pytest.importorskip("mcap")
@@ -180,8 +180,7 @@ def test_long_missions_are_written_piece_by_piece(recording, field_store, tmp_pa
 
 
 def test_dives_of_a_deployment_are_one_recording(tmp_path):
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, Flight()))
-    run = LogStore(write_store(dataset, tmp_path / "real.zarr"))
+    run = LogStore(stored(tmp_path / "real.zarr", "slocum", write_slocum(tmp_path, Flight())))
     (path,) = EXPORTERS["mcap"].export(run, range(len(run)), tmp_path / "bags")
     found = defaultdict(list)
     last = 0

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import example, refused
-from message_logs import circles, write_bag, write_dataflash
+from logs import circles, example, refused, values
 
 import twin
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_exportable
 from factory.importing import import_logs
+from glider_twin_protocols.message_samples import write_bag, write_dataflash
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
 
@@ -18,10 +18,6 @@ rosbags = pytest.importorskip("rosbags.rosbag2")
 ROOT = Path(__file__).resolve().parents[3]
 THRUSTER = example((ROOT / "docs" / "howto" / "import_messages.md").read_text(), "mine.toml")
 """The mapping of the page"""
-
-
-def values(dataset, name):
-    return dataset[name].values[0, : int(dataset["n_samples"][0])].astype(float)
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from logs import Flight, refused
-from message_logs import dives, write_bag
+from logs import refused
 
 from factory.importing import import_logs
+from factory.samples import Flight
 from glider_twin_protocols.mcap_recording import Ros2Recording
+from glider_twin_protocols.message_samples import write_bag
 from twin.errors import InputError
 
 pytest.importorskip("rosbags.rosbag2")
@@ -20,7 +21,7 @@ SERVICE = (
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
     """A recording of dives, all of whose channels can be read."""
-    time, state = dives(FLIGHT)
+    time, state = FLIGHT.with_fixes()
     folder = tmp_path_factory.mktemp("plain")
     return next(write_bag(folder / "bag", state, time, "mcap").glob("*.mcap"))
 

@@ -9,15 +9,15 @@ import netCDF4
 import numpy as np
 import pytest
 from erddap_server import Erddap
-from logs import Flight, example, refused, write_basestation
+from logs import example, refused, stored
 
 from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.generation.generated_store import open_missions
-from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_basestation
 from glider_twin_ops.watching.sources import fetch_days
 from twin.records.logged import LogStore
-from twin.records.store import write_store
 
 FLIGHT = Flight(dives=3)
 KINDS = {
@@ -41,8 +41,7 @@ TAGS = (
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
-    dataset, _ = import_logs("seaglider", write_basestation(folder, FLIGHT), period=4.0)
-    return write_store(dataset, folder / "real.zarr")
+    return stored(folder / "real.zarr", "seaglider", write_basestation(folder, FLIGHT), period=4.0)
 
 
 @pytest.fixture(scope="module")
@@ -212,13 +211,14 @@ def table(served):
 def test_what_a_server_shows_of_it_is_the_log(store, served, tmp_path):
     pytest.importorskip("erddapy", reason="the extra erddap is not installed")
     name, header, rows = table(served)
-    (tmp_path / "mapping.toml").write_text(MAPPING)
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(MAPPING)
     with Erddap(name, header, rows).serving() as server:
         fetch_days(server.address, tmp_path)
     files = sorted(tmp_path.glob("*.csv"))
     assert files
-    dataset, _ = import_logs("csv", files, period=4.0, mapping=tmp_path / "mapping.toml")
-    back, first = LogStore(write_store(dataset, tmp_path / "back.zarr")), LogStore(store)
+    again = stored(tmp_path / "back.zarr", "csv", files, period=4.0, mapping=mapping)
+    back, first = LogStore(again), LogStore(store)
     assert len(back) == len(first) == FLIGHT.dives
     for dive in range(FLIGHT.dives):
         np.testing.assert_allclose(back.time(dive), first.time(dive), rtol=0, atol=1e-3)

@@ -8,13 +8,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from logs import Flight, example, refused, write_slocum
+from logs import example, refused, stored
 
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_missions
-from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from twin.errors import StoreError, WriteError
-from twin.records.store import write_store
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "reference" / "factory.md").read_text()
@@ -24,8 +24,7 @@ EVERY = pytest.mark.parametrize("exporter", list(EXPORTERS.values()), ids=lambda
 @pytest.fixture(scope="module")
 def log_store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
-    dataset, _ = import_logs("slocum", write_slocum(folder, Flight()))
-    return write_store(dataset, folder / "real.zarr")
+    return stored(folder / "real.zarr", "slocum", write_slocum(folder, Flight()))
 
 
 @EVERY

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from compliance import complaints, needs_checker
-from logs import Flight, refused, write_seaglider
+from logs import refused, stored
 from simulated_logs import simulated_flight
 
 from factory.__main__ import PROGRAM
@@ -15,7 +15,8 @@ from factory.exporting.metadata import read_metadata
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.exporting.og1.flight_terms import ON_BOARD, STRAIGHT, flown
 from factory.generation.generated_store import open_exportable
-from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaglider
 from twin.errors import StoreError, VehicleError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
@@ -62,8 +63,8 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def store(folder, tmp_path_factory):
-    dataset, _ = import_logs("seaglider", sorted(folder.glob("*.csv")))
-    return write_store(dataset, tmp_path_factory.mktemp("store") / "real.zarr")
+    files = sorted(folder.glob("*.csv"))
+    return stored(tmp_path_factory.mktemp("store") / "real.zarr", "seaglider", files)
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, write_basestation, write_slocum
+from logs import stored
 from simulated_logs import simulated_flight
 
 from factory.exporting import EXPORTERS
@@ -12,6 +12,8 @@ from factory.importing import import_logs
 from factory.importing.deployment_log import Channel
 from factory.importing.formats.og1.derived import oxygen_per_volume
 from factory.importing.tally import Tally
+from factory.samples import Flight
+from factory.samples.gliders import write_basestation, write_slocum
 from twin.physics.true_signals import declare_parts
 from twin.records.logged import LogStore
 from twin.records.schema import Variable, declare
@@ -67,8 +69,7 @@ def assert_same_files(first, second):
 def again(run, folder):
     """The files of a store, what the import makes of them, and the files of that."""
     first = EXPORTERS["og1"].export(run, range(len(run)), folder / "first")
-    dataset, _ = import_logs("og1", first)
-    back = LogStore(write_store(dataset, folder / "again.zarr"))
+    back = LogStore(stored(folder / "again.zarr", "og1", first))
     return first, back, EXPORTERS["og1"].export(back, range(len(back)), folder / "second")
 
 

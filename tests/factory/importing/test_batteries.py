@@ -5,20 +5,18 @@ import csv
 import netCDF4
 import numpy as np
 import pytest
-from logs import (
-    Flight,
-    gps_columns,
-    slocum,
+from logs import slocum
+
+from factory.importing import import_logs
+from factory.samples import Flight, add_variables, write_netcdf
+from factory.samples.archives import write_ngdac
+from factory.samples.gliders import (
     slocum_columns,
     write_basestation,
-    write_csv,
-    write_mat,
-    write_ngdac,
     write_seaexplorer,
     write_slocum,
 )
-
-from factory.importing import import_logs
+from glider_twin_protocols.auv_samples import write_mat
 
 FLIGHT = Flight()
 DEEP = Flight(depth=150.0, variation=15.0)
@@ -27,18 +25,6 @@ DEEP = Flight(depth=150.0, variation=15.0)
 def values(dataset, name, row=0):
     found = dataset[name].values[row].astype(float)
     return found[np.isfinite(found)]
-
-
-def noted(paths, **notes):
-    """Dive files with further numbers and texts of their logs."""
-    for path in paths:
-        with netCDF4.Dataset(path, "a") as file:
-            for name, note in notes.items():
-                if isinstance(note, str):
-                    file.createDimension(f"of_{name}", len(note))
-                    file.createVariable(f"log_{name}", "S1", (f"of_{name}",))[:] = list(note)
-                else:
-                    file.createVariable(f"log_{name}", "f8", ())[...] = note
 
 
 def test_a_slocums_counter_is_kept_at_its_own_samples(tmp_path):
@@ -74,13 +60,23 @@ def test_a_thruster_takes_its_current_at_the_batteries_voltage(tmp_path):
     assert values(dataset, "measured_thruster_power").min() == 0.0
 
 
+def with_numbers(paths, **numbers):
+    for path in paths:
+        write_netcdf(path, {f"log_{name}": ((), value) for name, value in numbers.items()}, "a")
+
+
+def with_words(paths, **words):
+    for path in paths:
+        write_netcdf(path, {f"log_{n}": ((f"of_{n}",), text) for n, text in words.items()}, "a")
+
+
 def test_a_seagliders_gauges_count_both_batteries_at_both_ends_of_a_dive(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
-    noted(
+    with_numbers(
         paths, FG_AHR_10V=10.0, FG_AHR_24V=20.0, FG_AHR_10Vo=10.1, FG_AHR_24Vo=20.3,
         INTERNAL_PRESSURE=9.0,
     )  # fmt: skip
-    noted(paths, **{"24V_AH": "14.0,21.5", "10V_AH": "15.0,11.0"})
+    with_words(paths, **{"24V_AH": "14.0,21.5", "10V_AH": "15.0,11.0"})
     dataset, _ = import_logs("seaglider", paths)
     assert values(dataset, "measured_charge") == pytest.approx([30.0, 30.4])
     assert values(dataset, "measured_voltage") == pytest.approx([14.5])
@@ -91,7 +87,7 @@ def test_a_seaglider_without_gauges_reckons_its_charge(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
     for number, path in enumerate(paths):
         words = {"24V_AH": f"24.1,{1.0 + number:.3f}", "10V_AH": f"10.3,{0.5 * number:.3f}"}
-        noted([path], **words)
+        with_words([path], **words)
     dataset, _ = import_logs("seaglider", paths)
     ends = [values(dataset, "measured_charge", row)[-1] for row in range(3)]
     assert ends == pytest.approx([1.0, 2.5, 4.0])
@@ -105,15 +101,11 @@ def test_a_seagliders_pump_takes_power_while_it_runs(tmp_path):
     paths = write_basestation(tmp_path, DEEP)
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
-            start = file["gc_end_secs"][:] - 60.0
-            for name, column in (
-                ("gc_st_secs", start),
-                ("gc_pitch_secs", [10.0, 10.0]),
-                ("gc_vbd_i", [0.0, 1.5]),
-                ("gc_vbd_secs", [0.0, 40.0]),
-                ("gc_vbd_volts", [30.0, 12.0]),
-            ):
-                file.createVariable(name, "f8", ("gc_event",))[:] = column
+            columns = {
+                "st_secs": file["gc_end_secs"][:] - 60.0, "pitch_secs": [10.0, 10.0],
+                "vbd_i": [0.0, 1.5], "vbd_secs": [0.0, 40.0], "vbd_volts": [30.0, 12.0],
+            }  # fmt: skip
+            add_variables(file, {f"gc_{n}": (("gc_event",), v) for n, v in columns.items()})
     dataset, _ = import_logs("seaglider", paths)
     power = dataset["measured_pump_power"].values[0]
     period = float(dataset.attrs.get("period", 5.0))
@@ -141,12 +133,9 @@ def test_an_lrauv_counts_what_is_left(tmp_path):
             ("platform_battery_charge", 236.0 - 0.1 * np.arange(len(time)), "Ah"),
             ("platform_battery_voltage", np.full(len(time), 16000.0), "mV"),
         ):
-            group = file.createGroup(name)
-            group.createDimension("n", len(time))
-            group.createDimension("u", len(unit))
-            group.createVariable("time", "f8", ("n",))[:] = time
-            group.createVariable("value", "f8", ("n",))[:] = column
-            group.createVariable("units", "u2", ("u",))[:] = [ord(c) for c in unit]
+            columns = {"time": (("n",), time), "value": (("n",), column)}
+            columns["units"] = (("u",), np.array([ord(c) for c in unit], np.uint16))
+            add_variables(file.createGroup(name), columns)
     dataset, _ = import_logs("lrauv", [path])
     charge = values(dataset, "measured_charge")
     assert charge[0] >= 0.0
@@ -160,7 +149,7 @@ def test_profiles_that_keep_a_slocums_sensors_have_its_counter(tmp_path):
         with netCDF4.Dataset(path, "a") as file:
             size = len(file["time"])
             for name, value in (("m_coulomb_amphr_total", 12.5), ("m_battery", 15.0)):
-                file.createVariable(name, "f8", file["time"].dimensions)[:] = np.full(size, value)
+                add_variables(file, {name: (file["time"].dimensions, np.full(size, value))})
     dataset, _ = import_logs("ngdac", paths)
     assert values(dataset, "measured_charge") == pytest.approx(12.5)
     assert values(dataset, "measured_voltage") == pytest.approx(15.0)
@@ -170,10 +159,5 @@ def test_impossible_voltages_go(tmp_path):
     count = len(slocum_columns(FLIGHT)["time"])
     volts = np.full(count, 15.0)
     volts[:5] = 0.0
-    table = {**slocum_columns(FLIGHT), "m_battery": volts}
-    files = [
-        write_csv(tmp_path / "unit1_flight.csv", table),
-        write_csv(tmp_path / "unit1_gps.csv", gps_columns(FLIGHT)),
-    ]
-    _, report = import_logs("slocum", files)
+    _, report = slocum(tmp_path, FLIGHT, m_battery=volts)
     assert report.count("removed", "m_battery") == 5

@@ -8,22 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import (
-    SENTINEL,
-    SHARED,
-    START,
-    Flight,
-    example,
-    part,
-    refused,
-    sailfish_columns,
-    table_columns,
-    write_csv,
-)
+from logs import SENTINEL, SHARED, example, part, refused, sailfish_columns
 
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
 from factory.importing.units import in_unit
+from factory.samples import START, Flight, write_csv
+from factory.samples.archives import table_columns
 from factory.soundness import verify_logs
 from twin.records.logged import LogStore
 from twin.records.store import write_store

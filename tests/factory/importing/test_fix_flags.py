@@ -5,19 +5,17 @@ import csv
 import netCDF4
 import numpy as np
 import pytest
-from logs import (
-    Flight,
-    gps_columns,
-    slocum_columns,
-    write_basestation,
-    write_csv,
-    write_og1,
-    write_pyglider,
-    write_seaexplorer,
-)
+from logs import slocum
 
 from factory.importing import import_logs
 from factory.importing.gps_fixes import has_fix
+from factory.samples import Flight, add_variables, write_csv
+from factory.samples.archives import write_og1, write_pyglider
+from factory.samples.gliders import (
+    gps_columns,
+    write_basestation,
+    write_seaexplorer,
+)
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
 OFF = 0.004
@@ -82,13 +80,11 @@ def test_a_flag_that_never_changes_adds_no_fix(tmp_path, constant):
     [("quality", 1, 6), ("fix_quality", 2, 0), ("hdop", 0.9, 99.9), ("num_satellites", 7, 0)],
 )
 def test_what_a_receiver_says_beside_its_places(tmp_path, name, good, bad):
-    write_csv(tmp_path / "unit1_flight.csv", slocum_columns(FLIGHT))
     gps = gps_columns(FLIGHT)
     old = surfaced(gps["time"])
     gps["lat"] = gps["lat"] + np.where(old, OFF, 0.0)
     gps[name] = np.where(old, bad, good)
-    write_csv(tmp_path / "unit1_gps.csv", gps)
-    dataset, report = import_logs("slocum", [tmp_path])
+    dataset, report = slocum(tmp_path, FLIGHT, gps=gps)
     check(dataset)
     removed = [e.count for e in report.entries if "says that it has none" in e.detail]
     assert removed == [int(old.sum())]
@@ -126,16 +122,13 @@ def test_og1_flags_of_a_fix(tmp_path, flag):
     old = surfaced(FLIGHT.time)
     with netCDF4.Dataset(path, "a") as file:
         file["LATITUDE_GPS"][:] = file["LATITUDE_GPS"][:] + np.where(old, OFF, 0.0)
-        dimension = ("N_MEASUREMENTS",)
-        if flag == "number":
-            file.createVariable("LATITUDE_GPS_QC", "i1", dimension)[:] = np.where(old, 8, 1)
-        elif flag == "letter":
-            variable = file.createVariable("LATITUDE_GPS_QC", "S1", dimension)
-            variable[:] = np.where(old, b"9", b"1")
-        else:
-            under = FLIGHT.state(FLIGHT.time)["under"] > 0
-            variable = file.createVariable("DEAD_RECKONING", "i1", dimension)
-            variable[:] = np.where(under | old, 1, 0)
+        under = FLIGHT.state(FLIGHT.time)["under"] > 0
+        name, values = {
+            "number": ("LATITUDE_GPS_QC", np.where(old, 8, 1).astype("i1")),
+            "letter": ("LATITUDE_GPS_QC", np.where(old, b"9", b"1")),
+            "reckoned": ("DEAD_RECKONING", (under | old).astype("i1")),
+        }[flag]
+        add_variables(file, {name: (("N_MEASUREMENTS",), values)})
     dataset, _ = import_logs("og1", [path])
     check(dataset)
 
@@ -147,9 +140,8 @@ def test_pyglider_keeps_a_seaexplorers_flag(tmp_path):
     with netCDF4.Dataset(path, "a") as file:
         file["latitude"][:] = FLIGHT.position(FLIGHT.time)[0] + np.where(old, OFF, 0.0)
         file["longitude"][:] = FLIGHT.position(FLIGHT.time)[1]
-        variable = file.createVariable("dead_reckoning", "f8", ("time",))
-        variable.source = "DeadReckoning"
-        variable[:] = np.where(under | old, 1.0, 0.0)
+        flags = (("time",), np.where(under | old, 1.0, 0.0), {"source": "DeadReckoning"})
+        add_variables(file, {"dead_reckoning": flags})
     dataset, report = import_logs("ngdac", [path])
     check(dataset)
     assert any("fixes by DeadReckoning" in entry.detail for entry in report.entries)

@@ -3,19 +3,14 @@
 import netCDF4
 import numpy as np
 import pytest
-from logs import (
-    Flight,
-    write_basestation,
-    write_dbd,
-    write_mat,
-    write_ngdac,
-    write_og1,
-    write_seaexplorer,
-)
 
 from benchmarks.real_logs.accounts import Raw, account, fixes_apart, table, times_apart
 from factory.importing import import_logs
 from factory.importing.gps_fixes import FIXES
+from factory.samples import Flight
+from factory.samples.archives import write_ngdac, write_og1
+from factory.samples.gliders import write_basestation, write_dbd, write_seaexplorer
+from glider_twin_protocols.auv_samples import write_mat
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
 

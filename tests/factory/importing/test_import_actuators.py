@@ -3,13 +3,14 @@
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, write_basestation
 
 from factory.importing import import_logs
 from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel
 from factory.importing.formats.seaglider_log_signals import ROLL_CNV, rotation_from_counts
 from factory.importing.formats.slocum.native_sensors import slocum_log
 from factory.importing.tally import Tally
+from factory.samples import Flight
+from factory.samples.gliders import write_basestation
 
 
 def test_counts_become_a_rotation_about_the_centre_of_each_phase():

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
-from logs import Flight, gps_columns, pack, refused, write_dbd, write_seaexplorer
+from logs import pack, refused
 
 from factory.importing import import_logs
 from factory.importing.angles import reference_declination
 from factory.importing.deployment_log import LoggedFixes
 from factory.importing.tally import Tally
+from factory.samples import Flight
+from factory.samples.gliders import gps_columns, write_dbd, write_seaexplorer
 from twin.errors import InputError
 from twin.records.coordinates import utc_minute
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from logs import Flight, nmea, refused, write_slocum
+from logs import refused
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
@@ -18,6 +18,8 @@ from factory.importing.dives.segments import surface_drift
 from factory.importing.plausibility import DiveRules
 from factory.importing.sample_clock import parse_stamps, unix_seconds
 from factory.importing.tally import Tally
+from factory.samples import Flight
+from factory.samples.gliders import nmea, write_slocum
 from twin.records.store import open_store
 
 FLIGHT = Flight()

@@ -7,23 +7,17 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from logs import (
-    Flight,
-    refused,
-    write_basestation,
-    write_mat,
-    write_og1,
-    write_seaglider,
-    write_table,
-)
-from message_logs import write_ardusub
-from written_logs import mapping, variation, write
+from logs import refused, write
 
+from factory import samples
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.archives import write_og1, write_table
+from factory.samples.gliders import write_basestation, write_seaglider
+from glider_twin_protocols.auv_samples import write_mat
 from twin.errors import InputError
 
 FLIGHT = Flight(dives=2)
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "howto" / "import_tables.md").read_text()
 
 
 @pytest.mark.parametrize(
@@ -39,14 +33,14 @@ PAGE = (Path(__file__).resolve().parents[3] / "docs" / "howto" / "import_tables.
     ids=["utf-16", "bom and crlf", "its header again", "decimal commas", "cut", "empty lines"],
 )
 def test_tables_of_other_programs_come_in_whole(mangle, tmp_path):
-    (table,) = write_table(tmp_path, FLIGHT, PAGE)
+    (table,) = write_table(tmp_path, FLIGHT)
     table.write_bytes(mangle(table.read_bytes()))
     _, report = import_logs("csv", [table], mapping=tmp_path / "mine.toml")
     assert report.rows == FLIGHT.dives
 
 
 def test_a_table_without_a_value_is_refused_in_one_line(tmp_path):
-    (table,) = write_table(tmp_path, FLIGHT, PAGE)
+    (table,) = write_table(tmp_path, FLIGHT)
     header, *rows = table.read_text().splitlines()
     bare = [",".join([row.split(",")[0], *["nan"] * header.count(",")]) for row in rows]
     table.write_text("\n".join([header, *bare]))
@@ -108,8 +102,9 @@ def test_a_web_page_and_a_store_are_called_what_they_are(kind, tmp_path):
 
 
 SCALED = {
-    ("og1", 0): "PITCH", ("ngdac", 0): "depth", ("spray", 0): "lat", ("lrauv", 1): "depth",
-    ("seaglider", 1): "pressure", ("dorado", 1): "mDepth",
+    ("og1", "netcdf"): "PITCH", ("ngdac", "profiles"): "depth", ("spray", "binned"): "lat",
+    ("lrauv", "nc4"): "depth", ("seaglider", "basestation"): "pressure",
+    ("dorado", "netcdf"): "mDepth",
 }  # fmt: skip
 """A variable that each kind reads from netCDF"""
 
@@ -125,8 +120,8 @@ def test_a_scale_that_is_no_number_is_named(kind, layout, scale, tmp_path):
         rf"damaged: scale_factor of {SCALED[kind, layout]} is",
         kind,
         [tmp_path],
-        mapping=mapping(kind, tmp_path),
         keep_going=False,
+        **samples.options(kind, tmp_path),
     )
 
 
@@ -137,8 +132,7 @@ def test_limits_of_another_type_are_no_warning(kind, layout, tmp_path):
         with netCDF4.Dataset(path, "a") as file:
             for name in file.variables:
                 file[name].setncattr_string("valid_range", "low to high")
-    given = variation(kind, layout, FLIGHT)
-    _, report = import_logs(kind, [tmp_path], mapping=mapping(kind, tmp_path), variation_deg=given)
+    _, report = import_logs(kind, [tmp_path], **samples.options(kind, tmp_path))
     assert report.rows == FLIGHT.dives
 
 
@@ -150,7 +144,7 @@ def test_numbers_beyond_any_measurement_are_removed_and_counted(tmp_path):
     dataset, report = import_logs("og1", [path], variation_deg=0.0)
     assert report.count("removed", "PITCH") == 3
     assert np.nanmax(np.abs(dataset["measured_pitch"])) < 27.0
-    (table,) = write_table(tmp_path, FLIGHT, PAGE)
+    (table,) = write_table(tmp_path, FLIGHT)
     header, first, *rows = table.read_text().splitlines()
     column = header.split(",").index("theta")
     cells = rows[40].split(",")
@@ -162,7 +156,7 @@ def test_numbers_beyond_any_measurement_are_removed_and_counted(tmp_path):
 
 def test_positions_that_are_not_on_earth_begin_no_dive(tmp_path):
     """Whatever the kind: here columns of a table, which no reader turns into degrees."""
-    (table,) = write_table(tmp_path, FLIGHT, PAGE)
+    (table,) = write_table(tmp_path, FLIGHT)
     header, *rows = table.read_text().splitlines()
     column = header.split(",").index("lat")
     cells = [row.split(",") for row in rows]
@@ -179,7 +173,7 @@ def test_positions_that_are_not_on_earth_begin_no_dive(tmp_path):
 
 def test_a_damaged_dataflash_log_is_read_in_silence_and_closed(tmp_path, capfd):
     pytest.importorskip("pymavlink")
-    (path,) = write_ardusub(tmp_path, FLIGHT)
+    (path,) = samples.write("ardusub", tmp_path, FLIGHT)
     whole = path.read_bytes()
     at = whole.index(b"\xa3\x95", len(whole) // 2)
     path.write_bytes(whole[:at] + bytes(700) + whole[at:])
@@ -193,7 +187,7 @@ def test_a_damaged_dataflash_log_is_read_in_silence_and_closed(tmp_path, capfd):
 
 
 def test_a_topic_without_times_is_left_out(tmp_path):
-    paths = write("dorado", 1, tmp_path, FLIGHT)
+    paths = write("dorado", "netcdf", tmp_path, FLIGHT)
     (gps,) = [path for path in paths if path.name == "gps.nc"]
     with netCDF4.Dataset(gps, "a") as file:
         file["time"][:] = np.nan
@@ -214,7 +208,7 @@ def test_rows_of_a_glider_with_an_endless_name_are_left_out(tmp_path):
 
 
 def test_a_spray_s_variable_of_another_length_is_named(tmp_path):
-    (path,) = write("spray", 0, tmp_path, FLIGHT)
+    (path,) = write("spray", "binned", tmp_path, FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         file.renameVariable("lat_uv", "was")
         file.createDimension("short", 1)

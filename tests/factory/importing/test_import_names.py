@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from logs import Flight, refused, slocum, slocum_columns, write_csv, write_slocum
+from logs import refused, slocum
 
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import slocum_columns, write_slocum
 from twin.records.schema import VARIABLES, Variable, declare, declare_stored
 
 FLIGHT = Flight(depth=100.0, surface=600.0)
@@ -139,13 +141,11 @@ def test_what_a_log_holds_from_before_its_clock_was_set_goes(tmp_path):
     early["time"] = 646_000_000.0 + np.arange(50.0)
     early["m_depth"], early["m_pressure"] = np.zeros(50), np.zeros(50)
     both = {name: np.concatenate([early[name], table[name]]) for name in table}
-    write_csv(tmp_path / "unit1_flight.csv", both)
-    dataset, report = import_logs("slocum", [tmp_path])
+    dataset, report = slocum(tmp_path, Flight(), **both)
     assert report.count("removed", "unit1") == 50
     assert not [e for e in report.entries if "silent for" in e.detail]
     assert np.array_equal(dataset["measured_depth"], right["measured_depth"], equal_nan=True)
     early["m_depth"], early["m_pressure"] = np.full(50, 60.0), np.full(50, 6.0)
     both = {name: np.concatenate([early[name], table[name]]) for name in table}
-    write_csv(tmp_path / "unit1_flight.csv", both)
-    _, report = import_logs("slocum", [tmp_path])
+    _, report = slocum(tmp_path, Flight(), **both)
     assert report.count("removed", "unit1") == 0

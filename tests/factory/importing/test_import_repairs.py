@@ -8,20 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from logs import (
-    Flight,
-    part,
-    refused,
-    slocum,
-    slocum_columns,
-    write_basestation,
-    write_csv,
-    write_mat,
-    write_og1,
-    write_seaglider,
-    write_slocum,
-)
-from message_logs import dives, write_bag
+from logs import part, refused, slocum
 
 from factory.importing import import_logs
 from factory.importing.angles import in_degrees
@@ -31,6 +18,11 @@ from factory.importing.deployment_log import EMPTY, NO_FIXES, Channel, Deploymen
 from factory.importing.plausibility import unreachable
 from factory.importing.pressures import pressure_of, with_depth
 from factory.importing.tally import Tally
+from factory.samples import Flight, write_csv, write_netcdf
+from factory.samples.archives import write_og1
+from factory.samples.gliders import slocum_columns, write_basestation, write_seaglider, write_slocum
+from glider_twin_protocols.auv_samples import write_mat
+from glider_twin_protocols.message_samples import write_bag
 from twin.errors import InputError
 
 FLIGHT = Flight()
@@ -316,11 +308,8 @@ def test_cut_files_are_named_in_one_line(tmp_path, suffix):
         kind = "lrauv"
         write_mat(whole, FLIGHT)
     else:
-        kind = "og1"
-        with netCDF4.Dataset(whole, "w") as file:
-            file.createDimension("N_MEASUREMENTS", 5000)
-            for name in ("TIME", "PITCH", "LATITUDE", "LONGITUDE"):
-                file.createVariable(name, "f8", ("N_MEASUREMENTS",))[:] = np.arange(5000.0)
+        kind, names = "og1", ("TIME", "PITCH", "LATITUDE", "LONGITUDE")
+        write_netcdf(whole, dict.fromkeys(names, (("N_MEASUREMENTS",), np.arange(5000.0))))
     cut = tmp_path / f"cut_flight{suffix}"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     with pytest.raises(InputError, match="cut_flight") as caught:
@@ -443,7 +432,7 @@ def write_dive_pressures(folder, change):
 
 def write_messages(folder, change):
     pytest.importorskip("rosbags.rosbag2")
-    time, state = dives(FLIGHT)
+    time, state = FLIGHT.with_fixes()
     write_bag(folder / "run", {**state, "depth": change(state["depth"])}, time)
     return "rosbag2"
 

@@ -5,13 +5,15 @@ import warnings
 import netCDF4
 import numpy as np
 import pytest
-from logs import SHARED, Flight, refused, write_basestation, write_csv, write_seaglider
+from logs import SHARED, refused
 from scipy.io import netcdf_file
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table
 from factory.importing.dives.regular_times import to_body
 from factory.importing.netcdf import as_array, open_netcdf
+from factory.samples import Flight, add_variables, write_csv, write_netcdf
+from factory.samples.gliders import write_basestation, write_seaglider
 from twin.errors import InputError
 
 FLIGHT = Flight(depth=150.0, variation=15.0)
@@ -141,10 +143,8 @@ def test_files_that_are_no_seaglider_log_are_named(tmp_path, name, content, mess
 
 def test_a_netcdf_file_of_another_kind_is_named(tmp_path):
     path = tmp_path / "og1.nc"
-    with netCDF4.Dataset(path, "w") as file:
-        file.createDimension("N_MEASUREMENTS", 2)
-        for name in ("TIME", "PITCH", "LATITUDE", "LONGITUDE"):
-            file.createVariable(name, "f8", ("N_MEASUREMENTS",))
+    names = ("TIME", "PITCH", "LATITUDE", "LONGITUDE")
+    write_netcdf(path, dict.fromkeys(names, (("N_MEASUREMENTS",), np.full(2, np.nan))))
     refused("looks like og1", "seaglider", [path])
     refused("looks like og1", "slocum", [path])
     table = write_seaglider(tmp_path, FLIGHT)[0]
@@ -157,12 +157,10 @@ def test_an_adcps_solution_that_lacks_its_times_or_velocities_is_no_truth(tmp_pa
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
             times = file["time"][::6]
-            file.createDimension("ad2cp_inv_glider_data_point", len(times))
             parts = {"time": times, "depth": 50.0, "uttw": 0.1, "vttw": 0.2, "wttw": 0.0}
             for name in parts.keys() - {without}:
-                full = f"ad2cp_inv_glider_{name}"
-                variable = file.createVariable(full, "f8", ("ad2cp_inv_glider_data_point",))
-                variable[:] = parts[name]
+                one = (("ad2cp_inv_glider_data_point",), parts[name] + 0.0 * times)
+                add_variables(file, {f"ad2cp_inv_glider_{name}": one})
     dataset, report = import_logs("seaglider", paths)
     assert report.rows == FLIGHT.dives
     assert not [name for name in dataset.data_vars if "surge" in str(name)]
@@ -187,13 +185,9 @@ def test_a_number_that_older_basestations_write_letter_by_letter_is_one(tmp_path
         folder.mkdir()
         paths = write_basestation(folder, FLIGHT)
         for path in paths:
-            with netCDF4.Dataset(path, "a") as file:
-                if kind == "number":
-                    file.createVariable("log_INTERNAL_PRESSURE", "f8", ())[...] = 7.05105
-                    continue
-                file.createDimension("seven", 7)
-                letters = file.createVariable("log_INTERNAL_PRESSURE", "S1", ("seven",))
-                letters[:] = list("7.05105" if kind == "letters" else "unknown")
+            letters = (("seven",), "7.05105" if kind == "letters" else "unknown")
+            one = ((), 7.05105) if kind == "number" else letters
+            write_netcdf(path, {"log_INTERNAL_PRESSURE": one}, "a")
         found[kind] = import_logs("seaglider", paths)[0]
     vacuum = found["number"]["measured_vacuum"].values
     assert np.isfinite(vacuum).any()

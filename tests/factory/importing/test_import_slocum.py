@@ -5,20 +5,12 @@ import sys
 
 import numpy as np
 import pytest
-from logs import (
-    SHARED,
-    START,
-    Flight,
-    gps_columns,
-    refused,
-    slocum,
-    slocum_columns,
-    write_csv,
-    write_slocum,
-)
+from logs import SHARED, refused, slocum
 
 from factory.importing import import_logs, sniff
 from factory.importing.formats.slocum.caches import read_header, vehicle_of
+from factory.samples import START, Flight, write_csv
+from factory.samples.gliders import gps_columns, slocum_columns, write_slocum
 from twin.errors import InputError
 from twin.records.store import open_store, read_trajectory, write_store
 

@@ -2,24 +2,21 @@
 
 import numpy as np
 import pytest
-from logs import (
-    SHARED,
-    Flight,
-    gps_columns,
-    part,
-    slocum,
-    slocum_columns,
-    write_csv,
-    write_seaexplorer,
-    write_seaglider,
-    write_slocum,
-)
+from logs import SHARED, part, slocum
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table
 from factory.importing.deployment_log import Channel
 from factory.importing.dives.segments import longest_stretch
 from factory.importing.plausibility import DiveRules
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import (
+    gps_columns,
+    slocum_columns,
+    write_seaexplorer,
+    write_seaglider,
+    write_slocum,
+)
 
 FLIGHT = Flight()
 UNIT334 = SHARED / "slocum_unit334_2023"

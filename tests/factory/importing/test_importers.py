@@ -9,17 +9,15 @@ import tomllib
 from pathlib import Path
 
 import netCDF4
-import numpy as np
 import pytest
-from dorado_logs import names_in_log
-from imc_logs import topics_of_lsf
-from logs import Flight, example, refused, write_csv
-from message_logs import topics_of
-from written_logs import LAYOUTS, WRITERS, mapping, variation, write
+from logs import LAYOUTS, example, refused, write
 
+from factory import samples
 from factory.importing import IMPORTERS, import_logs, sniff
 from factory.importing.columns import column_names
 from factory.importing.netcdf import holds_arrays
+from factory.samples import Flight, write_csv
+from glider_twin_protocols.auv_samples import ENTITIES
 from twin.errors import InputError
 from twin.records.schema import VARIABLES
 from twin.records.store import open_store
@@ -29,13 +27,6 @@ HOWTO = ROOT / "docs" / "howto"
 PAGE = (HOWTO / "import_logs.md").read_text()
 TABLES = (HOWTO / "import_tables.md").read_text()
 FLIGHT = Flight(depth=100.0, surface=600.0)
-
-OWN_PERIODS = {("dorado", 2): 1.0}
-"""[s] of files that were resampled"""
-
-
-def test_every_importer_has_logs_that_these_tests_write():
-    assert set(WRITERS) == set(IMPORTERS.names())
 
 
 def test_every_format_that_lies_in_the_folder_is_registered():
@@ -48,43 +39,31 @@ def test_every_format_that_lies_in_the_folder_is_registered():
         assert str(IMPORTERS[name].read).startswith(f"factory.importing.formats.{name}")
 
 
-@pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
-def test_logs_come_back_dive_by_dive(kind, layout, tmp_path):
-    importer = IMPORTERS[kind]
-    paths = write(kind, layout, tmp_path / "logs", FLIGHT)
-    assert all(importer.accepts(path) for path in paths)
-    given = variation(kind, layout, FLIGHT)
-    logs = tmp_path / "logs"
-    dataset, report = import_logs(kind, [logs], variation_deg=given, mapping=mapping(kind, logs))
-    assert report.kind == kind
-    assert report.rows == FLIGHT.dives
-    assert report.period == OWN_PERIODS.get((kind, layout), importer.period)
-    assert set(report.channels) <= set(VARIABLES)
-    for dive in range(FLIGHT.dives):
-        n = int(dataset["n_samples"][dive])
-        start = dataset["start_time"].values.astype(float)[dive]
-        truth = FLIGHT.state(start + dataset["time"].values[:n])
-        depth = dataset["measured_depth"].values[dive, :n]
-        assert np.median(np.abs(depth - truth["depth"])) < 0.6
-        steady = (truth["depth"] > 10.0) & (truth["depth"] < 90.0)
-        for name in ("pitch", "heading", "pump"):
-            if f"measured_{name}" in dataset:
-                values = dataset[f"measured_{name}"].values[dive, :n][steady]
-                assert np.allclose(values, truth[name][steady], atol=1e-2), name
-        if report.rows_with_fixes:
-            moved = FLIGHT.displacement(start, start + float(dataset["dive_duration"][dive]))
-            assert float(dataset["displacement_north"][dive]) == pytest.approx(moved[0], abs=3.0)
-            assert float(dataset["displacement_east"][dive]) == pytest.approx(moved[1], abs=3.0)
-
-
 def names_in(path):
-    """Every name of a file, found without the importers."""
-    if path.suffix in (".mcap", ".db3", ".BIN"):
-        return topics_of(path)
+    """Every name of a file, found without the importers, by the library of its format."""
+    if path.suffix in (".mcap", ".db3"):
+        from rosbags.highlevel import AnyReader
+
+        whole = path.parent if (path.parent / "metadata.yaml").exists() else path
+        with AnyReader([whole]) as reader:
+            return {one.topic for one in reader.connections}
+    if path.suffix == ".BIN":
+        from pymavlink.DFReader import DFReader_binary
+
+        log, found = DFReader_binary(str(path)), set()
+        while (message := log.recv_msg()) is not None:
+            found.add(message.get_type())
+        log.close()
+        return found
     if path.suffix == ".log":
-        return names_in_log(path)
+        header = path.read_bytes().partition(b"# begin")[0].decode()
+        return {line.split()[2] for line in header.splitlines()[1:]}
     if path.suffix == ".lsf":
-        return topics_of_lsf(path)
+        from imcpy.lsf import LSFReader
+
+        messages = LSFReader.read(path.read_bytes(), use_index=False)
+        sent = {(one.msg_name, ENTITIES[one.src_ent].replace(" ", "_")) for one in messages}
+        return {name if name == "EntityInfo" else f"{name}/{sender}" for name, sender in sent}
     if path.suffix == ".dbd":
         lines = path.with_name("0badcafe.cac").read_text().splitlines()
         return {line.split()[5] for line in lines}
@@ -104,8 +83,8 @@ def names_in(path):
 @pytest.mark.parametrize(("kind", "layout"), LAYOUTS)
 def test_each_name_of_a_file_is_accounted_for_once(kind, layout, tmp_path):
     paths = write(kind, layout, tmp_path / "logs", FLIGHT)
-    given = mapping(kind, tmp_path / "logs")
-    _, report = import_logs(kind, paths, variation_deg=FLIGHT.variation, mapping=given)
+    given = {"variation_deg": FLIGHT.variation, **samples.options(kind, tmp_path / "logs", FLIGHT)}
+    _, report = import_logs(kind, paths, **given)
     named = [
         name for states in report.names.values() for names in states.values() for name in names
     ]
@@ -142,7 +121,14 @@ def what_is_wrong(kind, path):
 
 @pytest.mark.parametrize(
     ("kind", "layout"),
-    [("ngdac", 0), ("og1", 0), ("spray", 0), ("seaglider", 1), ("lrauv", 1), ("dorado", 2)],
+    [
+        ("ngdac", "profiles"),
+        ("og1", "netcdf"),
+        ("spray", "binned"),
+        ("seaglider", "basestation"),
+        ("lrauv", "nc4"),
+        ("dorado", "product"),
+    ],
 )
 def test_advice_never_goes_in_a_circle(kind, layout, tmp_path):
     """A file that lost what its kind needs: the kind that an error names takes it, or says why."""
@@ -162,7 +148,7 @@ def test_advice_never_goes_in_a_circle(kind, layout, tmp_path):
 
 
 def test_a_folder_of_other_logs_names_their_kind(tmp_path):
-    write("seaglider", 1, tmp_path / "logs", FLIGHT)
+    write("seaglider", "basestation", tmp_path / "logs", FLIGHT)
     refused(r"p9990001\.nc looks like seaglider: use", "slocum", [tmp_path / "logs"])
 
 

@@ -9,7 +9,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from logs import LATITUDE, START, Flight, refused, write_seaglider, write_slocum
+from logs import refused, stored
 from matplotlib.quiver import Quiver
 
 from factory.__main__ import PROGRAM
@@ -18,6 +18,8 @@ from factory.exporting.og1.deployments import export_og1_logs
 from factory.generation.generated_store import GeneratedStore, open_missions
 from factory.importing import import_logs
 from factory.logs_page import OURS, THEIRS, averaged, current_errors, deployment_page, dive_figures
+from factory.samples import LATITUDE, START, Flight
+from factory.samples.gliders import write_seaglider, write_slocum
 from factory.soundness import verify_logs
 from twin.errors import StoreError
 from twin.records.logged import LogStore
@@ -113,8 +115,7 @@ def test_water_and_currents_are_exported_by_deployment(tmp_path):
         *write_seaglider(tmp_path / "SG1", FLIGHT, "SG1"),
         *write_seaglider(tmp_path / "SG2", Flight(dives=2), "SG2"),
     ]
-    data, _ = import_logs("seaglider", files)
-    logs = LogStore(write_store(data, tmp_path / "two.zarr"))
+    logs = LogStore(stored(tmp_path / "two.zarr", "seaglider", files))
     paths = export_og1_logs(logs, range(len(logs)), tmp_path / "og1")
     assert len(paths) == 2
     for path, name in zip(paths, logs.deployments[:1] + logs.deployments[-1:], strict=True):
@@ -220,8 +221,7 @@ def test_currents_are_drawn_and_pages_are_named_by_deployment(tmp_path, capsys):
     for name in ("SG1", "SG2"):
         (tmp_path / name).mkdir()
     files = [f for n in ("SG1", "SG2") for f in write_seaglider(tmp_path / n, FLIGHT, n)]
-    data, _ = import_logs("seaglider", files)
-    path = write_store(data, tmp_path / "two.zarr")
+    path = stored(tmp_path / "two.zarr", "seaglider", files)
     logs = LogStore(path)
     missions = logs.missions_of(logs.deployments[0])
     theirs = averaged(logs, missions, THEIRS)

@@ -9,12 +9,15 @@ import sys
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, pack, refused, table_columns, write_dbd
+from logs import pack, refused
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table, tidy
 from factory.importing.formats.csv.mapping import _divided
 from factory.importing.tally import Tally
+from factory.samples import Flight
+from factory.samples.archives import table_columns
+from factory.samples.gliders import write_dbd
 from twin.bounded import MOST_UNPACKED, UNPACKED_BYTES, check_unpacked
 
 MOST = 2**30

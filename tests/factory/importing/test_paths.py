@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import pytest
-from logs import Flight, pack, refused, slocum, write_dbd
+from logs import pack, refused, slocum
 
 from factory.exporting import EXPORTERS
+from factory.samples import Flight
+from factory.samples.gliders import write_dbd
 from glider_twin_protocols.mcap_file import files
 from twin.bounded import MOST_STEM, file_names
 from twin.records.logged import LogStore

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import xarray as xr
-from logs import Flight, slocum
+from logs import slocum
 
 from factory.importing.dives.positions import row_positions
+from factory.samples import Flight
 from twin.geodesy import offset
 from twin.records.coordinates import METHODS
 from twin.records.logged import LogStore

@@ -1,8 +1,8 @@
 """Printed names: what stands in a log, or is a file's name, moves no cursor of who reads it."""
 
-from logs import Flight, write_slocum
-
 from factory.__main__ import PROGRAM
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from twin.show.figures.page_layout import Page
 
 MARKS = "\x1b]0;owned\x07\x9b2J\u202e"

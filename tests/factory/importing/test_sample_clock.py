@@ -4,12 +4,13 @@ current."""
 import netCDF4
 import numpy as np
 import pytest
-from logs import refused, write_csv
+from logs import refused
 
 from factory.importing import import_logs, sniff
 from factory.importing.columns import tidy
 from factory.importing.sample_clock import NoClock, sample_clock, standing
 from factory.importing.tally import Tally
+from factory.samples import add_variables, write_csv
 from twin.errors import InputError
 
 SINCE = "seconds since 1970-01-01T00:00:00Z"
@@ -39,10 +40,8 @@ def profiles():
 
 
 def put(file, name, values, units, dims):
-    kind = "i4" if units == "count" else "f8"
-    variable = file.createVariable(name, kind, dims)
-    variable.units = units
-    variable[:] = values
+    values = values.astype("i4" if units == "count" else "f8")
+    add_variables(file, {name: (dims, values, units)})
 
 
 SAMPLES = {"precise_time": "time", "precise_lat": "north", "depth": "depth"}
@@ -67,7 +66,6 @@ def at_samples(file, dims, shape):
 
 def flat(file, dimension):
     """A row a sample, in which what is the profile's is repeated."""
-    file.createDimension(dimension, PROFILES * EACH)
     file.createDimension("trajectory_strlen", 4)
     at_samples(file, (dimension,), np.ravel)
     for name, (source, units) in OF_PROFILE.items():
@@ -85,7 +83,6 @@ def obs(file):
 
 
 def of_profiles(file):
-    file.createDimension("profile", PROFILES)
     for name, (source, units) in OF_PROFILE.items():
         put(file, name, profiles()[source], units, ("profile",))
     put(file, "longitude", np.full(PROFILES, -70.0), "degrees_east", ("profile",))
@@ -94,7 +91,6 @@ def of_profiles(file):
 def counted(file):
     """Contiguous ragged arrays, as ERDDAP's .ncCF has them."""
     of_profiles(file)
-    file.createDimension("obs", PROFILES * EACH)
     file.createDimension("trajectory", 1)
     at_samples(file, ("obs",), np.ravel)
     put(file, "rowSize", np.full(PROFILES, EACH), "count", ("profile",))
@@ -106,7 +102,6 @@ def counted(file):
 
 def counted_by_name(file):
     of_profiles(file)
-    file.createDimension("obs", PROFILES * EACH)
     at_samples(file, ("obs",), np.ravel)
     put(file, "row_size", np.full(PROFILES, EACH), "count", ("profile",))
     file.id = "ru00"
@@ -114,7 +109,6 @@ def counted_by_name(file):
 
 def indexed(file):
     of_profiles(file)
-    file.createDimension("obs", PROFILES * EACH)
     at_samples(file, ("obs",), np.ravel)
     put(file, "parent", np.repeat(np.arange(PROFILES), EACH), "count", ("obs",))
     file["parent"].instance_dimension = "profile"
@@ -124,7 +118,6 @@ def indexed(file):
 def padded(file):
     """Arrays of profiles by samples with a missing end, as ERDDAP's .ncCFMA has them."""
     of_profiles(file)
-    file.createDimension("obs", EACH + 5)
     end = np.full((PROFILES, 5), np.nan)
     at_samples(file, ("profile", "obs"), lambda values: np.hstack([values, end]))
     file.id = "ru00"
@@ -132,7 +125,6 @@ def padded(file):
 
 def samples_first(file):
     of_profiles(file)
-    file.createDimension("obs", EACH)
     at_samples(file, ("obs", "profile"), np.transpose)
     file.id = "ru00"
 
@@ -202,7 +194,6 @@ def test_variables_are_known_by_their_standard_names(tmp_path):
     known = profiles()
     path = tmp_path / "cp_340.nc"
     with netCDF4.Dataset(path, "w") as file:
-        file.createDimension("row", PROFILES * EACH)
         for name, values, units, standard in (
             ("time", known["time"], SINCE, "time"),
             ("z", -known["depth"], "m", "depth"),
@@ -347,7 +338,6 @@ def test_each_dive_has_its_own_segment_s_current(tmp_path):
             path = tmp_path / f"p{number}.nc"
             with netCDF4.Dataset(path, "w") as file:
                 file.id = "xx00"
-                file.createDimension("time", count)
                 begin = start + up * (0.5 * seconds + 20.0)
                 put(file, "time", begin + 10.0 * np.arange(count), SINCE, ("time",))
                 put(file, "depth", deep[::-1] if up else deep, "m", ("time",))
@@ -370,7 +360,6 @@ def test_a_kind_is_named_only_if_its_reader_takes_the_file(tmp_path):
     known = profiles()
     path = tmp_path / "profile.nc"
     with netCDF4.Dataset(path, "w") as file:
-        file.createDimension("time", EACH)
         put(file, "time", known["time"][0], SINCE, ("time",))
         put(file, "depth", known["depth"][0], "m", ("time",))
         put(file, "profile_num", np.ones(EACH), "1", ("time",))
@@ -393,7 +382,6 @@ def og1(path, clock):
     known = profiles()
     with netCDF4.Dataset(path, "w") as file:
         dims = ("N_MEASUREMENTS",)
-        file.createDimension(dims[0], PROFILES * EACH)
         put(file, "TIME", np.repeat(known["profile_time"], EACH), SINCE, dims)
         put(file, clock, known["time"].ravel(), SINCE, dims)
         put(file, "DEPTH", known["depth"].ravel(), "m", dims)
@@ -423,7 +411,6 @@ def test_other_readers_refuse_a_clock_that_stands(kind, tmp_path):
     known = profiles()
     path = tmp_path / "navigation.nc"
     with netCDF4.Dataset(path, "w") as file:
-        file.createDimension("time", PROFILES * EACH)
         put(file, "time", np.repeat(known["profile_time"], EACH), SINCE, ("time",))
         put(file, "platform_pitch_angle", known["depth"].ravel() / 100.0, "degree", ("time",))
         put(file, "mTheta", known["depth"].ravel() / 100.0, "rad", ("time",))

@@ -4,10 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from logs import START, Flight, slocum, slocum_columns, write_csv, write_dbd, write_seaexplorer
+from logs import slocum
 
 from factory.importing import TRUNCATED, import_logs
 from factory.importing.deployment_log import Channel
+from factory.samples import START, Flight, write_csv
+from factory.samples.gliders import slocum_columns, write_dbd, write_seaexplorer
 from factory.soundness import verify_logs
 from twin.records.logged import LogStore
 from twin.records.store import write_store

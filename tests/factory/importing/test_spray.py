@@ -3,9 +3,11 @@
 import netCDF4
 import numpy as np
 import pytest
-from logs import Flight, refused, write_ngdac, write_og1, write_spray
+from logs import refused
 
 from factory.importing import import_logs, sniff
+from factory.samples import Flight, add_variables
+from factory.samples.archives import write_ngdac, write_og1, write_spray
 from twin.identify.start_values import start_vehicle
 from twin.records.store import write_store
 
@@ -64,15 +66,12 @@ def write_rows(path, *, upper=False):
         for name, values in rows.items():
             columns.setdefault(name, []).append(values)
     with netCDF4.Dataset(path, "w") as file:
-        dimension = "N_MEASUREMENTS" if upper else "n_measurements"
-        file.createDimension(dimension, len(np.concatenate(columns["depth"])))
-        file.createVariable("TRAJECTORY" if upper else "trajectory", str, ())[...] = "sp028_2023"
+        case = str.upper if upper else str.lower
+        file.createVariable(case("trajectory"), str, ())[...] = "sp028_2023"
         for name, parts in columns.items():
-            name = name.upper() if upper else name
-            variable = file.createVariable(name, "f8", (dimension,))
-            variable[:] = np.concatenate(parts)
-            if "time" in name.lower():
-                variable.units = "seconds since 1970-01-01T00:00:00Z"
+            units = ["seconds since 1970-01-01T00:00:00Z"] if "time" in name else []
+            one = ((case("n_measurements"),), np.concatenate(parts), *units)
+            add_variables(file, {case(name): one})
     return path
 
 
@@ -147,9 +146,8 @@ def test_a_spray_s_og1_file_in_the_published_layout_is_read(tmp_path):
             ("PSAL", 33.0 + 0.0 * state["depth"], "1e-3"),
             ("PRES", 1.0065 * state["depth"], "dbar"),
         ):
-            variable = file.createVariable(name, "f8", ("N_MEASUREMENTS",))
-            variable.setncatts({"units": unit, "coordinates": "TIME LONGITUDE LATITUDE DEPTH"})
-            variable[:] = values
+            about = {"units": unit, "coordinates": "TIME LONGITUDE LATITUDE DEPTH"}
+            add_variables(file, {name: (("N_MEASUREMENTS",), values, about)})
         for name, text in (
             ("PLATFORM_MODEL", "Scripps Institution of Oceanography Spray glider"),
             ("PLATFORM_NAME", "sp031"),

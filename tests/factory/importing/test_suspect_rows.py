@@ -16,8 +16,9 @@ from factory.importing.dives.dive_checks import keep_possible
 from factory.importing.dives.dive_store import rows_of
 from factory.importing.plausibility import DiveRules
 from factory.importing.tally import Tally
+from factory.samples import START, Flight
+from factory.samples.gliders import slocum_columns, write_slocum
 from factory.soundness import verify_logs
-from tests.logs import START, Flight, slocum_columns, write_slocum
 from twin.records import write_store
 from twin.records.attributes import READER_VERSION
 from twin.records.logged import LogStore

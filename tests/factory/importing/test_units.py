@@ -7,22 +7,9 @@ import gsw
 import netCDF4
 import numpy as np
 import pytest
-from dorado_logs import write_dorado_product
-from logs import (
-    Flight,
-    refused,
-    write_basestation,
-    write_csv,
-    write_mat,
-    write_nc4,
-    write_ngdac,
-    write_og1,
-    write_pyglider,
-    write_seaexplorer,
-    write_spray,
-)
-from message_logs import Dataflash, write_ardusub
+from logs import refused
 
+from factory import samples
 from factory.importing import import_logs
 from factory.importing.angles import LoggedAngle, attitude_degrees
 from factory.importing.cleaning import positions, within_limits
@@ -36,6 +23,11 @@ from factory.importing.plausibility import sinks_in_radian
 from factory.importing.pressures import without_air
 from factory.importing.tally import Tally
 from factory.importing.units import declared, in_unit, known_units
+from factory.samples import Flight, add_variables, write_csv
+from factory.samples.archives import write_ngdac, write_og1, write_pyglider, write_spray
+from factory.samples.gliders import write_basestation, write_seaexplorer
+from glider_twin_protocols.auv_samples import write_dorado_product, write_mat, write_nc4
+from glider_twin_protocols.message_samples import Dataflash
 from twin.physics.true_signals import declare_parts
 from twin.vehicle.vehicle import load_vehicle
 
@@ -596,7 +588,7 @@ def test_oxygen_of_og1_is_kept_per_volume(tmp_path, unit):
 
 def test_a_dataflash_log_s_own_table_of_units_is_read(tmp_path):
     pytest.importorskip("pymavlink")
-    path, mapping = write_ardusub(tmp_path, FLIGHT)[0], tmp_path / "mine.toml"
+    path, mapping = samples.write("ardusub", tmp_path, FLIGHT)[0], tmp_path / "mine.toml"
     right, _ = import_logs("ardusub", [path], mapping=mapping)
     log = Dataflash()
     for name in ("ATT", "CTUN", "IMU"):  # their numbers in the file
@@ -669,9 +661,8 @@ def test_degrees_and_minutes_are_still_told():
 def test_an_og1_temperature_in_kelvin_is_converted_once(tmp_path):
     path = write_og1(tmp_path / "a.nc", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
-        warm = file.createVariable("TEMP", "f8", ("N_MEASUREMENTS",))
-        warm.units = "K"
-        warm[:] = 281.15 + 0.01 * np.sin(np.arange(len(warm)))
+        warm = 281.15 + 0.01 * np.sin(np.arange(len(file["TIME"])))
+        add_variables(file, {"TEMP": (("N_MEASUREMENTS",), warm, "K")})
     dataset, _ = import_logs("og1", [path], variation_deg=FLIGHT.variation)
     assert float(dataset["measured_temperature"].mean()) == pytest.approx(8.0, abs=0.1)
     assert not any(dataset["suspect"].values)

@@ -8,13 +8,16 @@ import shutil
 import netCDF4
 import numpy as np
 import pytest
-from logs import START, Flight, refused, write_csv, write_og1, write_seaexplorer
-from message_logs import write_mcap
+from logs import refused
 
+from factory import samples
 from factory.importing import import_logs, netcdf
 from factory.importing.netcdf import open_netcdf
 from factory.importing.sample_clock import unix_seconds
 from factory.importing.tally import Tally
+from factory.samples import START, Flight, add_variables, write_csv
+from factory.samples.archives import write_og1
+from factory.samples.gliders import write_seaexplorer
 from glider_twin_protocols.ros_messages import unit_quaternions
 
 FLIGHT = Flight()
@@ -108,15 +111,12 @@ def test_fixes_along_a_dimension_of_their_own(tmp_path):
     whole = write_og1(tmp_path / "whole.nc", FLIGHT)
     apart = tmp_path / "apart.nc"
     with netCDF4.Dataset(whole) as source, netCDF4.Dataset(apart, "w") as target:
-        size = len(source.dimensions["N_MEASUREMENTS"])
         known = np.flatnonzero(np.isfinite(source["TIME_GPS"][:].filled(np.nan)))
-        target.createDimension("N_MEASUREMENTS", size)
-        target.createDimension("N_GPS", len(known))
         for name, variable in source.variables.items():
-            gps = name.endswith("_GPS")
-            made = target.createVariable(name, "f8", ("N_GPS" if gps else "N_MEASUREMENTS",))
-            made.setncatts({k: variable.getncattr(k) for k in variable.ncattrs()})
-            made[:] = variable[:][known] if gps else variable[:]
+            about = {k: variable.getncattr(k) for k in variable.ncattrs()}
+            gps = (("N_GPS",), variable[:][known], about)
+            one = gps if name.endswith("_GPS") else (variable.dimensions, variable[:], about)
+            add_variables(target, {name: one})
     one, told_of_one = import_logs("og1", [whole])
     other, told_of_other = import_logs("og1", [apart])
     assert told_of_one.rows_with_fixes == told_of_other.rows_with_fixes == FLIGHT.dives
@@ -147,9 +147,8 @@ def test_a_reported_current_needs_no_attitude(tmp_path):
         for name in ("PITCH", "HEADING"):
             file[name][:] = np.nan
         for name, value in (("DAC_NORTH", 0.2), ("DAC_EAST", -0.1)):
-            made = file.createVariable(name, "f8", ("N_MEASUREMENTS",))
-            made.units = "m s-1"
-            made[:] = value
+            one = (("N_MEASUREMENTS",), np.full(len(FLIGHT.time), value), "m s-1")
+            add_variables(file, {name: one})
     dataset, report = import_logs("og1", [path])
     np.testing.assert_allclose(dataset["vehicle_dac_north"].values, 0.2)
     np.testing.assert_allclose(dataset["vehicle_dac_east"].values, -0.1)
@@ -194,7 +193,7 @@ def test_a_payload_that_goes_on_alone_is_told(tmp_path):
 
 def test_a_recording_that_was_cut_is_read_to_its_end(tmp_path):
     pytest.importorskip("mcap")
-    (path,) = write_mcap(tmp_path, Flight(depth=30.0))
+    (path,) = samples.write("mcap", tmp_path, Flight(depth=30.0))
     _, whole = import_logs("mcap", [path])
     content = path.read_bytes()
     path.write_bytes(content[:-40])

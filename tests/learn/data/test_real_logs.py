@@ -5,11 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from logs import Flight, write_csv, write_slocum
+from logs import stored
 
 import learn
 from factory.importing import import_logs
 from factory.importing.dives.dive_rows import blocks
+from factory.samples import Flight, write_csv
+from factory.samples.gliders import write_slocum
 from learn.data.dataset import MissionSequence, filled, load_missions, nearest
 from learn.data.labels import LabelConfig
 from learn.data.preparation import prepare
@@ -93,8 +95,7 @@ def test_missing_truth_in_a_simulated_store_is_an_error(small_store, tmp_path):
 
 
 def test_a_log_without_truth_cannot_be_learned_from(tmp_path, monkeypatch):
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
-    store = write_store(dataset, tmp_path / "plain.zarr")
+    store = stored(tmp_path / "plain.zarr", "slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*learn evaluate RUN"):
         prepare(store, target="surge", features=INPUTS)
 

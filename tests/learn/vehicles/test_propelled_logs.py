@@ -5,10 +5,11 @@ import html
 
 import numpy as np
 import pytest
-from logs import SENTINEL, sailfish_columns, write_csv
+from logs import SENTINEL, sailfish_columns
 
 import learn
 from factory.importing import import_logs
+from factory.samples import write_csv
 from learn.data.labels import LabelConfig
 from learn.finishing import finish
 from learn.networks.base import NetworkConfig

@@ -1,7 +1,5 @@
 """The two engines side by side, and what a bench of the second one flies."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 
@@ -19,7 +17,7 @@ from twin.records.reader import MissionStore
 from twin.vehicle.vehicle import load_vehicle
 
 
-def test_many_manoeuvres_are_flown_by_both_engines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_many_manoeuvres_are_flown_by_both_engines(capsys):
     words = ["check", "--many", "3", "--vehicle", "slocum-200", "--seed", "4", "--json"]
     assert PROGRAM.main(words) == 0
     found = json.loads(capsys.readouterr().out)
@@ -38,7 +36,7 @@ def test_many_manoeuvres_are_flown_by_both_engines(capsys: pytest.CaptureFixture
     assert 0.0 < error["position_percent"] < 0.3
 
 
-def test_the_worst_manoeuvre_is_that_of_its_seed() -> None:
+def test_the_worst_manoeuvre_is_that_of_its_seed():
     """Each of the figures is what both engines make of that seed again."""
     vehicles = [load_vehicle("graver-2005"), load_vehicle("slocum-200")]
     found = engines.check_engines(vehicles, count=4, seed=7)
@@ -52,7 +50,7 @@ def test_the_worst_manoeuvre_is_that_of_its_seed() -> None:
     assert engines.compare(ours, theirs, difference.seed) == difference
 
 
-def test_what_is_beyond_a_limit_is_told() -> None:
+def test_what_is_beyond_a_limit_is_told():
     sound = Difference(
         seed=1, speed_m_s=1e-4, attitude_deg=0.01, position_percent=0.01, distance_m=200.0
     )
@@ -74,14 +72,12 @@ def test_what_is_beyond_a_limit_is_told() -> None:
         (["bench", "--engine", "lanes", "--rounds", "3"], "leave it out with lanes"),
     ],
 )
-def test_options_that_do_not_go_together_are_refused(
-    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_options_that_do_not_go_together_are_refused(words, message, capsys):
     assert PROGRAM.main(words) == 2
     assert message in capsys.readouterr().err
 
 
-def test_the_bench_flies_what_users_fly(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_bench_flies_what_users_fly(tmp_path, capsys):
     """A lane of its block has the log of `twin simulate --engine lanes`, bit for bit."""
     vehicle = load_vehicle("tethys")
     lanes = [Lane(bench_scenario(vehicle, number)) for number in range(9)]
@@ -101,7 +97,7 @@ def test_the_bench_flies_what_users_fly(tmp_path, capsys: pytest.CaptureFixture[
     assert len({float(log["qpos"][-1, 0]) for log, _ in logs}) == len(lanes)  # each goes its way
 
 
-def test_the_bench_of_lanes_tells_its_parts() -> None:
+def test_the_bench_of_lanes_tells_its_parts():
     found = bench_lanes(load_vehicle("tethys"), threads=1)
     assert (found.missions, found.timestep_s) == (64, 0.05)
     assert 1000.0 < found.times_real_time_to_signals < found.times_real_time

@@ -1,7 +1,5 @@
 """Still water takes energy and gives none: every shipped vehicle, and laws that would give some."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The MuJoCo twin against the independent Fossen model and against the published figures."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -11,6 +9,7 @@ from twin.checks.published import MODELS, held_flight, published_flights, publis
 from twin.errors import InputError, NoSteadyState
 from twin.fossen import FossenModel
 from twin.physics.settle import trim
+from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 
 
@@ -61,6 +60,13 @@ def test_random_manoeuvres_agree():
     assert [d for d in differences if not d.ok] == []
     # the residual is the moving battery, which Fossen's model takes as quasi-static
     assert max(d.speed_m_s for d in differences) < 5e-4
+
+
+@pytest.mark.parametrize("name", [n for n in vehicle_names() if n not in ("glider", "rogue")])
+def test_random_manoeuvres_of_other_vehicles_agree(name):
+    differences = check.check_manoeuvres(load_vehicle(name), count=3)
+    assert [d for d in differences if not d.ok] == []
+    assert min(d.distance_m for d in differences) > (200.0 if name.startswith("tethys") else 0.0)
 
 
 def test_a_light_vehicle_agrees_as_well_as_its_battery_moves_slowly():

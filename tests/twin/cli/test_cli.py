@@ -1,7 +1,6 @@
-"""The commands of `twin` as a user and a program meet them."""
+"""The commands of `twin` as users and programs meet them; durations; `twin compile`."""
 
-from __future__ import annotations
-
+import dataclasses
 import json
 import subprocess
 import sys
@@ -9,6 +8,15 @@ import sys
 import pytest
 import xarray as xr
 from pictures import call, refused
+from processes import python
+
+from factory.commands.generate import Generate
+from glider_twin_ops.commands.forecast import ForecastSurfacings
+from glider_twin_protocols.serve_command import Serve
+from twin.cli.options import duration
+from twin.cli.parsing import parse_options
+from twin.commands.simulate import Simulate
+from twin.errors import InputError
 
 
 @pytest.mark.parametrize("model", ["mujoco", "fossen"])
@@ -163,21 +171,6 @@ def test_a_closed_output_is_no_error():
     assert done.stderr == ""
 
 
-def test_a_current_beyond_the_vehicle_is_named(capsys, tmp_path):
-    mission = tmp_path / "wp.toml"
-    mission.write_text(
-        'duration_s = 900\n[[segments]]\nkind = "waypoint"\nmax_depth_m = 30\n'
-        "targets = [{ north_m = 1500, east_m = 0 }]\n",
-        encoding="utf-8",
-    )
-    code, _, err = call(capsys, "simulate", str(mission), "--current", "uniform:-0.6,0")
-    assert code == 0
-    assert "the current of 0.60 m/s is stronger than the vehicle" in err
-    (short,) = [line for line in err.splitlines() if "short of" in line]
-    assert "km short of target 1 of 1, at 900 s" in short
-    assert 1.5 < float(short.split("ended ")[1].split(" km")[0]) < 2.2
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -216,3 +209,92 @@ def test_names_too_long_for_a_file_are_bad_input_and_cut(capsys, tmp_path, monke
     assert told.endswith("File name too long")
     assert len(told) < 1300
     assert list(tmp_path.iterdir()) == []
+
+
+# --- durations ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [("6h", "s", 21600.0), ("90min", "h", 1.5), ("90 MIN", "s", 5400.0), ("2d", "h", 48.0),
+     ("12", "h", 12.0), ("1e3", "s", 1000.0), ("0.1", "h", 0.1), (".5h", "min", 30.0)],
+)  # fmt: skip
+def test_units(text, unit, expected):
+    assert duration(text, unit) == expected
+
+
+@pytest.mark.parametrize("text", ["", "h", "6 weeks", "1h30", "six", "nan", "inf", "1e999h"])
+def test_what_is_none_is_refused(text):
+    with pytest.raises(InputError, match="is no duration: give a number with s, min, h or d"):
+        duration(text, "s")
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "hour", "bare"),
+    [(Simulate, "duration", 3600.0, 90.0), (ForecastSurfacings, "hours", 1.0, 90.0),
+     (Generate, "hours", 1.0, 90.0)],
+)  # fmt: skip
+def test_options_take_both(command, option, hour, bare):
+    for word, expected in (("60min", hour), ("90", bare)):
+        found = parse_options(command, prog="x", words=[f"--{option}", word])
+        assert found is not None
+        assert dataclasses.asdict(found)[option] == expected
+    with pytest.raises(InputError, match=rf"--{option}.*'6 weeks'"):
+        parse_options(command, prog="x", words=[f"--{option}", "6 weeks"])
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "told"),
+    [
+        (Simulate, ["--duration", "6", "weeks"], "--duration: '6 weeks'.*s, min, h or d, .*42d"),
+        (Simulate, ["--duration=6", "Hours", "--json"], "--duration: '6 Hours' .*such as 6h"),
+        (Generate, ["--hours", "90", "min"], "--hours: '90 min' is no duration: .*such as 90min"),
+        (Serve, ["--silence", "2", "s"], "--silence: '2 s' is no duration: .*such as 2s"),
+    ],
+)
+def test_a_unit_that_stands_alone_is_no_mission(command, words, told):
+    with pytest.raises(InputError, match=told):
+        parse_options(command, prog="x", words=words)
+
+
+def test_a_mission_may_stand_behind_a_duration():
+    for number in ("3600", "6h"):
+        found = parse_options(Simulate, prog="x", words=["--duration", number, "transects"])
+        assert found is not None
+        assert found.mission == "transects"
+    # what is no duration's number is left to others
+    found = parse_options(Simulate, prog="x", words=["--seed", "6", "weeks"])
+    assert found is not None
+    assert found.mission == "weeks"
+
+
+# --- twin compile ---------------------------------------------------------------------------------
+
+
+FLY = """
+from numba.core import event
+import twin
+
+with event.install_recorder("numba:compile") as made:
+    for engine in ("mujoco", "lanes"):
+        twin.simulate(vehicle="glider", engine=engine, duration=60.0)
+print(len(made.buffer))
+"""
+
+
+def test_afterwards_a_flight_finds_everything():
+    done = python("-m", "twin", "compile", "--vehicle", "glider", "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["vehicles"] == ["glider"]
+    assert answer["seconds"] > 0.0
+    flown = python("-c", FLY)
+    assert flown.returncode == 0, flown.stderr
+    assert flown.stdout.strip() == "0"
+
+
+def test_what_is_no_vehicle_is_told_before_anything_is_compiled():
+    done = python("-m", "twin", "compile", "--vehicle", "glider", "nothing")
+    assert done.returncode == 2
+    assert "nothing" in done.stderr
+    assert len(done.stderr.splitlines()) == 1

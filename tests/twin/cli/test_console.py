@@ -1,7 +1,5 @@
 """The command-line machinery: exit codes, messages, --json, and what `--help` may import."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json
@@ -110,7 +108,7 @@ def _raise(error: BaseException) -> int:
 
 
 @pytest.fixture
-def program(monkeypatch: pytest.MonkeyPatch) -> Program:
+def program(monkeypatch):
     commands = {"glide": Glide, "mute": Mute}
     monkeypatch.setattr(ProgramCommand, "load", lambda self: commands[self.name])
     return Program(
@@ -147,9 +145,7 @@ def program(monkeypatch: pytest.MonkeyPatch) -> Program:
         ("glide --net-mass 1 --fail full", 1, "run.zarr: No space left"),
     ],
 )
-def test_exit_code_and_one_line_message(
-    program: Program, capsys: pytest.CaptureFixture[str], words: str, code: int, message: str
-) -> None:
+def test_exit_code_and_one_line_message(program, capsys, words, code, message):
     assert program.main(words.split()) == code
     error = capsys.readouterr().err
     assert message in error
@@ -159,17 +155,13 @@ def test_exit_code_and_one_line_message(
         assert len(error.splitlines()) == 1
 
 
-def test_no_command_shows_the_help_too(
-    program: Program, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_command_shows_the_help_too(program, capsys):
     program.main([])
     assert program.help() in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("fail", ["", "failed", "steady", "bug", "missing"])
-def test_json_is_one_object_alone_on_standard_output(
-    program: Program, capsys: pytest.CaptureFixture[str], fail: str
-) -> None:
+def test_json_is_one_object_alone_on_standard_output(program, capsys, fail):
     code = program.main(["glide", "--net-mass", "0.3", "--json", "--fail", fail])
     captured = capsys.readouterr()
     answer = json.loads(captured.out)
@@ -181,35 +173,29 @@ def test_json_is_one_object_alone_on_standard_output(
     assert "a library that prints" in captured.err
 
 
-def test_json_for_bad_options_too(program: Program, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_for_bad_options_too(program, capsys):
     assert program.main(["glide", "--json"]) == 2
     assert json.loads(capsys.readouterr().out)["error"].startswith("missing --net-mass")
 
 
-def test_without_json_the_figures_are_text(
-    program: Program, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_json_the_figures_are_text(program, capsys):
     program.main(["glide", "--net-mass", "0.3"])
     assert capsys.readouterr().out == "net mass 0.3 kg\na library that prints\n"
 
 
-def test_a_command_that_forgets_its_answer_is_a_bug(
-    program: Program, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_command_that_forgets_its_answer_is_a_bug(program, capsys):
     assert program.main(["mute"]) == 0
     assert program.main(["mute", "--json"]) == 1
     assert "ended without an answer" in capsys.readouterr().err
 
 
-def test_traceback_on_request(
-    program: Program, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_traceback_on_request(program, capsys, monkeypatch):
     monkeypatch.setenv("TWIN_TRACEBACK", "1")
     assert program.main(["glide", "--net-mass", "0.3", "--fail", "bug"]) == 1
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_options_become_the_dataclass() -> None:
+def test_options_become_the_dataclass():
     words = ["--net-mass", "-0.3", "--water.density", "1000", "--plot", "glide.png", "--json"]
     parsed = parse_options(Glide, prog="swim glide", words=words)
     assert parsed == Glide(
@@ -217,9 +203,7 @@ def test_options_become_the_dataclass() -> None:
     )
 
 
-def test_help_of_an_option_that_may_be_absent_names_its_kind_only(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_help_of_an_option_that_may_be_absent_names_its_kind_only(capsys):
     assert parse_options(Glide, prog="swim glide", words=["--help"]) is None
     help_text = capsys.readouterr().out
     assert re.search(r"--plot PATH +Where to draw\. ", help_text)
@@ -231,9 +215,7 @@ def test_help_of_an_option_that_may_be_absent_names_its_kind_only(
     [(c, w) for p in PROGRAMS.values() for c in p.commands for w in ("80", "140")][::3],
     ids=lambda value: value if isinstance(value, str) else value.name,
 )
-def test_help_is_no_wider_than_the_terminal(
-    command: ProgramCommand, columns: str, monkeypatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_is_no_wider_than_the_terminal(command, columns, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", columns)
     assert parse_options(command.load(), prog=f"twin {command.name}", words=["--help"]) is None
     text = capsys.readouterr().out
@@ -246,9 +228,7 @@ def test_help_is_no_wider_than_the_terminal(
 
 
 @every_command
-def test_help_of_every_command_has_an_example_that_its_parser_takes(
-    program: Program, command: ProgramCommand, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_of_every_command_has_an_example_that_its_parser_takes(program, command, capsys):
     prog = f"{program.name} {command.name}"
     assert parse_options(command.load(), prog=prog, words=["--help"]) is None
     text = capsys.readouterr().out
@@ -262,8 +242,8 @@ def test_help_of_every_command_has_an_example_that_its_parser_takes(
 
 
 def test_help_of_an_option_is_wrapped_to_its_box_and_not_at_the_lines_of_the_source(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    monkeypatch, capsys
+):
     monkeypatch.setenv("COLUMNS", "100")
     twin_simulate = next(c for c in TWIN.commands if c.name == "simulate")
     assert parse_options(twin_simulate.load(), prog="twin simulate", words=["--help"]) is None
@@ -273,9 +253,7 @@ def test_help_of_an_option_is_wrapped_to_its_box_and_not_at_the_lines_of_the_sou
 
 
 @every_program
-def test_every_number_is_asked_for_in_plain_words(
-    program: Program, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_number_is_asked_for_in_plain_words(program, capsys):
     asked = 0
     for command in program.commands:
         chosen = command.load()
@@ -309,15 +287,13 @@ def test_every_number_is_asked_for_in_plain_words(
         ("learn fit --optimizer adam", "did you mean --optimiser"),
     ],
 )
-def test_a_misspelt_option_leads_to_the_nearest(
-    words: str, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_misspelt_option_leads_to_the_nearest(words, message, capsys):
     name, *rest = words.split()
     assert PROGRAMS[name].main(rest) == 2
     assert message in capsys.readouterr().err
 
 
-def test_names_that_leave_no_room_are_broken_and_nothing_is_lost() -> None:
+def test_names_that_leave_no_room_are_broken_and_nothing_is_lost():
     row = {f"{letter}_of_a_long_name": f"{letter}_{'x' * 28}_end" for letter in "abcd"}
     lines = format_table([row]).splitlines()
     assert max(map(len, lines)) <= WIDEST
@@ -325,32 +301,29 @@ def test_names_that_leave_no_room_are_broken_and_nothing_is_lost() -> None:
     assert "".join(lines).count("end") == 4
 
 
-def test_option_names_include_nested_ones() -> None:
+def test_option_names_include_nested_ones():
     expected = "--json --net-mass --model --water.density --plot --fail"
     assert list(option_names(Glide)) == expected.split()
 
 
 @every_program
-def test_help_of_the_program_imports_nothing_heavy(program: Program) -> None:
-    loaded, text = _modules_after(program.name, "--help")
-    assert not loaded & {*HEAVY, "tyro"}
+def test_help_imports_nothing_heavy(program):
+    """Of the program alone and of each command, one after the other in one process."""
+    names = [command.name for command in program.commands]
+    (whole, text), *each = _helps(program.name, *names)
+    assert not set(whole) & {*HEAVY, "tyro"}
     assert text.startswith(f"usage: {program.name} COMMAND")
-    for command in program.commands:
+    for command, (loaded, said) in zip(program.commands, each, strict=True):
+        assert not set(loaded) & set(HEAVY), command.name
+        assert said.startswith(f"usage: {program.name} {command.name}")
+        first = (command.load().__doc__ or "").split(".")[0].split("\n")[0]
+        assert first in " ".join(said.split())
         assert f"  {command.name} " in text
         assert command.summary in text
 
 
-@every_command
-def test_help_of_a_command_imports_nothing_heavy(program: Program, command: ProgramCommand) -> None:
-    loaded, text = _modules_after(program.name, command.name, "--help")
-    assert not loaded & set(HEAVY)
-    assert text.startswith(f"usage: {program.name} {command.name}")
-    first = (command.load().__doc__ or "").split(".")[0].split("\n")[0]
-    assert first in " ".join(text.split())
-
-
 @every_program
-def test_commands_have_unique_names_and_short_summaries(program: Program) -> None:
+def test_commands_have_unique_names_and_short_summaries(program):
     names = [command.name for command in program.commands]
     assert len(set(names)) == len(names)
     assert all(0 < len(command.summary) <= 80 for command in program.commands)
@@ -362,13 +335,13 @@ def process(*words: str, stdout: Any = subprocess.PIPE, stderr: Any = subprocess
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_python_dash_m_is_the_same_program(name: str) -> None:
+def test_python_dash_m_is_the_same_program(name):
     done = process("-m", name, "--version")
     assert (done.returncode, done.stdout.split()[0]) == (0, name)
 
 
 @pytest.mark.parametrize("words", ["--help", "trim --help", "vehicles"])
-def test_a_reader_that_goes_away_is_no_error(words: str) -> None:
+def test_a_reader_that_goes_away_is_no_error(words):
     # Nobody holds the reading end when the program writes, as after `| head -0`.
     reading, writing = os.pipe()
     os.close(reading)
@@ -378,35 +351,39 @@ def test_a_reader_that_goes_away_is_no_error(words: str) -> None:
 
 
 @pytest.mark.parametrize("words", ["vehicles --json", "vehicles", "--help"])
-def test_a_full_disk_is_one_line_and_a_failure(words: str) -> None:
+def test_a_full_disk_is_one_line_and_a_failure(words):
     with Path("/dev/full").open("w") as full:
         done = process("-m", "twin", *words.split(), stdout=full)
     assert (done.returncode, done.stderr) == (1, "twin: error: No space left on device\n")
 
 
-def test_a_full_disk_for_messages_leaves_the_exit_code() -> None:
+def test_a_full_disk_for_messages_leaves_the_exit_code():
     with Path("/dev/full").open("w") as full:
         assert process("-m", "twin", "nonsense", stderr=full).returncode == 2
 
 
-def _modules_after(program: str, *words: str) -> tuple[set[str], str]:
-    """Top-level modules loaded by the end of a program in a process of its own, and its output."""
+def _helps(program, *commands):
+    """Top-level modules after each help of a program, and what it says, in a process of its own."""
     code = (
-        f"import sys\nfrom {program}.__main__ import main\ncode = main()\n"
-        "print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)\n"
-        "sys.exit(code)"
+        f"import contextlib, io, json, sys\nfrom {program}.__main__ import main\n"
+        "for words in ([], *([one] for one in sys.argv[1:])):\n"
+        "    sys.argv = ['x', *words, '--help']\n"
+        "    with contextlib.redirect_stdout(io.StringIO()) as said:\n"
+        "        assert main() == 0\n"
+        "    loaded = sorted({name.partition('.')[0] for name in sys.modules})\n"
+        "    print(json.dumps([loaded, said.getvalue()]))"
     )
-    done = process("-c", code, *words)
-    assert done.returncode == 0
-    return set(done.stderr.split()), done.stdout
+    done = process("-c", code, *commands)
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def test_json_has_no_negative_zero_and_no_rounding_noise() -> None:
+def test_json_has_no_negative_zero_and_no_rounding_noise():
     text = json.dumps(to_json({"roll": -0.0, "sway": -5.4e-48, "track": np.array([-0.0, 1e-10])}))
     assert text == '{"roll": 0.0, "sway": 0.0, "track": [0.0, 1e-10]}'
 
 
-def test_to_json_knows_numpy_paths_and_dataclasses() -> None:
+def test_to_json_knows_numpy_paths_and_dataclasses():
     value = {
         "speed": np.float32(0.5),
         "track": np.array([[1.0, np.nan], [2.0, -np.inf]]),
@@ -447,11 +424,11 @@ def test_to_json_knows_numpy_paths_and_dataclasses() -> None:
         ("dive", 4, "dive"),
     ],
 )
-def test_format_number(value: object, digits: int, text: str) -> None:
+def test_format_number(value, digits, text):
     assert format_number(value, digits) == text
 
 
-def test_table_aligns_numbers_right_and_text_left() -> None:
+def test_table_aligns_numbers_right_and_text_left():
     rows = [
         {"model": "mujoco", "speed m/s": 0.49021, "turn radius m": None},
         {"model": "fossen", "speed m/s": 12.3456, "turn radius m": 78.8},
@@ -467,7 +444,7 @@ def test_table_aligns_numbers_right_and_text_left() -> None:
     )
 
 
-def test_a_wide_table_folds_its_titles_and_then_its_text_to_100_columns() -> None:
+def test_a_wide_table_folds_its_titles_and_then_its_text_to_100_columns():
     row = {f"figure number {i} [%]": 1.234 * i for i in range(8)}
     table = format_table([{"method": "steady flight model"} | row])
     assert max(map(len, table.splitlines())) <= WIDEST
@@ -496,9 +473,7 @@ def test_a_wide_table_folds_its_titles_and_then_its_text_to_100_columns() -> Non
         "factory distributions --vehicle tethys",
     ],
 )
-def test_tables_that_commands_print_fit_100_columns(
-    words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_that_commands_print_fit_100_columns(words, capsys):
     name, *rest = words.split()
     assert PROGRAMS[name].main(rest) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -506,7 +481,7 @@ def test_tables_that_commands_print_fit_100_columns(
     assert [line for line in lines if len(line) > WIDEST] == []
 
 
-def test_progress_in_a_log_is_a_line_every_thirty_seconds() -> None:
+def test_progress_in_a_log_is_a_line_every_thirty_seconds():
     now = [0.0]
     log = io.StringIO()
     progress = Progress(total=100.0, label="generate", unit="h", stream=log, clock=lambda: now[0])
@@ -522,14 +497,14 @@ def test_progress_in_a_log_is_a_line_every_thirty_seconds() -> None:
     ]
 
 
-def test_progress_of_a_short_task_says_nothing_in_a_log() -> None:
+def test_progress_of_a_short_task_says_nothing_in_a_log():
     log = io.StringIO()
     with Progress(total=1.0, label="trim", unit="steps", stream=log) as progress:
         progress.update()
     assert log.getvalue() == ""
 
 
-def test_progress_on_a_terminal_is_a_bar() -> None:
+def test_progress_on_a_terminal_is_a_bar():
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
             return True
@@ -541,11 +516,11 @@ def test_progress_on_a_terminal_is_a_bar() -> None:
     assert "missions=3" in terminal.getvalue()
 
 
-def test_durations() -> None:
+def test_durations():
     assert [format_duration(s) for s in (7, 65, 3725)] == ["0:07", "1:05", "1:02:05"]
 
 
-def test_the_name_of_a_value_that_has_none_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_name_of_a_value_that_has_none_is_no_option(capsys):
     assert TWIN.main(["simulate", "--mission", "mine.toml"]) == 2
     assert "--mission is not an option: give its value alone" in capsys.readouterr().err
 
@@ -559,7 +534,7 @@ HOSTILE = "a\x1b]0;title\x07b\x9b31mc\u202ed\u200fe\u2028f\x00g\x7fh\udcffi\r"
 SHOWN = "a\\x1b]0;title\\x07b\\x9b31mc\\u202ed\\u200fe\\u2028f\\x00g\\x7fh\\udcffi\\r"
 
 
-def test_nothing_that_is_printed_moves_the_cursor(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_that_is_printed_moves_the_cursor(capsys):
     console = Console("twin")
     console.say(HOSTILE)
     console.table([{HOSTILE: HOSTILE}], title=HOSTILE)
@@ -577,7 +552,7 @@ def test_nothing_that_is_printed_moves_the_cursor(capsys: pytest.CaptureFixture[
         assert "\\u202e" in text
 
 
-def test_what_people_write_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_people_write_is_printed_as_it_is(capsys):
     text = "Ærø 8 °C, 2×3\t— „süd“ 海 🌊\n"
     Console("twin").say(text)
     assert capsys.readouterr().out == f"{text}\n"

@@ -1,7 +1,5 @@
 """Signatures that numba found once: the same code and the same errors, looked for no more."""
 
-from __future__ import annotations
-
 import math
 import operator
 

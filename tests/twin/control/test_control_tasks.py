@@ -1,11 +1,8 @@
 """What each task rewards, when it ends, and what moving costs."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +11,7 @@ import pytest
 from dm_control.utils import rewards as theirs
 from hypothesis import given
 from hypothesis import strategies as st
+from processes import python
 
 from twin import control
 from twin.control import rewards
@@ -263,8 +261,7 @@ def headless(*words):
         for name, value in os.environ.items()
         if name not in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")
     }
-    command = [sys.executable, "-m", "twin.control", *words]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    return python("-m", "twin.control", *words, env=environment)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have a screen")

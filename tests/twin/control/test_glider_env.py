@@ -1,14 +1,11 @@
 """The tasks as Gymnasium environments of one vehicle."""
 
 # ruff: noqa: E402 - the packages are those of an extra
-from __future__ import annotations
-
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import python
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
 
@@ -27,8 +24,7 @@ def make(task, **settings):
 
 def run(program):
     """A Python program in a process of its own."""
-    words = [sys.executable, "-c", program]
-    return subprocess.run(words, capture_output=True, text=True, timeout=120)
+    return python("-c", program)
 
 
 def test_gymnasium_finds_the_tasks_by_the_package_in_the_name():

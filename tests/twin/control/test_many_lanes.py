@@ -1,7 +1,5 @@
 """Environments in lanes: episodes, observations and rewards of MuJoCo's, and the log of lanes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,13 +1,11 @@
 """Pictures of the tasks, without dm_control and as dm_control draws them; processes that draw."""
 
-from __future__ import annotations
-
 import os
-import subprocess
 import sys
 
 import numpy as np
 import pytest
+from processes import python
 
 from twin import control
 from twin.control.environment import load_environment
@@ -104,15 +102,8 @@ if __name__ == "__main__":
 def forked(tmp_path, *words):
     """What a process that draws prints, and one that it starts."""
     (tmp_path / "forks.py").write_text(FORKS)
-    done = subprocess.run(
-        [sys.executable, "forks.py", *words],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True,
-        text=True,
-        timeout=180,
-    )
-    return done.stdout.splitlines()
+    path = os.pathsep.join(sys.path)
+    return python("forks.py", *words, cwd=tmp_path, PYTHONPATH=path).stdout.splitlines()
 
 
 @pytest.mark.parametrize(("parent", "child"), [("own", "own"), ("dm_control", "dm_control")])

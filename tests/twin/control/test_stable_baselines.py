@@ -1,7 +1,5 @@
 """The vector environment under stable-baselines3."""
 
-from __future__ import annotations
-
 import gymnasium
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 """Many vehicles at once: the same episodes, observations and rewards as one at a time."""
 
 # ruff: noqa: E402 - the packages are those of an extra
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

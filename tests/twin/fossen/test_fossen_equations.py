@@ -1,7 +1,5 @@
 """Matrices and forces of the Fossen model: identities, signs and limits."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -45,7 +43,7 @@ def distribution(p, *positions):
 
 
 @pytest.fixture(scope="module")
-def model() -> FossenModel:
+def model():
     return FossenModel(load_vehicle("glider"))
 
 

@@ -1,7 +1,5 @@
 """Lanes against the scalar Fossen model, against MuJoCo, and against limits that must hold."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import itertools
@@ -28,7 +26,7 @@ from twin.physics.stiffness import file_timestep
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.grid import Grid
-from twin.water.current.profile import Profile, Uniform
+from twin.water.current.profile import Profile
 from twin.water.density import DensityProfile
 from twin.water.floor.base import GridFloor
 
@@ -184,26 +182,6 @@ def test_a_neutral_hull_at_rest_stays():
     flown = twin.simulate(scenario(mission=rest, start=start, density=density, duration=60.0))
     assert np.abs(flown.v_rel).max() < 1e-9
     assert np.abs(flown["true_depth"] - 50.0).max() < 1e-9
-
-
-def test_a_uniform_current_only_moves_the_track():
-    still = twin.simulate(scenario())
-    moved = twin.simulate(scenario(current=Uniform(north=0.4, east=-0.7)))
-    np.testing.assert_allclose(moved.v_rel, still.v_rel, atol=1e-13)
-    np.testing.assert_allclose(
-        moved["true_north"] - still["true_north"], 0.4 * still.time, atol=1e-9
-    )
-    np.testing.assert_allclose(
-        moved["true_east"] - still["true_east"], -0.7 * still.time, atol=1e-9
-    )
-
-
-def test_port_is_the_mirror_of_starboard():
-    plans = [Schedule(times=[0.0], commands=[(0.02, side, -200.0)]) for side in (0.5, -0.5)]
-    right, left = (twin.simulate(scenario(mission=plan)) for plan in plans)
-    np.testing.assert_allclose(right["true_sway"], -left["true_sway"], atol=1e-13)
-    np.testing.assert_allclose(right["true_depth"], left["true_depth"], atol=1e-11)
-    assert np.abs(right["true_sway"]).max() > 1e-3
 
 
 def test_a_steady_glide_is_the_trim():

@@ -1,12 +1,10 @@
 """Lanes on three processors: one log, made by vector code."""
 
-from __future__ import annotations
-
 from benchmarks.lanes_hash import HERE, VEHICLES, on_processor, processors
 from twin.fossen.structure import Arithmetic
 
 
-def test_one_log_and_vector_code_on_every_processor() -> None:
+def test_one_log_and_vector_code_on_every_processor():
     """Vector code on all; the log on the two that differ most: without fused operations and with
     the narrowest vectors, and on this machine's own, whose code other tests need too and which has
     the widest. `python -m benchmarks.lanes_hash` asks for all."""

@@ -10,6 +10,7 @@ from twin.identify import identify, load_calibration, load_logs
 from twin.identify.comparison import LEAST_GAIN, PRIOR, Gain, left_out
 from twin.identify.pitch import PITCHING
 from twin.identify.residuals import dive_residuals, noise_of_dives
+from twin.identify.rollout import refine
 from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import choose
 from twin.vehicle.vehicle import load_vehicle
@@ -19,6 +20,14 @@ PITCHES = ((20.0, 28.0), (28.0, 20.0), (24.0, 34.0), (34.0, 24.0))
 
 
 NOMINAL = load_calibration("glider")
+TRUTH = {"neutral_density": 1025.2, "drag": 1.2 * NOMINAL.vehicle.flow_frame.drag[0]}
+
+
+def assert_recovered(found, **truth):
+    """Within the stated deviations: the recoveries of many vehicles are the release's."""
+    for name, value in (TRUTH | truth).items():
+        assert found[name].determined
+        assert abs(found[name].value - value) < 3.5 * found[name].deviation, name
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +50,17 @@ def test_a_pitch_offset_is_chosen_where_there_is_one(tmp_path, runs, offset):
     assert list(found.determined) == [e.name for e in found.estimates if e.determined]
     if not estimate.determined:
         assert "left-out dives" in estimate.note
+    assert_recovered(found)
+    assert found.depth_rate_rmse < 0.9 * found.nominal_depth_rate_rmse
+
+
+def test_the_full_twin_recovers_what_was_flown(tmp_path, runs):
+    logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs[:2]))
+    refined = refine(logs, identify(logs, NOMINAL, parameters=list(TRUTH), fixes=False))
+    place = 1e3 * NOMINAL.vehicle.battery.neutral_x
+    assert_recovered(refined.identification, shift_offset=place)
+    assert refined.depth_rate_rmse < 0.01
+    assert refined.pitch_rmse < np.deg2rad(1.0)
 
 
 def test_a_pitch_scale_that_is_asked_for_comes_back(tmp_path, runs):

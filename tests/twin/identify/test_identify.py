@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import json
+import re
 
 import identify_logs as simulated
 import mujoco
@@ -32,10 +33,12 @@ from twin.identify.vehicle_file import vehicle_xml, write_vehicle
 from twin.mission.controller import Schedule
 from twin.physics.scenario import Scenario
 from twin.physics.simulation import simulate
+from twin.records.attributes import CONVENTIONS, READER_VERSION
 from twin.records.storage.checksums import store_hash
 from twin.records.store import write_store
 from twin.show.identification import residual_figure
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
+from twin.version import IMPORT_VERSION
 
 VEHICLE = load_vehicle("glider")
 
@@ -244,8 +247,9 @@ def test_damaged_sensor_errors_are_named(tmp_path):
 
 def test_store_hash_follows_the_content(store, tmp_path, run):
     assert store_hash(store) == store_hash(store)
-    other = simulated.flown(VEHICLE, 8, max_depth=40.0, yos=1)
-    assert store_hash(simulated.stored(tmp_path / "b.zarr", [other])) != store_hash(store)
+    other = simulated.stored(tmp_path / "b.zarr", [simulated.add_pitch_offset(run, 1e-3)])
+    simulated.add_pitch_offset(run, -1e-3)
+    assert store_hash(other) != store_hash(store)
 
 
 def test_logs_that_cannot_be_used_are_named(tmp_path, store, nominal):
@@ -372,3 +376,45 @@ def test_the_bar_is_full_when_the_last_stage_ends(refines, handles):
             report(part)
             assert progress.done > before
     assert progress.done == pytest.approx(1.0)
+
+
+# --- help and progress of the command -------------------------------------------------------------
+
+
+def test_the_help_says_what_no_fixes_does(capsys):
+    assert PROGRAM.main(["identify", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "--no-fixes fit the depth rate only" in said
+    assert "ten hours of log" in said
+
+
+@pytest.mark.parametrize(("vehicle", "warned"), [("seaglider", True), ("slocum-200", False)])
+def test_a_vehicle_of_another_kind_than_the_log_s_is_warned_of(vehicle, warned, tmp_path, capsys):
+    data = xr.Dataset(
+        {"n_samples": ("mission", [3])},
+        {"time": [0.0, 0.5, 1.0]},
+        {**CONVENTIONS, "source_format": "slocum", READER_VERSION: IMPORT_VERSION},
+    )
+    path = write_store(data, tmp_path / "real.zarr")
+    assert PROGRAM.main(["identify", str(path), "--vehicle", vehicle]) == 2
+    said = capsys.readouterr().err
+    assert ("warning: vehicle seaglider (seaglider) is of another kind" in said) == warned
+
+
+def test_a_share_is_percent_and_time_left_and_an_interrupted_task_has_no_last_line():
+    clock, stream = iter(np.arange(0.0, 1000.0, 15.0)).__next__, io.StringIO()
+    progress = Progress(
+        total=1.0, label="identify", unit="", stream=stream, interval_s=30.0, clock=clock
+    )
+    with progress:
+        for _ in range(6):
+            progress.update(0.1)
+        before = stream.getvalue()
+        stop = KeyboardInterrupt()
+        progress.__exit__(type(stop), stop, None)
+        assert stream.getvalue() == before
+    lines = before.splitlines()
+    assert len(lines) >= 2
+    for line in lines:
+        assert re.fullmatch(r"identify: [^/]*%[^/]* left", line)
+        assert " of " not in line

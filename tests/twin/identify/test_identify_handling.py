@@ -1,6 +1,8 @@
 """Handling: turns, pitch and loops come back from a log; what cannot fly is not written."""
 
+import contextlib
 import dataclasses
+import io
 import itertools
 import json
 import math
@@ -100,9 +102,35 @@ def fitted(store):
 
 
 @pytest.fixture(scope="module")
-def handling(store):
-    parts: list[float] = []
-    made = handle(*fitted(store), progress=parts.append)
+def told(store, tmp_path_factory):
+    """(Handling, its progress, answer, words, written file) of the command, run once.
+
+    What the proof says is marked on its way, so that it is the proof's that the handling holds.
+    """
+    out, said, kept, parts = tmp_path_factory.mktemp("told") / "mine.xml", io.StringIO(), [], []
+    words = ["identify", str(store), "--vehicle", "glider", "--out", str(out)]
+    words += ["--parameters", "neutral_density", "drag"]
+
+    def watched(*given, progress, **options):
+        def report(part):
+            parts.append(part)
+            progress(part)
+
+        made = handle(*given, progress=report, **options)
+        assert made.failures[-1:] == ("marked",)
+        kept.append(dataclasses.replace(made, failures=made.failures[:-1]))
+        return kept[0]
+
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(said):
+        patch.setattr("twin.identify.handling.failures", lambda *x: (*failures(*x), "marked"))
+        patch.setattr("twin.identify.handle", watched)
+        assert PROGRAM.main([*words, "--json"]) == 0
+    return kept[0], parts, json.loads(said.getvalue()), words, out
+
+
+@pytest.fixture(scope="module")
+def handling(told):
+    made, parts, *_ = told
     assert parts == sorted(parts), "progress goes back"
     assert 0.0 < parts[0] < parts[-1] == 1.0
     return made
@@ -246,21 +274,17 @@ def test_estimates_that_are_not_told_apart_are_named_with_what_would(handling):
 
 
 def test_command_prints_correlations_and_refuses_a_vehicle_that_does_not_fly(
-    store, tmp_path, capsys, monkeypatch
+    told, capsys, monkeypatch
 ):
-    out = tmp_path / "mine.xml"
-    arguments = ["identify", str(store), "--vehicle", "glider", "--out", str(out)]
-    arguments += ["--parameters", "neutral_density", "drag"]
-    assert PROGRAM.main([*arguments, "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
+    handling, _, answer, words, out = told
     assert answer["failures"] == []
     assert set(answer["correlation"]) >= {"drag", "righting_arm", "roll_authority"}
     assert load_vehicle(out).flow_frame.yaw_moment_lift[0] != 0.0
     assert load_vehicle(out).part("pump").position[0] != 0.0
-    monkeypatch.setattr(
-        "twin.identify.handling.failures", lambda *_: ("it does not steer in the climb",)
-    )
-    assert PROGRAM.main([*arguments, "--overwrite"]) == 2
+    bad = dataclasses.replace(handling, failures=("it does not steer in the climb",))
+    monkeypatch.setattr("twin.identify.identify", lambda *_, **__: handling.identification)
+    monkeypatch.setattr("twin.identify.handle", lambda *_, **__: bad)
+    assert PROGRAM.main([*words, "--overwrite"]) == 2
     assert "is not written" in capsys.readouterr().err
 
 

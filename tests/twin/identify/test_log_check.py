@@ -1,19 +1,18 @@
 """A vehicle's twin beside its logs: what is compared, and what is said of a log that lacks some."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from logs import SHARED, Flight, write_seaexplorer
+from logs import SHARED, stored
 from simulated_logs import CLIMB_PITCH, PITCH, simulated_log
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_seaexplorer
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import check_logs
@@ -25,7 +24,7 @@ from twin.identify.log_figures import (
 )
 from twin.identify.replayed_dive import legs_of, turning_of
 from twin.records.store import write_store
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.vehicle.vehicle import load_vehicle
 
 VEHICLE = "rogue"
 FIGURES = {"depth_rate_m_s", "speed_m_s", "pitch_deg", "turn_per_actuator", "heading_sd_deg"}
@@ -33,13 +32,19 @@ TORPEDO = Path(__file__).resolve().parents[2] / "vehicles" / "torpedo.xml"
 
 
 @pytest.fixture(scope="module")
-def vehicle() -> Vehicle:
+def vehicle():
     return load_vehicle(VEHICLE)
 
 
 @pytest.fixture(scope="module")
-def log(vehicle: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log(vehicle, tmp_path_factory):
     return simulated_log(tmp_path_factory.mktemp("log"), vehicle)
+
+
+@pytest.fixture(scope="module")
+def own(log, vehicle):
+    """The log beside the vehicle that flew it."""
+    return check_logs(log, vehicle)
 
 
 def changed(store: Path, out: Path, **signals: float | None) -> Path:
@@ -56,11 +61,10 @@ def changed(store: Path, out: Path, **signals: float | None) -> Path:
 # --- the comparison -------------------------------------------------------------------------------
 
 
-def test_a_vehicle_flies_as_its_own_log(log: Path, vehicle: Vehicle) -> None:
-    found = check_logs(log, vehicle)
-    assert found.beyond == []
+def test_a_vehicle_flies_as_its_own_log(own):
+    assert own.beyond == []
     for name, way, pitch in (("dive", 1.0, -PITCH), ("climb", -1.0, CLIMB_PITCH)):
-        phase = found.phases[name]  # type: ignore[index]
+        phase = own.phases[name]
         assert phase.twin is not None
         assert way * phase.log.depth_rate > 0.05
         assert phase.twin.depth_rate == pytest.approx(phase.log.depth_rate, rel=0.01)
@@ -73,7 +77,7 @@ def test_a_vehicle_flies_as_its_own_log(log: Path, vehicle: Vehicle) -> None:
         assert phase.twin.oscillation is None
 
 
-def test_an_asymmetry_that_the_file_lacks_is_beyond_its_limit(log: Path, vehicle: Vehicle) -> None:
+def test_an_asymmetry_that_the_file_lacks_is_beyond_its_limit(log, vehicle):
     """The log's rudder goes straight at 0: a file whose rudder does so elsewhere is another's."""
     rudder = vehicle.steering["heading"]
     found = check_logs(log, vehicle.replace(**{rudder: {"neutral": 0.1}}))
@@ -82,9 +86,7 @@ def test_an_asymmetry_that_the_file_lacks_is_beyond_its_limit(log: Path, vehicle
     assert "the file flies no such asymmetry" in said[0]
 
 
-def test_dives_under_the_thruster_are_left_out_of_the_check(
-    tmp_path: Path, log: Path, vehicle: Vehicle
-) -> None:
+def test_dives_under_the_thruster_are_left_out_of_the_check(tmp_path, log, vehicle):
     dataset = xr.open_zarr(log).load()
     dataset["thruster_fraction"] = ("mission", np.ones(dataset.sizes["mission"]))
     powered = write_store(dataset, tmp_path / "powered.zarr")
@@ -92,8 +94,8 @@ def test_dives_under_the_thruster_are_left_out_of_the_check(
         check_logs(powered, vehicle)
 
 
-def test_the_twin_turns_as_its_own_log_by_its_part(log: Path, vehicle: Vehicle) -> None:
-    dive = check_logs(log, vehicle).phases["dive"]
+def test_the_twin_turns_as_its_own_log_by_its_part(log, vehicle, own):
+    dive = own.phases["dive"]
     assert dive.same_part
     assert dive.twin is not None
     assert dive.log.turn_per_actuator == pytest.approx(0.043, rel=0.1)
@@ -107,7 +109,7 @@ def test_the_twin_turns_as_its_own_log_by_its_part(log: Path, vehicle: Vehicle) 
     assert abs(turned.turn_per_actuator / dive.twin.turn_per_actuator - 1.0) > 0.1
 
 
-def test_another_drag_is_seen(log: Path, vehicle: Vehicle) -> None:
+def test_another_drag_is_seen(log, vehicle):
     draggy = vehicle.replace(drag=tuple(1.5 * k for k in vehicle.flow_frame.drag))
     said = check_logs(log, draggy).describe()
     for phase in ("dive", "climb"):
@@ -116,17 +118,15 @@ def test_another_drag_is_seen(log: Path, vehicle: Vehicle) -> None:
     assert any("depth rate" in text for text in said["beyond"])
 
 
-def test_the_twin_flies_in_the_water_of_the_log(
-    log: Path, vehicle: Vehicle, tmp_path: Path
-) -> None:
+def test_the_twin_flies_in_the_water_of_the_log(log, vehicle, tmp_path):
     dense = changed(log, tmp_path / "dense.zarr", measured_density=1003.0)
     phases = check_logs(dense, vehicle).describe()["phases"]
     assert phases["dive"]["ratio"]["depth_rate_m_s"] < 0.95
     assert phases["climb"]["ratio"]["depth_rate_m_s"] > 1.05
 
 
-def test_what_is_said_is_json_with_the_figures_of_each_phase(log: Path, vehicle: Vehicle) -> None:
-    said = json.loads(json.dumps(check_logs(log, vehicle).describe()))
+def test_what_is_said_is_json_with_the_figures_of_each_phase(own):
+    said = json.loads(json.dumps(own.describe()))
     assert said["dives"] == 1
     assert said["legs"] == {"dive": 2, "climb": 2}
     assert set(said["phases"]) == {"dive", "climb"}
@@ -139,7 +139,7 @@ def test_what_is_said_is_json_with_the_figures_of_each_phase(log: Path, vehicle:
         )
 
 
-def test_what_the_log_lacks_is_said(log: Path, vehicle: Vehicle, tmp_path: Path) -> None:
+def test_what_the_log_lacks_is_said(log, vehicle, own, tmp_path):
     lacking = changed(
         log, tmp_path / "lacking.zarr", measured_heading=None, measured_rotation=None,
         true_surge=None,
@@ -151,14 +151,10 @@ def test_what_the_log_lacks_is_said(log: Path, vehicle: Vehicle, tmp_path: Path)
     log_figures = found.phases["dive"].log
     assert log_figures.heading_sd is None
     assert log_figures.turn_per_actuator is None
-    assert log_figures.speed == pytest.approx(
-        check_logs(log, vehicle).phases["dive"].log.speed, rel=0.02
-    )
+    assert log_figures.speed == pytest.approx(own.phases["dive"].log.speed, rel=0.02)
 
 
-def test_a_rudder_is_not_compared_with_a_battery(
-    log: Path, vehicle: Vehicle, tmp_path: Path
-) -> None:
+def test_a_rudder_is_not_compared_with_a_battery(log, vehicle, tmp_path):
     ruddered = changed(log, tmp_path / "fin.zarr", measured_rotation=None, measured_fin=3.0)
     found = check_logs(ruddered, vehicle)
     assert found.describe()["turning"]["signal"] == "measured_fin"
@@ -166,14 +162,14 @@ def test_a_rudder_is_not_compared_with_a_battery(
     assert all(p["ratio"]["turn_per_actuator"] is None for p in found.describe()["phases"].values())
 
 
-def test_a_rudder_of_any_name_is_the_logs_fin() -> None:
+def test_a_rudder_of_any_name_is_the_logs_fin():
     torpedo = load_vehicle(TORPEDO)
     turning = turning_of(torpedo, {"measured_fin"})
     assert turning is not None
     assert (turning.part, turning.signal, turning.same) == ("rudder", "measured_fin", True)
 
 
-def test_lanes_fly_the_dives_to_the_same_figures(tmp_path: Path) -> None:
+def test_lanes_fly_the_dives_to_the_same_figures(tmp_path):
     # not ROGUE, whose moving battery the Fossen model flies without its reaction
     glider = load_vehicle("glider")
     log = simulated_log(tmp_path, glider)
@@ -197,9 +193,7 @@ def test_lanes_fly_the_dives_to_the_same_figures(tmp_path: Path) -> None:
     assert all(one.provenance["ended"] == "flown" for one in lanes.flights)  # type: ignore[union-attr]
 
 
-def test_the_command_says_how_far_lanes_end_from_mujoco(
-    log: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_says_how_far_lanes_end_from_mujoco(log, capsys):
     words = ["check", "--logs", str(log), "--vehicle", VEHICLE, "--engine"]
     PROGRAM.main([*words, "lanes"])
     assert "dives flown in lanes; of the first one, MuJoCo ends" in capsys.readouterr().out
@@ -211,7 +205,7 @@ def test_the_command_says_how_far_lanes_end_from_mujoco(
 # --- errors ---------------------------------------------------------------------------------------
 
 
-def test_simulated_stores_are_refused(log: Path, vehicle: Vehicle) -> None:
+def test_simulated_stores_are_refused(log, vehicle):
     with pytest.raises(StoreError, match="is simulated"):
         check_logs(log.with_name("flown.zarr"), vehicle)
 
@@ -225,14 +219,12 @@ def test_simulated_stores_are_refused(log: Path, vehicle: Vehicle) -> None:
         ({"measured_pump": 9000.0}, InputError, "pump is at 9000 cm3"),
     ],
 )
-def test_a_log_that_no_glide_explains_is_refused(
-    log: Path, vehicle: Vehicle, tmp_path: Path, signals: Any, error: Any, message: str
-) -> None:
+def test_a_log_that_no_glide_explains_is_refused(log, vehicle, tmp_path, signals, error, message):
     with pytest.raises(error, match=message):
         check_logs(changed(log, tmp_path / "bare.zarr", **signals), vehicle)
 
 
-def test_another_vehicle_or_mission_is_refused(log: Path, vehicle: Vehicle) -> None:
+def test_another_vehicle_or_mission_is_refused(log, vehicle):
     with pytest.raises(VehicleError, match="has no pump"):
         check_logs(log, TORPEDO)
     with pytest.raises(StoreError, match="not 7"):
@@ -242,7 +234,7 @@ def test_another_vehicle_or_mission_is_refused(log: Path, vehicle: Vehicle) -> N
 # --- the parts of it ------------------------------------------------------------------------------
 
 
-def test_legs_are_descents_and_climbs_and_no_waves() -> None:
+def test_legs_are_descents_and_climbs_and_no_waves():
     down, up = np.linspace(0.0, 80.0, 200), np.linspace(80.0, 10.0, 200)
     again = np.linspace(10.0, 60.0, 150)
     depth = np.concatenate([np.zeros(50), down, up, again])
@@ -263,7 +255,7 @@ def leg(heading: np.ndarray, turning: np.ndarray, period: float = 2.0) -> Figure
 
 @pytest.mark.parametrize("slope", [0.02, -0.015])
 @pytest.mark.parametrize("lag", [0.0, 20.0])
-def test_turn_per_actuator_is_found_in_a_closed_loop_with_noise(slope: float, lag: float) -> None:
+def test_turn_per_actuator_is_found_in_a_closed_loop_with_noise(slope, lag):
     rng = np.random.default_rng(3)
     count, period = 2000, 2.0
     heading, turning = np.zeros(count), np.zeros(count)
@@ -279,14 +271,14 @@ def test_turn_per_actuator_is_found_in_a_closed_loop_with_noise(slope: float, la
     assert found == pytest.approx(slope, rel=0.1)
 
 
-def test_turn_per_actuator_is_not_guessed() -> None:
+def test_turn_per_actuator_is_not_guessed():
     rng = np.random.default_rng(5)
     heading = np.cumsum(rng.normal(0.0, 0.2, 500))
     assert turn_per_actuator([leg(heading, np.full(500, 3.0))]) is None
     assert turn_per_actuator([leg(heading, rng.normal(0.0, 10.0, 500))]) is None
 
 
-def test_a_swing_that_goes_on_is_found_and_one_that_dies_out_is_not() -> None:
+def test_a_swing_that_goes_on_is_found_and_one_that_dies_out_is_not():
     time = np.arange(0.0, 900.0, 1.0)
     noise = np.random.default_rng(1).normal(0.0, 0.3, len(time))
     swing = 4.0 * np.sin(2.0 * np.pi * time / 12.0)
@@ -305,7 +297,7 @@ def test_a_swing_that_goes_on_is_found_and_one_that_dies_out_is_not() -> None:
     assert (common.signal, common.legs) == ("roll", pytest.approx(2 / 3))
 
 
-def test_a_heading_loop_of_the_wrong_sign_is_beyond_its_limits(log: Path, vehicle: Vehicle) -> None:
+def test_a_heading_loop_of_the_wrong_sign_is_beyond_its_limits(log, vehicle):
     wrong = vehicle.replace(heading_pid=tuple(-k for k in vehicle.heading_pid))
     found = check_logs(log, wrong)
     assert not found.describe()["ok"]
@@ -315,9 +307,7 @@ def test_a_heading_loop_of_the_wrong_sign_is_beyond_its_limits(log: Path, vehicl
 # --- the command ----------------------------------------------------------------------------------
 
 
-def test_the_command_prints_json_and_writes_a_page(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_prints_json_and_writes_a_page(log, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("twin.show.figures.page_layout.DPI", 30)
     words = ["check", "--logs", str(log), "--vehicle", VEHICLE]
     code = PROGRAM.main([*words, "--json", "--page", str(tmp_path / "page")])
@@ -340,9 +330,7 @@ def test_the_command_prints_json_and_writes_a_page(
         (["--logs", "nowhere.zarr", "--vehicle", "rogue"], "no store at nowhere.zarr"),
     ],
 )
-def test_the_command_refuses_what_it_would_ignore(
-    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_refuses_what_it_would_ignore(words, says, capsys):
     assert PROGRAM.main(["check", *words]) == 2
     assert says in capsys.readouterr().err
 
@@ -350,7 +338,7 @@ def test_the_command_refuses_what_it_would_ignore(
 # --- logs of real vehicles ------------------------------------------------------------------------
 
 
-def test_a_seaexplorers_battery_is_found(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_a_seaexplorers_battery_is_found(tmp_path, vehicle):
     path = write_seaexplorer(tmp_path / "sea001.1.gli.csv", Flight(dives=2))
     dataset, _ = import_logs("seaexplorer", [path])
     turning = turning_of(vehicle, set(dataset))
@@ -359,10 +347,9 @@ def test_a_seaexplorers_battery_is_found(tmp_path: Path, vehicle: Vehicle) -> No
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the public logs are not here")
-def test_real_logs_turn_the_other_way_in_climbs(tmp_path: Path) -> None:
+def test_real_logs_turn_the_other_way_in_climbs(tmp_path):
     folder = SHARED / "seaexplorer_pyglider"
-    dataset, _ = import_logs("seaexplorer", [folder / "sea046_M45_gli.csv.gz"])
-    store = write_store(dataset, tmp_path / "sea046.zarr")
+    store = stored(tmp_path / "sea046.zarr", "seaexplorer", [folder / "sea046_M45_gli.csv.gz"])
     said = check_logs(store, "seaexplorer").describe()["phases"]
     dive, climb = (said[name]["log"]["turn_per_actuator"] for name in ("dive", "climb"))
     assert 0.01 < dive < 0.03

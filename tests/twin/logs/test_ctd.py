@@ -1,7 +1,5 @@
 """The thermal lag of a CTD: found on dives and climbs through a thermocline, and taken off."""
 
-from __future__ import annotations
-
 import gsw
 import numpy as np
 import pytest
@@ -39,7 +37,7 @@ def measured(lag: ThermalLag | None, seed: int = 0) -> tuple[CtdSeries, np.ndarr
     return ctd, salinity
 
 
-def test_the_lag_is_found_and_taken_off() -> None:
+def test_the_lag_is_found_and_taken_off():
     lag = ThermalLag(amplitude=0.1, time=12.0)
     dives = [measured(lag, seed) for seed in range(3)]
     found = common_lag([ctd for ctd, _ in dives])
@@ -54,13 +52,13 @@ def test_the_lag_is_found_and_taken_off() -> None:
     np.testing.assert_array_equal(ctd.corrected(found).temperature, ctd.temperature)
 
 
-def test_a_cell_without_lag_is_left_alone() -> None:
+def test_a_cell_without_lag_is_left_alone():
     ctds = [measured(None, seed)[0] for seed in range(3)]
     assert common_lag(ctds) is None
     assert ctds[0].corrected(None) is ctds[0]
 
 
-def test_the_excess_of_a_step_dies_out_in_the_time_of_the_cell() -> None:
+def test_the_excess_of_a_step_dies_out_in_the_time_of_the_cell():
     lag = ThermalLag(amplitude=0.1, time=12.0)
     step = np.concatenate([np.zeros(5), np.ones(200)])
     excess = lag.excess(step, 0.1)
@@ -69,7 +67,7 @@ def test_the_excess_of_a_step_dies_out_in_the_time_of_the_cell() -> None:
     assert (lag.excess(np.full(20, 14.0), 1.0) == 0.0).all()
 
 
-def test_holes_stay_holes_and_density_is_of_the_standard_equation() -> None:
+def test_holes_stay_holes_and_density_is_of_the_standard_equation():
     ctd, _ = measured(ThermalLag(amplitude=0.1, time=12.0))
     ctd.salinity[100:120] = np.nan
     corrected = ctd.corrected(ThermalLag(amplitude=0.1, time=12.0))
@@ -79,7 +77,7 @@ def test_holes_stay_holes_and_density_is_of_the_standard_equation() -> None:
     assert ctd.density[0] == pytest.approx(gsw.rho(absolute, conservative, ctd.pressure[0]))
 
 
-def test_ways_are_told_from_wiggles() -> None:
+def test_ways_are_told_from_wiggles():
     depth = np.concatenate(
         [np.linspace(0, 60, 61), np.linspace(59, 20, 40), np.linspace(21, 80, 60), [79.0, 80.0]]
     )

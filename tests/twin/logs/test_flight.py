@@ -1,7 +1,5 @@
 """`twin flight` on logs whose truth is known: speeds, water, currents, tracks, file, command."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path
@@ -11,10 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from examples import files_of, needs_docs
-from logs import SHARED
+from logs import SHARED, stored
 from simulated_logs import simulated_flight
 
 import twin
+from factory.samples import Flight
+from glider_twin_protocols.auv_samples import write_mat
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError, UnknownName
 from twin.geodesy import from_tangent_plane
@@ -31,7 +31,7 @@ CURRENT = (0.07, -0.04, -0.01)
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(tmp_path_factory):
     """A flight with ideal sensors and the density that a CTD would have measured."""
     folder = tmp_path_factory.mktemp("flight")
     flown = simulated_flight(
@@ -43,7 +43,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def flight(store: Path):
+def flight(store):
     return estimate_flight(store)
 
 
@@ -51,7 +51,7 @@ def truth(store: Path, name: str) -> np.ndarray:
     return xr.open_zarr(store)[f"true_{name}"].values[0].astype(float)
 
 
-def test_the_velocities_are_the_true_ones(store: Path, flight) -> None:
+def test_the_velocities_are_the_true_ones(store, flight):
     dataset = flight_dataset(flight)
     for name, most in (("surge", 0.01), ("sway", 0.005), ("heave", 0.01)):
         error = dataset[name].values[0] - truth(store, name)
@@ -63,7 +63,7 @@ def test_the_velocities_are_the_true_ones(store: Path, flight) -> None:
     assert np.nanmedian(np.abs(found - alpha)[steady]) < 0.3
 
 
-def test_rising_water_is_found_in_dives_and_climbs(flight) -> None:
+def test_rising_water_is_found_in_dives_and_climbs(flight):
     summary = flight.summary()
     assert summary.w_mean_dive == pytest.approx(0.01, abs=0.002)
     assert summary.w_mean_climb == pytest.approx(0.01, abs=0.002)
@@ -75,7 +75,7 @@ def test_rising_water_is_found_in_dives_and_climbs(flight) -> None:
     }  # fmt: skip
 
 
-def test_a_vehicle_that_does_not_fit_is_suspect() -> None:
+def test_a_vehicle_that_does_not_fit_is_suspect():
     depth = np.tile(np.arange(0.0, 100.0, 0.1), 2)
     down = np.arange(2000) < 1000
     for climbing, suspect in ((-0.03, True), (-0.004, False)):
@@ -90,7 +90,7 @@ def test_a_vehicle_that_does_not_fit_is_suspect() -> None:
     assert large.suspect
 
 
-def test_the_current_of_each_dive_is_the_water_s(flight) -> None:
+def test_the_current_of_each_dive_is_the_water_s(flight):
     assert flight.currents
     for one in flight.currents:
         assert abs(one.north - CURRENT[0]) < 3.0 * one.deviation
@@ -98,7 +98,7 @@ def test_the_current_of_each_dive_is_the_water_s(flight) -> None:
         assert one.deviation < 0.05
 
 
-def test_the_track_is_where_the_vehicle_was(store: Path, flight) -> None:
+def test_the_track_is_where_the_vehicle_was(store, flight):
     (one,) = flight.missions
     assert np.abs(one.position[one.fixes.sample] - one.fixes.position).max() < 1e-6
     true = np.stack([truth(store, "north"), truth(store, "east")], axis=1)
@@ -111,7 +111,7 @@ def test_the_track_is_where_the_vehicle_was(store: Path, flight) -> None:
     np.testing.assert_allclose(dataset["longitude"].values[0], longitude, atol=1e-9)
 
 
-def test_a_log_that_begins_under_way_has_no_phantom_water(store: Path, flight, tmp_path) -> None:
+def test_a_log_that_begins_under_way_has_no_phantom_water(store, flight, tmp_path):
     """Its first sample is of a vehicle in full flight, not of one at rest."""
     whole = xr.open_zarr(store).load()
     depth = whole["measured_depth"].values[0]
@@ -129,8 +129,8 @@ def test_a_log_that_begins_under_way_has_no_phantom_water(store: Path, flight, t
 
 @pytest.mark.parametrize(("lost", "tells"), [(0.03, True), (0.4, False)])
 def test_a_dive_that_has_no_attitude_for_long_tells_no_current(
-    store: Path, flight, tmp_path: Path, lost: float, tells: bool
-) -> None:
+    store, flight, tmp_path, lost, tells
+):
     """What is not known of the way through the water would count as current."""
     whole = xr.open_zarr(store).load()
     count = int(whole["n_samples"][0])
@@ -145,7 +145,7 @@ def test_a_dive_that_has_no_attitude_for_long_tells_no_current(
 
 
 @pytest.mark.parametrize("ending", [".nc", ".zarr"])
-def test_the_file_says_what_it_holds(flight, tmp_path: Path, ending: str) -> None:
+def test_the_file_says_what_it_holds(flight, tmp_path, ending):
     dataset = flight_dataset(flight)
     for name, standard in (
         ("w_water", "upward_sea_water_velocity"),
@@ -179,7 +179,7 @@ def test_the_file_says_what_it_holds(flight, tmp_path: Path, ending: str) -> Non
     np.testing.assert_allclose(np.stack([track.north, track.east], axis=1), position, atol=0.01)
 
 
-def test_all_figures_have_data(flight, tmp_path: Path) -> None:
+def test_all_figures_have_data(flight, tmp_path):
     for draw in FLIGHT_FIGURES.values():
         drawn = draw(flight_dataset(flight))
         assert all(axes.has_data() for axes in drawn.axes if axes.axison)
@@ -188,7 +188,7 @@ def test_all_figures_have_data(flight, tmp_path: Path) -> None:
     assert missing == []
 
 
-def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(store, tmp_path, capsys):
     out = tmp_path / "flight.nc"
     arguments = ["flight", str(store), "--out", str(out), "--json"]
     assert PROGRAM.main(arguments) == 0
@@ -202,7 +202,7 @@ def test_the_command(store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "must end in .nc" in capsys.readouterr().err
 
 
-def test_what_cannot_be_flown_is_told(store: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_flown_is_told(store, tmp_path):
     with pytest.raises(UnknownName, match="did you mean 'steady'"):
         estimate_flight(store, estimator="stedy")
     with pytest.raises(InputError, match="takes no argument, not '3'"):
@@ -211,7 +211,7 @@ def test_what_cannot_be_flown_is_told(store: Path, tmp_path: Path) -> None:
         estimate_flight(store, missions=[7])
 
 
-def test_an_estimator_of_one_s_own(store: Path) -> None:
+def test_an_estimator_of_one_s_own(store, flight):
     class Slow(FlightEstimator):
         kind = "half"
         summary = "half the surge, for a test; heave is left to the depth rate"
@@ -229,17 +229,17 @@ def test_an_estimator_of_one_s_own(store: Path) -> None:
         ESTIMATORS.add(HalfThere)
     ESTIMATORS.add(Slow)
     try:
-        slow, usual = twin.estimate_flight(store, estimator="half"), estimate_flight(store)
+        slow = twin.estimate_flight(store, estimator="half")
     finally:
         ESTIMATORS.unregister("half")
-    one, two = slow.missions[0].dive, usual.missions[0].dive
+    one, two = slow.missions[0].dive, flight.missions[0].dive
     np.testing.assert_allclose(one.motion.surge, 0.5 * two.motion.surge)
     assert np.isfinite(one.motion.heave).all()
     np.testing.assert_array_equal(one.water_up, two.water_up)  # of the flight model, always
 
 
 @pytest.mark.parametrize("name", ["flight", "steady"])
-def test_the_shipped_estimators_agree_in_steady_flight(name: str, flight, store: Path) -> None:
+def test_the_shipped_estimators_agree_in_steady_flight(name, flight, store):
     other = estimate_flight(store, estimator=name).missions[0].dive.motion
     own = flight.missions[0].dive.motion
     deep = truth(store, "depth") > 10.0
@@ -248,7 +248,7 @@ def test_the_shipped_estimators_agree_in_steady_flight(name: str, flight, store:
 
 
 @needs_docs
-def test_the_example_of_the_page_runs(store: Path, tmp_path: Path) -> None:
+def test_the_example_of_the_page_runs(store, flight, tmp_path):
     with files_of("docs/howto/flight.md", tmp_path) as names:
         assert names == ["two_thirds"]
         import two_thirds
@@ -257,7 +257,7 @@ def test_the_example_of_the_page_runs(store: Path, tmp_path: Path) -> None:
             found = estimate_flight(store, estimator="two-thirds")
         finally:
             ESTIMATORS.unregister(two_thirds.TwoThirds.kind)
-    whole = estimate_flight(store).missions[0].dive.motion
+    whole = flight.missions[0].dive.motion
     np.testing.assert_allclose(found.missions[0].dive.motion.surge, whole.surge * 2.0 / 3.0)
 
 
@@ -265,17 +265,47 @@ UNIT334 = SHARED / "slocum_unit334_2023"
 
 
 @pytest.mark.skipif(not UNIT334.is_dir(), reason=f"no public logs at {UNIT334}")
-def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path: Path) -> None:
+def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path):
     """Identified on the same log without options: the pitch sensor's offset is found."""
-    from factory.importing import import_logs
     from twin.identify import identify, load_calibration, load_logs
     from twin.identify.start_values import start_vehicle
 
     pytest.importorskip("pyarrow")
-    dataset, _ = import_logs("slocum", [UNIT334])
-    path = write_store(dataset, tmp_path / "unit334.zarr")
+    path = stored(tmp_path / "unit334.zarr", "slocum", [UNIT334])
     found = identify(load_logs(path), load_calibration(start_vehicle(path)))
     assert "pitch_offset" in found.determined
     summary = estimate_flight(path, found.calibration).summary()
     assert abs(summary.w_mean_dive - summary.w_mean_climb) < 0.003
     assert summary.w_deviation < 0.01
+
+
+# --- logs that no flight model can read -----------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def lrauv(tmp_path_factory):
+    """Of a propelled vehicle: depth and positions, no attitude, no pump."""
+    folder = tmp_path_factory.mktemp("lrauv")
+    return stored(folder / "lrauv.zarr", "lrauv", [write_mat(folder / "shore.mat", Flight())])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["flight"], ["flight", "--vehicle", "tethys"], ["flight", "--vehicle", "slocum-200"],
+     ["identify"]],
+)  # fmt: skip
+def test_what_the_log_lacks_is_said_whatever_vehicle_is_given(words, lrauv, tmp_path, capsys):
+    command, *options = words
+    out = tmp_path / ("mine.xml" if command == "identify" else "flight.nc")
+    assert PROGRAM.main([command, str(lrauv), "--out", str(out), *options]) == 2
+    told = capsys.readouterr().err
+    assert "has no channel measured_pitch (nor " in told
+    assert "as buoyancy-driven gliders log them, whatever --vehicle is given" in told
+    assert "give --vehicle" not in told
+
+
+def test_its_overview_is_what_was_measured(lrauv, tmp_path, capsys):
+    out = tmp_path / "overview.png"
+    assert PROGRAM.main(["plot", str(lrauv), "--out", str(out)]) == 0
+    assert out.stat().st_size > 10_000
+    assert "without a flight model" in capsys.readouterr().err

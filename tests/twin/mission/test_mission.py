@@ -1,6 +1,8 @@
-"""Missions: checks of their fields, files, round trips, and what a vehicle can fly."""
+"""Missions: checks of their fields, files, round trips, what a vehicle can fly, and their page."""
 
+import dataclasses
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +23,13 @@ from twin.mission import (
     steady_glide,
 )
 from twin.mission import mission_file as g
+from twin.mission.segments import SEGMENTS
 from twin.mission.shipped_missions import PROPELLED
-from twin.vehicle.vehicle import Vehicle, load_vehicle
+from twin.vehicle.vehicle import load_vehicle
 
 
 @pytest.fixture(scope="module")
-def vehicle() -> Vehicle:
+def vehicle():
     return load_vehicle("glider")
 
 
@@ -318,3 +321,48 @@ def test_compiled_rows_carry_commands_in_si(vehicle):
     # neither a depth loop nor a battery beside an elevator
     assert (gains[g.DEPTH_KP : g.TRIM_PART] == 0.0).all()
     assert gains[g.TRIM_PART] == -1.0
+
+
+# --- docs/reference/missions.md -------------------------------------------------------------------
+
+
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "missions.md").read_text(
+    encoding="utf-8"
+)
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_toml_example_can_be_flown(tmp_path):
+    texts, kinds = blocks("toml"), [["saw-tooth", "spiral", "surface"], ["waypoint"]]
+    for text, expected in zip(texts, kinds, strict=True):
+        path = tmp_path / "example.toml"
+        path.write_text(text, encoding="utf-8")
+        mission = Mission.from_toml(path)
+        mission.check(load_vehicle("glider"))
+        assert [segment.kind for segment in mission.segments] == expected
+
+
+def test_python_examples_run():
+    names = {}
+    for block in blocks("python"):
+        exec(compile(block, "docs/reference/missions.md", "exec"), names)
+    assert names["run"].complete
+
+
+def test_every_kind_of_segment_is_described():
+    described = set(re.findall(r"\*\*`([\w-]+)`\*\*", PAGE))
+    assert described == set(SEGMENTS.shipped())
+
+
+@pytest.mark.parametrize("cls", [Mission, *(SEGMENTS[kind] for kind in SEGMENTS.shipped())])
+def test_every_key_is_in_the_tables(cls):
+    rows = [line for line in PAGE.splitlines() if line.startswith("| `")]
+    keys = {key for row in rows for key in re.findall(r"`(\w+)`", row.split("|")[1])}
+    assert {field.name for field in dataclasses.fields(cls)} <= keys
+
+
+def test_shipped_missions_are_named():
+    assert all(f"`{name}`" in PAGE for name in mission_names())

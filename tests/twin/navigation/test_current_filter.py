@@ -1,7 +1,5 @@
 """The current filter: exact in time, equal to a dense Gaussian, calibrated on what it models."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 
@@ -28,7 +26,7 @@ NOISE = 0.02**2 * np.eye(2)
 
 
 @pytest.mark.parametrize("hours", [0.5, 3.0, 30.0])
-def test_a_step_is_exact_in_whatever_pieces_it_is_made(hours: float) -> None:
+def test_a_step_is_exact_in_whatever_pieces_it_is_made(hours):
     one = CurrentFilter(SOME, latitude=LATITUDE)
     many = CurrentFilter(SOME, latitude=LATITUDE)
     for filter_, pieces in ((one, 1), (many, 29)):
@@ -41,7 +39,7 @@ def test_a_step_is_exact_in_whatever_pieces_it_is_made(hours: float) -> None:
                                atol=1e-9)  # fmt: skip
 
 
-def test_the_noise_of_a_mode_is_that_of_its_equation() -> None:
+def test_the_noise_of_a_mode_is_that_of_its_equation():
     modes, seconds = modes_of(SOME, LATITUDE), 4.0 * HOUR
     gone, walk = passage(modes, seconds), modes.density[0]
     stationary = modes.rate.real < 0.0
@@ -54,7 +52,7 @@ def test_the_noise_of_a_mode_is_that_of_its_equation() -> None:
     )
 
 
-def test_the_inertial_part_turns_clockwise_in_the_north_and_not_in_the_south() -> None:
+def test_the_inertial_part_turns_clockwise_in_the_north_and_not_in_the_south():
     turns = {}
     for latitude in (40.0, -40.0):
         modes = modes_of(SOME, latitude)
@@ -64,7 +62,7 @@ def test_the_inertial_part_turns_clockwise_in_the_north_and_not_in_the_south() -
     assert 2.0 * math.pi / turns[40.0] / HOUR == pytest.approx(18.6, abs=0.1)
 
 
-def test_smoothing_is_the_dense_gaussian_conditional() -> None:
+def test_smoothing_is_the_dense_gaussian_conditional():
     """All states at once by their joint covariance: another way to the same answer."""
     filter_ = CurrentFilter(SOME, latitude=LATITUDE, record=True)
     nodes = filter_._nodes
@@ -114,7 +112,7 @@ def test_smoothing_is_the_dense_gaussian_conditional() -> None:
     np.testing.assert_allclose(smooth.current, mean.reshape(count, size) @ current.T, atol=1e-6)
 
 
-def test_it_goes_on_from_a_saved_state_as_if_nothing_had_been() -> None:
+def test_it_goes_on_from_a_saved_state_as_if_nothing_had_been():
     one, other = (CurrentFilter(SOME, latitude=LATITUDE) for _ in range(2))
     one.fix((0.0, 0.0))
     one.step(5000.0, (0.2, 0.1), NOISE)
@@ -133,7 +131,7 @@ def test_it_goes_on_from_a_saved_state_as_if_nothing_had_been() -> None:
         )
 
 
-def test_a_forecast_is_what_the_fix_is_compared_with() -> None:
+def test_a_forecast_is_what_the_fix_is_compared_with():
     filter_ = CurrentFilter(SOME, latitude=LATITUDE)
     filter_.fix((0.0, 0.0))
     filter_.step(10000.0, (0.2, 0.1))
@@ -190,7 +188,7 @@ def errors(parameters: CurrentParameters, legs: list[Leg], after: int) -> tuple[
     return float(np.mean(found)), float(np.mean(last))
 
 
-def test_tuned_on_a_tide_it_forecasts_the_tide() -> None:
+def test_tuned_on_a_tide_it_forecasts_the_tide():
     legs = truth(np.random.default_rng(1), 50, tide=0.2, wander=0.003)
     tuned = tune(legs[:20], latitude=LATITUDE)
     assert not tuned.parameters.persists
@@ -199,7 +197,7 @@ def test_tuned_on_a_tide_it_forecasts_the_tide() -> None:
     assert found < 0.15 * last
 
 
-def test_tuned_on_a_random_walk_it_is_persistence() -> None:
+def test_tuned_on_a_random_walk_it_is_persistence():
     legs = truth(np.random.default_rng(2), 50, tide=0.0, wander=0.05)
     tuned = tune(legs[:20], latitude=LATITUDE)
     found, last = errors(tuned.parameters, legs, 20)
@@ -208,13 +206,13 @@ def test_tuned_on_a_random_walk_it_is_persistence() -> None:
     assert alone == pytest.approx(last, rel=0.08)  # the nested special case
 
 
-def test_it_learns_the_error_of_the_speed() -> None:
+def test_it_learns_the_error_of_the_speed():
     legs = truth(np.random.default_rng(4), 30, tide=0.05, wander=0.003)
     said = [leg(one.start, one.over_ground, np.array(one.through_water) / 0.9) for one in legs]
     assert taught(SOME, said).calibration[0] == pytest.approx(-0.1, abs=0.02)
 
 
-def test_its_ellipses_hold_what_they_say_on_currents_of_another_size() -> None:
+def test_its_ellipses_hold_what_they_say_on_currents_of_another_size():
     legs = truth(np.random.default_rng(5), 200, tide=0.0, wander=0.2)
     filter_ = CurrentFilter(SOME, latitude=LATITUDE, time=0.0)
     held = []
@@ -228,7 +226,7 @@ def test_its_ellipses_hold_what_they_say_on_currents_of_another_size() -> None:
     assert 0.86 <= np.mean(held[20:]) <= 0.94
 
 
-def test_a_front_crossed_once_does_not_shake_the_tide() -> None:
+def test_a_front_crossed_once_does_not_shake_the_tide():
     legs = truth(np.random.default_rng(6), 40, tide=0.2, wander=0.002)
     front = leg(legs[-1].end, (3.0 * HOUR, 0.0), (0.0, 0.0))
     filter_ = taught(parameters_of(likely_logarithms(), ("M2", "K1")), [*legs, front])
@@ -236,7 +234,7 @@ def test_a_front_crossed_once_does_not_shake_the_tide() -> None:
     assert np.hypot(*filter_.part("M2")) < 0.3
 
 
-def test_constituents_by_record_and_surfacings() -> None:
+def test_constituents_by_record_and_surfacings():
     for days, hours, names in (
         (1.0, 3.0, "M2 K1"),
         (10.0, 3.0, "M2 K1 S2 O1"),
@@ -247,7 +245,7 @@ def test_constituents_by_record_and_surfacings() -> None:
         assert chosen_constituents(24.0 * days, hours) == tuple(names.split())
 
 
-def test_the_prior_costs_nothing_at_its_centre() -> None:
+def test_the_prior_costs_nothing_at_its_centre():
     assert prior_cost(likely_logarithms()) == 0.0
     assert prior_cost(likely_logarithms() + 0.3) > 0.0
 
@@ -269,6 +267,6 @@ def test_the_prior_costs_nothing_at_its_centre() -> None:
                         latitude=0.0), "sort them"),
     ],
 )  # fmt: skip
-def test_errors_teach(call, message: str) -> None:
+def test_errors_teach(call, message):
     with pytest.raises(InputError, match=message):
         call(CurrentFilter(SOME, latitude=LATITUDE))

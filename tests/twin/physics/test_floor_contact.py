@@ -1,7 +1,5 @@
 """Sea floor and obstacles: what the hull touches, at which altitude dives turn, and its replay."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

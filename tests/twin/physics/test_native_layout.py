@@ -1,7 +1,5 @@
 """Native callbacks: where MuJoCo keeps its fields, whom they touch, and what is compiled late."""
 
-from __future__ import annotations
-
 import logging
 import signal
 import threading
@@ -11,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco.batch import Batch, SimulationError
-from physics import glider, set_motion
+from physics import glider
 
 from twin.compiled import changed
 from twin.errors import LayoutError, TwinError
@@ -83,18 +81,6 @@ def _roll_out(xml):
     data.qvel[:] = 0.1
     mujoco.mj_step(model, data, nstep=50)
     return np.concatenate([data.qpos, data.qvel, data.act, data.xfrc_applied.ravel()])
-
-
-def test_two_gliders_in_one_process_do_not_disturb_each_other():
-    tracks = []
-    for _ in range(2):
-        model, data = glider()
-        set_motion(data, pitch=-0.3, velocity=(0.3, 0.0, 0.1))
-        mujoco.mj_step(model, data, nstep=200)
-        tracks.append(data.qpos.copy())
-        other, other_data = glider(vehicle="graver-2005", hydrodynamics="ellipsoid")
-        mujoco.mj_step(other, other_data, nstep=50)
-    np.testing.assert_array_equal(*tracks)
 
 
 def test_a_foreign_callback_is_not_silently_replaced():

@@ -1,14 +1,11 @@
 """Navigated simulations: guidance by what is known on board, and nothing of the truth."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from processes import python
 
 import twin
 from twin.__main__ import PROGRAM
@@ -288,8 +285,6 @@ def test_a_propelled_vehicle_goes_by_its_doppler_log():
 def test_a_fresh_process_knows_the_parts_of_a_propelled_vehicle():
     """Elsewhere in the suite a run before may have declared them."""
     words = ["simulate", "--vehicle", "tethys", "--navigate", "estimate", "--duration", "5"]
-    done = subprocess.run(
-        [sys.executable, "-m", "twin", *words], capture_output=True, text=True, check=False
-    )
+    done = python("-m", "twin", *words)
     assert done.returncode == 0, done.stderr
     assert "error of the on-board position" in done.stdout

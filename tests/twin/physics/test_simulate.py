@@ -1,7 +1,5 @@
 """Simulations: determinism, batches, actuators, buoyancy, surface, instability, replay."""
 
-from __future__ import annotations
-
 import json
 
 import mujoco
@@ -12,7 +10,7 @@ from physics import glider, set_motion
 from twin.errors import InputError, SimulationUnstable, StepTooLong
 from twin.frames import euler_to_matrix
 from twin.mission import Hold, Mission, SawTooth, Waypoint, load_mission
-from twin.mission.controller import Command, MissionController, Schedule
+from twin.mission.controller import Command, Schedule
 from twin.physics.fleet import Fleet
 from twin.physics.model_block import state
 from twin.physics.outcome import remarks
@@ -81,14 +79,6 @@ def test_lean_and_full_models_fly_alike():
     np.testing.assert_allclose(full.states, simulate(dive()).states, rtol=0, atol=1e-12)
 
 
-def test_python_controller_flies_like_the_native_guidance():
-    scenario = Scenario(vehicle=VEHICLE, mission=YO, duration=300.0)
-    native = simulate(scenario)
-    free = Scenario(vehicle=VEHICLE, duration=300.0, start=scenario.begin)
-    python = Simulation(free).run(MissionController(YO, VEHICLE))
-    np.testing.assert_allclose(python.position, native.position, atol=1e-6)
-
-
 def test_a_controller_must_return_a_command():
     free = Scenario(vehicle=VEHICLE, duration=10.0, start=Start(depth=100.0))
     with pytest.raises(InputError, match="must return a Command"):
@@ -111,18 +101,6 @@ def test_actuators_lag_and_are_rate_limited():
         late = t.time > begins + 0.2
         exact = np.abs(target[index]) - rate * lag * np.exp(-(t.time[late] - begins) / lag)
         np.testing.assert_allclose(np.abs(position[late]), exact, rtol=2e-3)
-
-
-def test_net_mass_follows_density_and_compressibility():
-    soft = VEHICLE.replace(hull_compressibility=5e-10)
-    profile = DensityProfile.thermocline()
-    t = simulate(dive(vehicle=soft, density=profile))
-    depth, pump = t["true_depth"], t["true_pump"]
-    volume = (soft.mass / 1025 + 1e-6 * pump) * (1 - 5e-10 * 1025 * 9.81 * depth)
-    np.testing.assert_allclose(
-        t["true_net_mass"], soft.mass - profile.density(depth) * volume, atol=2e-4
-    )
-    np.testing.assert_allclose(t["true_density"], profile.density(depth), atol=2e-4)
 
 
 def test_a_light_glider_floats_and_a_heavy_one_sinks():

@@ -1,7 +1,5 @@
 """Start: a place and a time, what uses them, and what contradicts them is refused."""
 
-from __future__ import annotations
-
 import ast
 import datetime
 import json
@@ -32,7 +30,7 @@ YO = Mission(
 )
 
 
-def test_a_mapping_takes_what_it_leaves_out_from_the_mission() -> None:
+def test_a_mapping_takes_what_it_leaves_out_from_the_mission():
     begin = Scenario(mission=YO, start=PLACE).begin
     assert begin.depth == 3.0
     assert begin.heading == pytest.approx(np.radians(30.0))
@@ -52,7 +50,7 @@ def test_a_mapping_takes_what_it_leaves_out_from_the_mission() -> None:
         datetime.datetime(2003, 7, 31, 23, tzinfo=datetime.timezone(datetime.timedelta(hours=-1))),
     ],
 )
-def test_a_time_is_kept_as_utc_text(time: object) -> None:
+def test_a_time_is_kept_as_utc_text(time):
     assert utc_text(time) == "2003-08-01T00:00:00"
 
 
@@ -71,12 +69,12 @@ def test_a_time_is_kept_as_utc_text(time: object) -> None:
         ({"time": 3.0}, "time 3.0 is not ISO 8601"),
     ],
 )
-def test_what_cannot_be_used_is_refused(start: dict, message: str) -> None:
+def test_what_cannot_be_used_is_refused(start, message):
     with pytest.raises(InputError, match=message):
         Scenario(mission=YO, start=start)
 
 
-def test_origin_and_start_must_agree() -> None:
+def test_origin_and_start_must_agree():
     same = Origin(latitude_deg=49.0, longitude_deg=344.0)
     assert Scenario(mission=YO, start=PLACE, origin=same).place.time == "2003-08-01T00:00:00"
     with pytest.raises(InputError, match="leave origin out"):
@@ -89,13 +87,13 @@ def test_origin_and_start_must_agree() -> None:
 
 
 @pytest.mark.parametrize("setting", ["lat=48,lon=-16", "time=2003-08-02"])
-def test_a_grid_elsewhere_is_refused_before_its_file_is_read(setting: str) -> None:
+def test_a_grid_elsewhere_is_refused_before_its_file_is_read(setting):
     current = parse_current(f"uniform:0.1,0+grid:absent.nc,{setting}")
     with pytest.raises(CurrentError, match="is not the mission's start"):
         Scenario(mission=YO, start=PLACE, current=current)
 
 
-def test_a_grid_is_read_at_the_start(tmp_path: Path) -> None:
+def test_a_grid_is_read_at_the_start(tmp_path):
     xr = pytest.importorskip("xarray")
     days = np.array(["2003-07-31", "2003-08-01", "2003-08-02"], "datetime64[ns]")
     latitude, longitude = np.arange(47.0, 52.0), np.arange(-18.0, -13.0)
@@ -124,7 +122,7 @@ def test_a_grid_is_read_at_the_start(tmp_path: Path) -> None:
     np.testing.assert_array_equal(simulate(scenario).states, run.states)
 
 
-def test_density_and_pressure_follow_the_latitude() -> None:
+def test_density_and_pressure_follow_the_latitude():
     def fly(**options: object) -> twin.Trajectory:
         return twin.simulate(
             mission=YO, density="thermocline", sensors="ideal", duration=120.0, **options
@@ -140,7 +138,7 @@ def test_density_and_pressure_follow_the_latitude() -> None:
     assert 0.0015 < gained / usual - 1.0 < 0.005  # gravity at 80 degree over that at 36.8: 0.32 %
 
 
-def test_a_scenario_comes_back_with_its_place() -> None:
+def test_a_scenario_comes_back_with_its_place():
     for options in (
         {"start": PLACE},
         {"start": {"time": "2003-08-01"}},
@@ -153,7 +151,7 @@ def test_a_scenario_comes_back_with_its_place() -> None:
         assert again.describe() == scenario.describe()
 
 
-def test_a_scenario_of_an_earlier_version_is_read() -> None:
+def test_a_scenario_of_an_earlier_version_is_read():
     described = json.loads(OLD.read_text())
     scenario = scenario_from_dict(described)
     assert scenario.place == Origin(latitude_deg=49.0, longitude_deg=-16.0, time="2003-08-01T00:00")
@@ -166,7 +164,7 @@ def test_a_scenario_of_an_earlier_version_is_read() -> None:
 
 @pytest.mark.parametrize("ending", [".zarr", ".nc"])
 @pytest.mark.parametrize("given", [True, False])
-def test_stores_hold_the_place_and_give_it_back(tmp_path: Path, ending: str, given: bool) -> None:
+def test_stores_hold_the_place_and_give_it_back(tmp_path, ending, given):
     run = twin.simulate(mission=YO, duration=30.0, **({"start": PLACE} if given else {}))
     assert run.provenance.get("start_nominal") == (None if given else "place and date")
     path = run.save(tmp_path / f"run{ending}")
@@ -189,12 +187,12 @@ def test_stores_hold_the_place_and_give_it_back(tmp_path: Path, ending: str, giv
             assert float(store["latitude"][0, 0]) == pytest.approx(36.8, abs=1e-4)
 
 
-def test_a_place_without_a_date_leaves_the_date_nominal() -> None:
+def test_a_place_without_a_date_leaves_the_date_nominal():
     said = twin.simulate(mission=YO, start={"latitude": 49.0, "longitude": -16.0}, duration=30.0)
     assert said.provenance["start_nominal"] == "date"
 
 
-def test_an_export_is_at_the_true_place_and_date(tmp_path: Path) -> None:
+def test_an_export_is_at_the_true_place_and_date(tmp_path):
     from factory.exporting import EXPORTERS
 
     run = twin.simulate(mission=YO, start=PLACE, sensors="ideal", duration=60.0)
@@ -211,7 +209,7 @@ def test_an_export_is_at_the_true_place_and_date(tmp_path: Path) -> None:
         assert "nominal" not in file.comment
 
 
-def test_an_export_says_what_is_nominal_and_refuses_what_it_cannot_hold(tmp_path: Path) -> None:
+def test_an_export_says_what_is_nominal_and_refuses_what_it_cannot_hold(tmp_path):
     from factory.exporting import EXPORTERS
 
     def saved(name: str, **options: object) -> Path:
@@ -229,7 +227,7 @@ def test_an_export_says_what_is_nominal_and_refuses_what_it_cannot_hold(tmp_path
         open_exportable(saved("c.zarr"))
 
 
-def test_an_environment_refuses_a_place_that_it_would_not_use() -> None:
+def test_an_environment_refuses_a_place_that_it_would_not_use():
     pytest.importorskip("dm_control")
     from twin.control.physics import Physics
 
@@ -240,7 +238,7 @@ def test_an_environment_refuses_a_place_that_it_would_not_use() -> None:
         physics.set_start(Start(depth=20.0, latitude=49.0, longitude=-16.0))
 
 
-def test_a_caption_says_where_and_when(tmp_path: Path) -> None:
+def test_a_caption_says_where_and_when(tmp_path):
     from twin.show.figures.page_layout import mission_caption
 
     run = twin.simulate(mission=YO, start=PLACE, duration=30.0)
@@ -248,7 +246,7 @@ def test_a_caption_says_where_and_when(tmp_path: Path) -> None:
     assert "49.000°N 16.000°W, 2003-08-01 00:00 UTC, simulated" in caption
 
 
-def test_nothing_outside_the_physics_writes_to_a_compiled_block() -> None:
+def test_nothing_outside_the_physics_writes_to_a_compiled_block():
     root = Path(twin.__file__).parents[1]
     readers = {"header", "part_table", "table", "state"}
     seen = 0
@@ -288,7 +286,7 @@ def _bound_to(node: ast.Assign, calls: dict[str, str]) -> set[str]:
     return names
 
 
-def test_a_place_on_the_command_line() -> None:
+def test_a_place_on_the_command_line():
     assert parse_place("-33, 18") == {"latitude": -33.0, "longitude": 18.0}
     assert parse_place("49,-16,2003-08-01") == {**PLACE, "time": "2003-08-01"}
     for text in ("49", "a,b", "1,2,3,4"):

@@ -1,7 +1,5 @@
 """Invariants of the hull law and of the models: mirror, tumbling, damping, continuity, density."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -284,22 +282,15 @@ def rate_moment(alpha, beta, rates, speed=0.5):
     return (wrench(alpha, beta, rates, speed) - wrench(alpha, beta, (0, 0, 0), speed))[3:]
 
 
-@given(
-    alpha=st.floats(-10, 10),
-    beta=st.one_of(st.floats(20, 89.9), st.floats(-89.9, -20)),
-    rates=st.tuples(*[st.floats(-1, 1)] * 3),
-)
-def test_rates_are_damped_axis_by_axis_in_a_flow_from_the_side(alpha, beta, rates):
+ASIDE = st.tuples(st.floats(-10, 10), st.floats(20, 89.9) | st.floats(-89.9, -20))
+BELOW = st.tuples(st.floats(20, 180), st.floats(-89.9, 89.9))
+
+
+@pytest.mark.parametrize("angles", [ASIDE, BELOW], ids=["from the side", "from below"])
+@given(data=st.data(), rates=st.tuples(*[st.floats(-1, 1)] * 3))
+def test_rates_are_damped_axis_by_axis_across_the_flow(angles, data, rates):
     """docs/physics/equations.md: beyond 20 deg of EITHER angle the axes are those of the body."""
-    found = rate_moment(math.radians(alpha), math.radians(beta), rates)
-    np.testing.assert_allclose(found, DAMPING * rates * 0.5**2, atol=1e-9)
-
-
-@given(
-    alpha=st.floats(20, 180), beta=st.floats(-89.9, 89.9), rates=st.tuples(*[st.floats(-1, 1)] * 3)
-)
-def test_rates_are_damped_axis_by_axis_in_a_flow_from_below(alpha, beta, rates):
-    found = rate_moment(math.radians(alpha), math.radians(beta), rates)
+    found = rate_moment(*np.radians(data.draw(angles)), rates)
     np.testing.assert_allclose(found, DAMPING * rates * 0.5**2, atol=1e-9)
 
 

@@ -4,12 +4,12 @@ import contextlib
 import os
 import re
 import socket
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from processes import python
 from s3 import PACKAGES, s3_server
 
 from twin.errors import InputError
@@ -191,12 +191,7 @@ def test_a_profile_gives_keys_region_and_endpoint(tmp_path):
             ("mine", 0, "b'1' ['a']"),
             ("yours", 1, r"AWS_PROFILE=yours gives no credentials \(.*yours.*\): set AWS_ACCESS"),
         ):
-            done = subprocess.run(
-                [sys.executable, "-c", program],
-                env={**base, "AWS_PROFILE": name},
-                capture_output=True,
-                text=True,
-            )
+            done = python("-c", program, env=base, AWS_PROFILE=name)
             assert done.returncode == code, done.stderr
             assert re.search(re.escape(said) if not code else said, done.stdout + done.stderr)
 

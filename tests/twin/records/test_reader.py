@@ -1,18 +1,29 @@
-"""The reader: what kind of store it is, whose vehicle flew, and what is refused."""
+"""The reader: what a store is and who knows it, whose vehicle flew, limits, addresses, refusals."""
 
 import json
+import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from twin.errors import StoreError
+from factory.importing import import_logs
+from learn.run_folder import training_folder
+from twin.__main__ import PROGRAM
+from twin.errors import InputError, StoreError
 from twin.physics.scenario import Scenario
+from twin.records import attributes
 from twin.records.attributes import CONVENTIONS, READER_VERSION, SPLITS
 from twin.records.logged import LogRow, LogStore, log_rows
 from twin.records.reader import MissionStore
-from twin.records.store import read_trajectory, write_store
+from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, VARIABLES, WITH_FLOOR, Variable
+from twin.records.schema.limits import TABLE, quantity, recorded_limits, simulated_limits
+from twin.records.storage.store_path import Url, check_addresses, store_path
+from twin.records.storage.whole import whole_file, whole_folder
+from twin.records.store import open_trajectory, read_trajectory, write_store
+from twin.records.tracks import read_tracks
 from twin.vehicle.vehicle import load_vehicle
 from twin.version import IMPORT_VERSION
 
@@ -64,8 +75,8 @@ def test_the_vehicle_is_the_one_that_the_store_describes(tmp_path):
         "scenario": {"scenario": json.dumps(scenario)},
         "mjcf": {"vehicle_mjcf": rogue.xml, "settings": json.dumps({"vehicle": "rogue"})},
     }
-    for name, attributes in cases.items():
-        found = MissionStore(written(tmp_path / f"{name}.zarr", attributes)).vehicle
+    for name, said in cases.items():
+        found = MissionStore(written(tmp_path / f"{name}.zarr", said)).vehicle
         assert (found.name, found.mass) == (rogue.name, rogue.mass)
     plain = MissionStore(written(tmp_path / "plain.zarr")).vehicle
     assert plain.mass == load_vehicle("glider").mass
@@ -148,3 +159,164 @@ def test_a_chunk_that_never_had_a_file_is_read_as_missing_values(tmp_path):
         with MissionStore(one) as store:
             assert np.isnan(store.rows("measured_pitch", [0, 1])).all()
             store.check_arrays()
+
+
+# --- limits of variables --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", VARIABLES)
+def test_every_variable_has_limits(name):
+    low, high = recorded_limits(name)
+    assert low < high
+    closer_low, closer_high = simulated_limits(name)
+    assert low <= closer_low < closer_high <= high
+
+
+def test_every_row_is_used():
+    named = (*SIMULATED, *HYDROGRAPHY, *LOGGED_ONLY, *WITH_FLOOR)
+    assert {quantity(name) for name in named} == set(TABLE)
+
+
+def test_sensors_may_say_more_than_a_simulation_does():
+    assert simulated_limits("true_surge") == (-5.0, 5.0)
+    assert simulated_limits("measured_dvl_surge") == (-10.0, 10.0)
+    assert simulated_limits("commanded_heading") == (0.0, 360.0)
+    assert recorded_limits("true_heading") == (-180.0, 360.0)
+
+
+def test_a_unit_without_limits_says_where_they_belong(monkeypatch):
+    monkeypatch.setitem(VARIABLES, "true_light", Variable("true_light", "lx", "light"))
+    with pytest.raises(LookupError, match=r"'true_light': add limits for the unit 'lx' to .*TABLE"):
+        recorded_limits("true_light")
+    with pytest.raises(KeyError, match="true_depth"):
+        recorded_limits("true_dept")
+
+
+# --- what a store is, is known in one package -----------------------------------------------------
+
+
+ROOT = Path(__file__).resolve().parents[3]
+OURS = ROOT / "twin" / "records"
+ZARR = re.compile(r"open_zarr|to_zarr|\bzarr\.|import zarr|from zarr|\bZarr")
+ELSEWHERE = {
+    # gridded currents of other programs, which may be zarr
+    "twin/water/current/velocity_file.py"
+}
+NAMES = (
+    *(attributes.VERSION, attributes.SAMPLE_PERIOD, attributes.FAILED_MISSIONS),
+    *(attributes.VEHICLE_MJCF, attributes.VEHICLE_SHA256, attributes.SOURCE_FORMAT),
+    *(attributes.IMPORT_REPORT, attributes.PROGRAM_VERSION, attributes.N_SAMPLES),
+    *(attributes.START_TIME, attributes.DIVE_DURATION),
+)
+"""Names that mean a store's attribute or bookkeeping array wherever they stand."""
+
+
+def without_text(source):
+    """A module without docstrings and comments."""
+    source = re.sub(r'"""(?:.|\n)*?"""', "", source)
+    return re.sub(r"#.*", "", source)
+
+
+MODULES = [
+    path
+    for package in ("twin", "factory", "learn")
+    for path in sorted((ROOT / package).rglob("*.py"))
+    if OURS not in path.parents
+]
+
+
+def test_zarr_is_opened_and_written_here_only():
+    found = {
+        str(path.relative_to(ROOT))
+        for path in MODULES
+        if ZARR.search(without_text(path.read_text()))
+    }
+    assert found <= ELSEWHERE
+
+
+def test_the_names_of_attributes_are_spelt_here_only():
+    spelt = re.compile("|".join(f"[\"']{name}[\"']" for name in NAMES))
+    found = {
+        f"{path.relative_to(ROOT)}: {match.group()}"
+        for path in MODULES
+        for match in spelt.finditer(without_text(path.read_text()))
+    }
+    assert not found
+
+
+@pytest.mark.parametrize("text", ["xr.open_zarr(p)", "d.to_zarr(p)", "import zarr", "zarr.open(p)"])
+def test_the_search_would_find_it(text):
+    assert ZARR.search(without_text(f'"""zarr."""\n{text}'))
+    assert not ZARR.search(without_text('"""zarr.json"""  # zarr.open'))
+
+
+# --- addresses ------------------------------------------------------------------------------------
+
+
+UNKNOWN = ("gcs://b/run.zarr", "abfs://b/x.zarr", "https://a.b/x.zarr", "memory://x/y.zarr",
+           "file:///tmp/x.zarr", "S3://b/x.zarr", "s3a://b/x.nc",
+           "hdfs:/b/x.zarr", "gcs://")  # fmt: skip
+
+
+@pytest.mark.parametrize("address", UNKNOWN)
+@pytest.mark.parametrize("kind", [str, Path])
+def test_an_address_of_an_unknown_kind_is_no_path(address, kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scheme = address.partition(":")[0]
+    place = kind(address)
+
+    def write(context):
+        with context(place):
+            pass
+
+    for use in (
+        lambda: store_path(place),
+        lambda: check_addresses([Path("a"), Path(place)]),
+        lambda: write(whole_file),
+        lambda: write(whole_folder),
+        lambda: open_trajectory(place),
+        lambda: MissionStore(place),
+        lambda: read_tracks(place),
+        lambda: import_logs("slocum", [place]),
+        lambda: training_folder(Path(place), replace=False),
+    ):
+        with pytest.raises(InputError, match=rf"{scheme}://.*: unknown kind of address '{scheme}'"):
+            use()
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_near_is_offered():
+    with pytest.raises(InputError, match=r"unknown kind of address 'gcs': did you mean 'gs'\?"):
+        store_path(Path("gcs://b/x.zarr"))
+
+
+@pytest.mark.parametrize("place", ["a/b.zarr", "/a:/b.zarr", "a/b:/c", "./x:y", "x:y", "..", "~/a"])
+def test_what_is_no_address_is_a_path(place):
+    assert store_path(place) == Path(place)
+    assert store_path(Path(place)) == Path(place)
+
+
+@pytest.mark.parametrize("place", ["s3://b/x.zarr", "gs:/b/x.zarr", Path("az://b/c/x.zarr")])
+def test_an_address_that_is_known_is_one(place):
+    found = store_path(place)
+    assert isinstance(found, Url)
+    assert str(found) == str(place).replace("://", ":/").replace(":/", "://")
+    assert store_path(found) == found
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "--duration", "5", "--out", "gcs://b/run.zarr"],
+        ["flight", "gcs://b/x.zarr"], ["flight", "x.zarr", "--out", "gcs://b/f.nc"],
+        ["plot", "gcs://b/x.zarr"], ["render", "x.zarr", "--out", "gcs://b/f.mp4"],
+    ],
+)  # fmt: skip
+def test_every_command_refuses_an_address_of_an_unknown_kind(
+    words, tmp_path, monkeypatch,
+    capsys
+):  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert PROGRAM.main(words) == 2
+    assert "unknown kind of address 'gcs': did you mean 'gs'?" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

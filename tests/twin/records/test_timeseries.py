@@ -5,10 +5,11 @@ import importlib.util
 import numpy as np
 import pytest
 import xarray as xr
-from logs import Flight, write_slocum
+from logs import stored
 
 import twin
-from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from twin.errors import InputError, StoreError
 from twin.mission import Mission, SawTooth
 from twin.records.mission_dataset import dataset_of
@@ -44,8 +45,7 @@ def simulated(tmp_path_factory):
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("series")
-    dataset, _ = import_logs("slocum", write_slocum(folder, FLIGHT))
-    return write_store(dataset, folder / "real.zarr")
+    return stored(folder / "real.zarr", "slocum", write_slocum(folder, FLIGHT))
 
 
 def test_missions_follow_each_other_by_date_without_padding(simulated):

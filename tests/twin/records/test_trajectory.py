@@ -1,4 +1,4 @@
-"""Trajectory: a mapping of signals that saves, opens, plots and describes itself."""
+"""Trajectory: a mapping that saves, opens, plots and describes itself; tracks in CSV files."""
 
 import dataclasses
 import math
@@ -13,6 +13,7 @@ from twin.errors import InputError, StoreError
 from twin.mission.segments import SawTooth, Surface
 from twin.records.mission_dataset import summarise
 from twin.records.schema import variable
+from twin.records.tracks import read_tracks
 from twin.records.trajectory import actuator_names
 
 
@@ -156,3 +157,57 @@ def test_the_angle_of_attack_is_that_of_the_flight_not_of_the_surface():
 def test_a_vehicle_that_never_dives_has_no_angle_of_attack():
     mission = twin.Mission(name="stay", segments=[Surface(duration_s=20.0)])
     assert math.isnan(summarise(twin.simulate(mission=mission))["angle_of_attack_p98_deg"])
+
+
+# --- tracks in CSV files --------------------------------------------------------------------------
+
+
+HEADER = "mission,track,time,north,east\n"
+
+
+def write(tmp_path, text):
+    path = tmp_path / "reckoned.csv"
+    path.write_text(text)
+    return path
+
+
+def test_rows_belong_to_missions_and_tracks(tmp_path):
+    path = write(
+        tmp_path,
+        HEADER
+        + "0,ekf,0,0,0\n0,ekf,1,0.1,0.30000000000000004\n3,ekf,0,5,5\n3,ekf,2,6,6\n"
+        + "0,dvl,0,0,0\n0,dvl,1,nan,nan\n0,dvl,2,2,4\n",
+    )
+    ekf, dvl = read_tracks(path, 0)
+    assert (ekf.name, ekf.east.tolist()) == ("ekf", [0.0, 0.30000000000000004])  # every bit
+    assert (dvl.name, dvl.time.tolist(), dvl.east.tolist()) == ("dvl", [0.0, 2.0], [0.0, 4.0])
+    (other,) = read_tracks(path, 3)
+    assert other.north.tolist() == [5.0, 6.0]
+    with pytest.raises(InputError, match=r"no track of mission 1"):
+        read_tracks(path, 1)
+
+
+def test_without_names_a_track_is_called_after_its_file(tmp_path):
+    path = write(tmp_path, "time, north, east\n0, 0, 0\n\n1, 2, 3\n")
+    (track,) = read_tracks(path)
+    assert (track.name, track.north.tolist()) == ("reckoned", [0.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,north\n0,1\n", "no column east"),
+        (HEADER + "0,a,0,0,0\n0,a,1,x,0\n", "line 3: north is 'x', not a number"),
+        (HEADER + "0,a,0,0,0\n0,a,1,2\n", "line 3: east is '', not a number"),
+        (HEADER + "one,a,0,0,0\n", "line 2: mission is 'one', not a number"),
+        (HEADER + "0,a,0,0,0,9\n", "cannot be read"),
+        (HEADER + "0,a,0,0,0\n0,a,1,0,0,9,9\n", "cannot be read"),
+        ("", "cannot be read"),
+        (HEADER, "no track of mission 0"),
+        (HEADER + "0,a,1,0,0\n0,a,0,0,0\n", "its times must increase"),
+    ],
+)
+def test_a_file_that_is_wrong_says_where(tmp_path, text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        read_tracks(write(tmp_path, text))
+    assert "\n" not in str(caught.value)

@@ -1,7 +1,5 @@
 """The DVL: exact beam geometry over any floor, the sheet's statistics, lock and its loss."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

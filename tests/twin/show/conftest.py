@@ -1,10 +1,5 @@
 """Fixtures of the tests that draw."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from browser import Browser
 from pictures import (
@@ -17,36 +12,34 @@ from pictures import (
 
 from twin.__main__ import PROGRAM
 from twin.physics.simulation import simulate
-from twin.records.trajectory import Trajectory
-from twin.show.render.subject import Subject
 
 
 @pytest.fixture(scope="session")
-def trajectory() -> Trajectory:
+def trajectory():
     """The short mission with sensors."""
     return measured(simulate(short_scenario()))
 
 
 @pytest.fixture(scope="session")
-def subject() -> Subject:
+def subject():
     """The short mission without tracks."""
     return short_subject()
 
 
 @pytest.fixture(scope="session")
-def dives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dives(tmp_path_factory):
     """A log of three dives."""
     return write_dives(tmp_path_factory.mktemp("dives"), 3)
 
 
 @pytest.fixture(scope="session")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def store(tmp_path_factory):
     """Two short missions, with sensors."""
     return write_short_store(tmp_path_factory.mktemp("short") / "short.zarr")
 
 
 @pytest.fixture(scope="session")
-def page(store: Path) -> Path:
+def page(store):
     """The first of them as a page, as the command writes it."""
     out = store.with_name("dive.html")
     assert PROGRAM.main(["render", str(store), "--html", str(out)]) == 0
@@ -54,7 +47,7 @@ def page(store: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def log_page(dives: Path) -> Path:
+def log_page(dives):
     """The dives together as a page."""
     out = dives.with_name("dives.html")
     assert PROGRAM.main(["render", str(dives), "--missions", "all", "--html", str(out)]) == 0
@@ -62,7 +55,7 @@ def log_page(dives: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     """A page of a browser."""
     with Browser() as one:
         yield one

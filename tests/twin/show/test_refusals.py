@@ -1,7 +1,5 @@
 """Commands that draw refuse in one line what they cannot do, and leave nothing behind."""
 
-from __future__ import annotations
-
 import pytest
 from pictures import refused
 

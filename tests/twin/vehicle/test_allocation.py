@@ -1,20 +1,27 @@
-"""Several parts of a kind share what guidance asks: two screws, an X tail, six fins."""
-
-from __future__ import annotations
+"""Parts that share what guidance asks, rest off their zero, or are put into a file."""
 
 import math
 import warnings
+from pathlib import Path
+from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
+from physics import held
 from torpedo import TORPEDO
 
 import twin
+from twin.checks.agreement import check_manoeuvres
 from twin.checks.published import held_flight
-from twin.errors import VehicleError
+from twin.errors import InputError, VehicleError
+from twin.fossen import FossenModel
 from twin.mission.glide_balance import cruise_rate, surplus
 from twin.mission.segments import Hold, SawTooth
-from twin.vehicle.additions import with_part
+from twin.physics.mujoco_model import compile_model
+from twin.physics.simulation import simulate
+from twin.physics.start import Start
+from twin.vehicle.additions import with_law, with_part
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
@@ -228,3 +235,133 @@ def test_shipped_vehicles_have_one_part_of_each():
         assert (vehicle.followers, vehicle.idle) == ((), {})
         position = vehicle.rest
         assert vehicle.allocated(position) is position
+
+
+# --- neutral positions ----------------------------------------------------------------------------
+
+
+TURNED = {"slocum-200": ("rudder", -0.19), "glider": ("rotation", 0.3)}
+
+
+def flown(vehicle, part, position):
+    named = dict(zip(vehicle.part_names, vehicle.rest.tolist(), strict=True))
+    named |= {"pump": vehicle.pump_for_net_mass(0.2), vehicle.steering["pitch"]: 0.015}
+    named[part] = position
+    command = tuple(named[name] for name in vehicle.part_names)
+    start = Start(depth=300.0, pitch=-0.4, v_rel=(0.3, 0.0, 0.01), actuators=command)
+    return simulate(held(vehicle, command, 120.0, start=start))
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_a_part_at_its_neutral_position_steers_as_an_even_vehicles_at_0(name):
+    part, neutral = TURNED[name]
+    even = load_vehicle(name)
+    uneven = even.replace(**{part: {"neutral": neutral}})
+    assert uneven.rest[uneven.part_names.index(part)] == neutral
+    for turned in (0.0, 0.2):
+        mine, theirs = flown(uneven, part, neutral + turned), flown(even, part, turned)
+        np.testing.assert_allclose(mine.v_rel, theirs.v_rel, atol=1e-9)
+        np.testing.assert_allclose(mine["true_heading"], theirs["true_heading"], atol=1e-6)
+    # and by both models: its steady turn at 0 is the even one's the other way
+    there = {"pump": even.pump_for_net_mass(0.2), even.steering["pitch"]: 0.015}
+    turn = FossenModel(uneven).trim(positions={**there, part: 0.0}).turn_rate_rad_s
+    other = FossenModel(even).trim(positions={**there, part: -neutral}).turn_rate_rad_s
+    assert turn == pytest.approx(other, rel=1e-9)
+    assert abs(math.degrees(turn)) > 0.1
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_both_models_fly_an_uneven_vehicle_alike(name):
+    part, neutral = TURNED[name]
+    uneven = load_vehicle(name).replace(**{part: {"neutral": neutral}})
+    (found,) = check_manoeuvres(uneven, count=1, duration=300.0)
+    assert found.ok, found
+
+
+# --- parts and laws that a program puts into a file -----------------------------------------------
+
+
+TAIL: dict[str, Any] = {
+    "kind": "fin",
+    "travel": (-0.3, 0.3),
+    "lag": 0.3,
+    "rate": 0.5,
+    "place": (-0.9, 0.1, -0.2),
+    "numbers": {"axis": (0.0, 0.0, 1.0), "area": 0.02, "lift_slope": 3.0},
+}
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_shipped_vehicle_takes_a_part_and_its_file_stands_alone(name, tmp_path):
+    vehicle = with_part(name, "tail", **TAIL)
+    path = tmp_path / "own.xml"
+    path.write_text(vehicle.xml)
+    again = twin.load_vehicle(path)
+    assert again.part_names == (*twin.load_vehicle(name).part_names, "tail")
+    part = again.part("tail")
+    assert (part.low, part.high, part.lag, part.rate) == (-0.3, 0.3, 0.3, 0.5)
+    assert part.position == (-0.9, 0.1, -0.2)
+    model = compile_model(again)
+    assert model.nu == len(again.parts)
+    assert isinstance(model, mujoco.MjModel)
+
+
+def test_comments_which_have_the_sources_stay():
+    text = twin.load_vehicle("rogue").xml
+    found = with_part("rogue", "tail", **TAIL).xml
+    assert found.count("<!--") == text.count("<!--")
+    assert found.startswith(text[: text.index("<mujoco")])
+
+
+def test_a_pose_of_the_file_has_the_part_at_rest():
+    model = compile_model(with_part("glider", "tail", **TAIL))
+    assert model.nkey == 4
+    assert (model.key_act[:, -1] == 0.0).all()
+    held = with_part(
+        "glider", "weight", kind="drop-weight", travel=(0.0, 1.0), lag=0.5, rate=1.0,
+        numbers={"mass": 1.0},
+    )  # fmt: skip
+    assert (compile_model(held).key_act[:, -1] == held.part("weight").rest).all()
+
+
+def test_a_mission_commands_the_part_and_guidance_steers_with_it():
+    vehicle = with_part("glider", "tail", **TAIL, steers=["heading"])
+    assert vehicle.steered("heading") is vehicle.part("tail")
+    hold = Hold(net_mass_kg=0.3, shift_m=0.02, parts={"tail": 0.2}, duration_s=60.0)
+    run = twin.simulate(vehicle=vehicle, mission=twin.Mission(segments=[hold], at_end="hold"))
+    assert run["true_tail"][-1] == pytest.approx(np.degrees(0.2), abs=1e-6)
+    assert abs(run["true_yaw_rate"][-1]) > 1e-3
+
+
+def test_a_law_replaces_the_files_own_and_its_numbers():
+    vehicle = with_law("graver-2005", "body-axes", {"Xuu": -5.0, "Yvv": -50.0, "Zww": -60.0})
+    assert vehicle.law.kind == "body-axes"
+    again = with_law(vehicle, "body-axes", {"Xuu": -7.0})
+    assert again.xml.count('name="Xuu"') == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "fim"}, "did you mean 'fin'"),
+        ({"kind": "battery-slide"}, "moves a mass on a joint"),
+        ({"numbers": {"axis": (0.0, 0.0, 1.0), "area": 0.02}}, "tail.lift_slope"),
+        ({"numbers": {**TAIL["numbers"], "aera": 1.0}}, "did you mean 'tail.area'"),
+        ({"travel": (0.3, -0.3)}, "actrange"),
+        ({"lag": "slow"}, "lag is 'slow': give a number"),
+        ({"steers": ["depth"]}, "unknown steers 'depth'"),
+    ],
+)
+def test_what_is_wrong_is_named(change, message):
+    with pytest.raises(InputError, match=message):
+        with_part("glider", "tail", **{**TAIL, **change})
+
+
+def test_a_second_part_of_a_name_and_values_beside_the_file_are_refused():
+    vehicle = with_part("glider", "tail", **TAIL)
+    with pytest.raises(InputError, match="'tail' of two"):
+        with_part(vehicle, "tail", **TAIL)
+    changed = vehicle.replace(hull_compressibility=1e-10)
+    with pytest.raises(InputError, match=r"other values than its file \(hull_compressibility\)"):
+        with_part(changed, "other", **TAIL)
+    assert Path(vehicle.path).name == "glider.xml"

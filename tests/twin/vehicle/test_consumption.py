@@ -1,7 +1,5 @@
 """Energy: work of the pump, drives and hotel load, as signals of missions and in summaries."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Parts and hull laws: two codes of one law, figures by hand, signs, and what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

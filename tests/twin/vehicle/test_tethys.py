@@ -5,8 +5,6 @@ their tolerances, flown by `tethys:gazebo`. Figures of the equations are compute
 simulator.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -14,7 +12,6 @@ import numpy as np
 import pytest
 from physics import held
 
-from twin.checks.agreement import check_manoeuvres
 from twin.checks.published import held_flight
 from twin.errors import NoSteadyState
 from twin.fossen import FossenModel
@@ -488,13 +485,6 @@ def test_the_listed_coupling_is_kirchhoffs():
 
 
 # --- both models, energy --------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("vehicle", SETS.values(), ids=SETS)
-def test_manoeuvres_agree_with_fossen(vehicle):
-    found = check_manoeuvres(vehicle, count=3)
-    assert all(difference.ok for difference in found)
-    assert min(difference.distance_m for difference in found) > 200.0
 
 
 def test_its_range_is_mbaris():

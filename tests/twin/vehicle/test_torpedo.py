@@ -1,18 +1,15 @@
 """A vehicle that is no glider passes through the whole of `twin`."""
 
-from __future__ import annotations
-
 import functools
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pictures import needs_gl
+from pictures import call, needs_gl
 from torpedo import GEOMETRY_ONLY, TORPEDO
 
 import twin
-from twin.__main__ import PROGRAM
 from twin.checks.agreement import check_manoeuvres
 from twin.errors import InputError, MissionError, NoSteadyState, VehicleError
 from twin.fossen import FossenModel
@@ -46,12 +43,6 @@ def store(survey, tmp_path_factory):
 
     path = tmp_path_factory.mktemp("torpedo") / "survey.zarr"
     return write_store(dataset_of([survey], attributes=survey.provenance), path)
-
-
-def call(capsys, *words):
-    code = PROGRAM.main([*map(str, words)])
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 # --- trim and check -------------------------------------------------------------------------------
@@ -251,7 +242,8 @@ def test_a_part_must_not_bear_the_name_of_a_signal():
         twin.simulate(vehicle=vehicle, controller=lambda seen: Command(), duration=10.0)
 
 
-def test_every_figure_is_drawn(capsys, store, tmp_path):
+def test_every_figure_is_drawn(capsys, store, tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.commands.plot.PRINT_DPI", 40)
     code, _, _ = call(capsys, "plot", store, "--figure", "all", "--out", tmp_path)
     assert code == 0
     assert {"overview.png", "actuator.png"} <= {path.name for path in tmp_path.iterdir()}

@@ -1,6 +1,4 @@
-"""Vehicle files: read by name, agree with MuJoCo, and say what is wrong with them."""
-
-from __future__ import annotations
+"""Vehicle files: read by name or preset, agree with MuJoCo, and say what is wrong with them."""
 
 import dataclasses
 import re
@@ -9,13 +7,27 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from patience import little_work
 
+import twin
+from twin.__main__ import PROGRAM
 from twin.errors import VehicleError
 from twin.frames import flip_vector
 from twin.physics.mujoco_model import compile_model
+from twin.records.mission_dataset import dataset_of
+from twin.records.reader import MissionStore
+from twin.records.store import write_store
 from twin.vehicle.laws import LAWS
+from twin.vehicle.mjcf import MOST_XML, check_file
 from twin.vehicle.parts import PARTS, Part
-from twin.vehicle.presets import vehicle_names
+from twin.vehicle.presets import (
+    apply_preset,
+    asset_path,
+    assets_folder,
+    preset_names,
+    split_preset,
+    vehicle_names,
+)
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 GLIDER = load_vehicle("glider")
@@ -259,3 +271,203 @@ def test_the_flow_frame_laws_numbers_are_named():
     row = table("| `hull_law` |")["flow-frame"]
     names = [field.name for field in dataclasses.fields(LAWS["flow-frame"])]
     assert [name for name in names if f"`{name}`" not in row] == []
+
+
+# --- no more than a vehicle needs -----------------------------------------------------------------
+
+
+SHIPPED = (assets_folder() / "glider.xml").read_text()
+
+
+def put(element: str, into: str = "<worldbody>") -> str:
+    assert into in SHIPPED
+    return SHIPPED.replace(into, into + element, 1)
+
+
+REFUSED = {
+    '<include file="more.xml"/>': r"<include file='more.xml'> is not allowed.* put the elements",
+    '<body><include file="more.xml"/></body>': "<include",
+    '<mesh file="hull.stl"/>': r"<mesh file='hull.stl'>.*vertex=",
+    '<texture type="skybox" fileup="sky.png"/>': r"<texture fileup=.*builtin=",
+    '<hfield name="h" file="h.png"/>': r"<hfield file=.* elevation=",
+    '<skin file="s.skn"/>': "<skin file=",
+    '<model name="m" file="m.xml"/>': "<model file=",
+    '<flexcomp type="grid" count="9 9 9"/>': "soft bodies",
+    '<composite type="cable" count="1000000 1 1"/>': "soft bodies",
+    '<plugin plugin="mujoco.sdf.torus"/>': "plugin's code",
+    '<replicate count="1000000000"><geom size="1"/></replicate>': "too many elements",
+    '<replicate count="1e9"><geom size="1"/></replicate>': "too many elements",
+    '<replicate count="200">' * 3 + '<geom size="1"/>' + "</replicate>" * 3: "too many elements",
+    '<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>': "nrow by ncol is 1e.10",
+    '<texture builtin="flat" width="100000" height="100000"/>': "width by height",
+    '<numeric name="user.x" size="1000000000"/>': "<numeric size='1000000000'> is too much",
+    '<size memory="900T"/>': "at most 1G",
+    '<size nuser_geom="1000000000"/>': "nuser_geom",
+    '<user name="u" dim="1000000000"/>': "dim",
+    '<general nsample="2000000000"/>': "nsample",
+    '<option iterations="2000000000"/>': "iterations",
+    '<mesh name="m" octree_maxdepth="30"/>': "octree_maxdepth",
+    '<hfield name="h" nrow="many" ncol="2"/>': "'many'> is not a number",
+    "<body>" * 100 + "</body>" * 100: "inside each other",
+    "<geom/>" * 30_000: "too many elements",
+}
+
+
+@pytest.mark.parametrize("element", list(REFUSED), ids=lambda text: text[:40])
+@little_work(2.0)
+def test_what_no_vehicle_file_may_hold_is_refused_at_once(tmp_path, element):
+    path = tmp_path / "mine.xml"
+    path.write_text(put(element))
+    with pytest.raises(VehicleError, match=REFUSED[element]) as raised:
+        load_vehicle(path)
+    text = str(raised.value)
+    assert text.startswith(f"vehicle file {path}, line ")
+    assert "\n" not in text
+
+
+def test_a_file_beside_it_cannot_change_a_vehicle(tmp_path):
+    """The text that a store keeps is all that there is of the vehicle."""
+    (tmp_path / "more.xml").write_text('<mujoco><option timestep="0.02"/></mujoco>')
+    path = tmp_path / "mine.xml"
+    path.write_text(put('<include file="more.xml"/>', '<mujoco model="glider">'))
+    with pytest.raises(VehicleError, match="a stored mission must hold the whole vehicle"):
+        load_vehicle(path)
+
+
+def test_entities_are_refused(tmp_path):
+    laughs = '<!DOCTYPE m [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
+    (tmp_path / "mine.xml").write_text(laughs + SHIPPED.split("?>", 1)[-1])
+    with pytest.raises(VehicleError, match="<!DOCTYPE> is not allowed"):
+        load_vehicle(tmp_path / "mine.xml")
+
+
+def test_a_giant_file_is_refused_unread(tmp_path):
+    with (tmp_path / "mine.xml").open("wb") as file:
+        file.truncate(10**12)  # sparse: a terabyte that takes no room
+    with pytest.raises(VehicleError, match=r"larger than 16\.8 MB"):
+        load_vehicle(tmp_path / "mine.xml")
+
+
+def test_looks_written_into_the_file_are_welcome(tmp_path):
+    corners = 'vertex="0 0 0 1 0 0 0 1 0 0 0 1"'
+    asset = f'<asset><mesh name="looks" {corners}/></asset>'
+    xml = put('<geom type="mesh" mesh="looks" contype="0" conaffinity="0" group="1"/>')
+    path = tmp_path / "mine.xml"
+    path.write_text(xml.replace("<worldbody>", f"{asset}<worldbody>", 1))
+    assert compile_model(load_vehicle(path)).nmesh == compile_model("glider").nmesh + 1
+
+
+@pytest.mark.parametrize("path", sorted(assets_folder().glob("*.xml")), ids=lambda p: p.stem)
+def test_every_shipped_vehicle_is_within_the_limits(path):
+    text = path.read_text()
+    check_file(text, path)
+    assert len(text.encode()) <= MOST_XML
+
+
+# --- presets --------------------------------------------------------------------------------------
+
+
+TEXT = asset_path("tethys.xml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("tethys", ("tethys", "")),
+        ("tethys:gazebo", ("tethys", "gazebo")),
+        ("own/boat.xml:fast", ("own/boat.xml", "fast")),
+        ("C:/own/boat.xml", ("C:/own/boat.xml", "")),
+        ("C:boat.xml", ("C:boat.xml", "")),
+        ("tethys:", ("tethys:", "")),
+    ],
+)
+def test_a_preset_is_behind_the_last_colon(text, parts):
+    assert split_preset(text) == parts
+
+
+def test_the_file_as_it_stands_is_its_first_preset():
+    usual, named = load_vehicle("tethys"), load_vehicle("tethys:mbari")
+    assert preset_names(usual.xml, usual.path) == ("mbari", "gazebo")
+    assert named.xml == usual.xml == TEXT
+    assert named.name == usual.name == "tethys"
+    # plain MuJoCo reads it, and has nothing but the first set in it
+    model = mujoco.MjModel.from_xml_path(str(asset_path("tethys.xml")))
+    assert model.nu == len(usual.parts)
+    assert float(model.body("battery").mass[0]) == 26.0
+
+
+def test_a_preset_is_a_complete_file_without_the_others():
+    derived = load_vehicle("tethys:gazebo")
+    assert derived.name == "tethys:gazebo"
+    assert "tethys:gazebo" in vehicle_names()
+    for left_over in ("presets", "gazebo:", "Muw"):
+        assert f'name="{left_over}' not in derived.xml
+    model = mujoco.MjModel.from_xml_string(derived.xml)
+    assert float(model.body("battery").mass[0]) == derived.battery.mass == 31.7307
+    assert float(model.site("rudder").pos[0]) == -1.05
+    assert dict(derived.law.derivatives)["Xuu"] == -6.2282
+    again = parse_vehicle(derived.xml, derived.path)
+    assert again.changes() == {}
+    assert "fins at 1.05 m" in again.summary
+
+
+def test_a_preset_of_an_own_file(tmp_path):
+    path = tmp_path / "boat.xml"
+    path.write_text(TEXT.replace('data="mbari gazebo"', 'data="slow gazebo"'))
+    vehicle = load_vehicle(f"{path}:gazebo")
+    assert vehicle.name == "boat:gazebo"
+    assert vehicle.battery.mass == 31.7307
+    assert load_vehicle(f"{path}:slow").battery.mass == 26.0
+
+
+def test_a_store_of_a_preset_needs_nothing_else(tmp_path):
+    run = twin.simulate(vehicle="tethys:gazebo", mission="survey", duration=5.0)
+    path = tmp_path / "run.zarr"
+    write_store(dataset_of([run], attributes=run.provenance), path)
+    with MissionStore(path) as store:
+        flown = store.vehicle
+    assert flown.name == "tethys:gazebo"
+    assert flown.xml == load_vehicle("tethys:gazebo").xml
+
+
+def test_unknown_presets_get_the_nearest_name(capsys):
+    with pytest.raises(VehicleError, match="unknown preset 'gazeboo': did you mean 'gazebo'"):
+        load_vehicle("tethys:gazeboo")
+    with pytest.raises(VehicleError, match=r"glider\.xml has no presets"):
+        load_vehicle("glider:gazebo")
+    with pytest.raises(VehicleError, match="unknown vehicle 'thetys:gazebo': did you mean 'tethys"):
+        load_vehicle("thetys:gazebo")
+    for words in (("simulate",), ("trim",), ("check",)):
+        assert PROGRAM.main([*words, "--vehicle", "tethys:gazbo"]) == 2
+        assert "did you mean 'gazebo'" in capsys.readouterr().err
+
+
+def changed(old, new):
+    assert old in TEXT
+    return TEXT.replace(old, new, 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name="gazebo:Xuu"', 'name="gazbo:Xuu"', "unknown preset 'gazbo': did you mean 'gazebo'"),
+        ('name="gazebo:Xuu"', 'name="mbari:Xuu"', "unknown preset 'mbari'.*lists them, after"),
+        ('name="gazebo:Xuu"', 'name="gazebo:Xu"', "unknown <numeric> 'Xu': did you mean 'Xuu'"),
+        ('without" data="Xvv', 'without" data="Xvvv', "unknown element 'Xvvv'"),
+        ("site/rudder@pos", "site/ruder@pos", "unknown <site> 'ruder': did you mean 'rudder'"),
+        ("site/rudder@pos", "site/rudder@poss", "unknown attribute 'poss': did you mean 'pos'"),
+        ("body/hull/inertial@mass", "body/hull/joint@mass", "has no <joint>"),
+        ("body/hull/inertial@mass", "hull@mass", "a <text> named PRESET:TAG/NAME@ATTRIBUTE"),
+    ],
+)
+def test_a_wrong_change_is_named(old, new, message):
+    with pytest.raises(VehicleError, match=message):
+        apply_preset(changed(old, new), asset_path("tethys.xml"), "gazebo")
+
+
+def test_vehicles_of_all_kinds_live_in_one_process():
+    """Signals of parts of the same name mean the same in every vehicle."""
+    for name in ("slocum-200", "tethys", "tethys:gazebo", "remus", "glider"):
+        run = twin.simulate(vehicle=name, duration=5.0)
+        assert run.provenance["vehicle"] == name
+        assert run.actuators == load_vehicle(name).part_names

@@ -1,7 +1,5 @@
 """docs/reference/currents.md is true: names, units and defaults are the code's, examples run."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import inspect
@@ -90,11 +88,11 @@ def check_rows(kind: str, cls: type, settings: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("kind", [name for name in KINDS if name not in OWN_FORMS])
-def test_settings(kind: str) -> None:
+def test_settings(kind):
     check_rows(kind, KINDS[kind], KINDS[kind].setting_fields())
 
 
-def test_tide_settings() -> None:
+def test_tide_settings():
     table = rows("tide")
     constituents = next(iter(table))
     del table[constituents]
@@ -107,19 +105,19 @@ def test_tide_settings() -> None:
     assert {name.upper() for name in named} == set(PERIOD_HOURS)
 
 
-def test_uniform_settings() -> None:
+def test_uniform_settings():
     names = [name for row in rows("uniform") for name in row]
     assert names == ["speed", "direction", *(field.name for field in dataclasses.fields(Uniform))]
     assert parse_current("uniform:speed=0.3,direction=90") == Uniform.toward(0.3, 90.0)
 
 
-def test_profile_columns() -> None:
+def test_profile_columns():
     assert sorted(name for names in rows("profile") for name in names) == sorted(COLUMNS)
     for names in rows("profile"):
         assert len({COLUMNS[name] for name in names}) == 1
 
 
-def test_every_kind_has_a_section_and_a_line_of_help() -> None:
+def test_every_kind_has_a_section_and_a_line_of_help():
     sections = re.findall(r"^## `([\w-]+)`$", PAGE, re.MULTILINE)
     helped = {re.split(r"[: ]", line)[0] for line in current_help().splitlines()[:-1]}
     assert len(set(sections)) == len(sections)
@@ -127,7 +125,7 @@ def test_every_kind_has_a_section_and_a_line_of_help() -> None:
     assert set(KINDS) | {"none"} == set(sections)
 
 
-def test_the_page_has_a_row_for_each_example() -> None:
+def test_the_page_has_a_row_for_each_example():
     table = PAGE.split("| example | what |")[1].split("\n\n")[0].splitlines()[2:]
     rows = dict(re.fullmatch(r"\| `(.+?)` \| (.+) \|", line).groups() for line in table)
     assert rows.pop("none") == "still water"
@@ -149,7 +147,7 @@ def names_of(title: str, column: int) -> dict[str, set[str]]:
     return found
 
 
-def test_names_that_grids_understand() -> None:
+def test_names_that_grids_understand():
     standard = {part: set(names) for part, names in files.STANDARD_NAMES.items()}
     aliases = {part: set(files.ALIASES.get(part, ())) for part in files.STANDARD_NAMES}
     assert names_of("component", 1) == standard
@@ -159,14 +157,14 @@ def test_names_that_grids_understand() -> None:
     assert set(axes.DEPTH_UNITS.values()) == {1.0, 1000.0, 0.01}  # m, km, cm
 
 
-def test_origin_is_the_documented_one() -> None:
+def test_origin_is_the_documented_one():
     text = " ".join(PAGE.split())
     origin = Origin()
     assert f"latitude {origin.latitude_deg:g}, longitude {origin.longitude_deg:g}" in text
     assert origin.time is None
 
 
-def test_examples_run() -> None:
+def test_examples_run():
     commands = re.findall(r"--current (\S+)", PAGE)
     assert len(commands) >= 3
     for text in commands:

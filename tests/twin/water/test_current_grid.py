@@ -1,7 +1,5 @@
 """Gridded currents: every layout gives the same water, every trap is caught or refused."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Gridded currents on real files, where they are at hand (see CONTRIBUTING)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,13 +1,9 @@
 """The compiled sampler: its rate is the exact derivative of what it interpolates."""
 
-from __future__ import annotations
-
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from numba import carray, cfunc
+from processes import python
 
 from twin.water.current import GaussMarkov, Grid, Profile, parse_current
 from twin.water.current import sampler as layout
@@ -170,5 +166,5 @@ def test_importing_currents_loads_neither_numba_nor_xarray():
         "import sys, twin.water.current as c; c.parse_current('uniform:0.1,0');"
         "print([m for m in ('numba', 'xarray', 'netCDF4', 'zarr', 'scipy') if m in sys.modules])"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    out = python("-c", code)
     assert out.stdout.strip() == "[]"

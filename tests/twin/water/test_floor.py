@@ -1,7 +1,5 @@
 """Sea floors: lookup, bathymetry files, texts, descriptions."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 from pathlib import Path
@@ -73,7 +71,7 @@ def test_the_edge_is_held_beyond_the_grid_and_told():
 
 
 @pytest.mark.parametrize("table", [np.zeros(0), np.array([2.0, 2.0, 0.0, 1.0]), TABLE[:-1]])
-def test_a_damaged_table_gives_nan_and_reads_nothing_else(table: np.ndarray):
+def test_a_damaged_table_gives_nan_and_reads_nothing_else(table):
     assert np.isnan(floor_depth(table, 0.0, 0.0))
 
 
@@ -129,7 +127,7 @@ UP = {"standard_name": "height_above_mean_sea_level"}
 
 
 @pytest.mark.parametrize("suffix", ["nc", "zarr"])
-def test_a_gebco_file_lies_about_the_start(tmp_path, suffix: str):
+def test_a_gebco_file_lies_about_the_start(tmp_path, suffix):
     path = tmp_path / f"gebco.{suffix}"
     data = gebco(LAT, LON, **UP)
     data.to_netcdf(path) if suffix == "nc" else data.to_zarr(path, consolidated=False)
@@ -313,7 +311,7 @@ def test_page_and_help_have_every_setting_of_a_rough_floor_with_its_default(name
 @pytest.mark.parametrize(
     ("name", "sign", "other"), [("bathymetry", -1.0, "up"), ("elevation", 1.0, "down")]
 )
-def test_a_floor_upside_down_is_told_how_it_turns(tmp_path, name: str, sign: float, other: str):
+def test_a_floor_upside_down_is_told_how_it_turns(tmp_path, name, sign, other):
     """The advice is the sense that the file was not read in, and following it helps."""
     path = str(tmp_path / "floor.nc")
     gebco(LAT, LON, name=name, sign=sign).to_netcdf(path)

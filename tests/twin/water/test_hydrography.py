@@ -1,7 +1,5 @@
 """Temperature and salinity of a gridded current's file, along a track and as a column."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import gsw

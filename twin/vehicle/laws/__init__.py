@@ -1,4 +1,4 @@
-"""Hull laws: how the water's force on a hull is written."""
+"""Hull laws: formulas for the force and moment of the water on a bare hull."""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,7 @@
 """Body-axes law: hydrodynamic derivatives about the CB, linear, quadratic and cross-coupled.
 
 The notation is SNAME's: `Xuu`, `Yuv`, `Nur`, ... name the axis of the force (X, Y, Z) or moment
-(K, M, N) and the velocities that it multiplies (u, v, w, p, q, r). A derivative of
+(K, M, N) and the velocities (u, v, w, p, q, r) that multiply the derivative. A derivative of
 
 - one velocity is linear: Xu u;
 - one velocity twice is quadratic drag, c x |x|, odd as drag must be: Yvv v |v|, Mww w |w|; only in
@@ -9,15 +9,15 @@ The notation is SNAME's: `Xuu`, `Yuv`, `Nur`, ... name the axis of the force (X,
   (Xuu stays u |u|);
 - two velocities is their product: Yuv u v, Mpr p r.
 
-A derivative of u and another velocity, outside of X, is two things. The added mass's own coupling
-(Munk's moment u v, Yudot u r) is bilinear and does no work; it stays as it is. The rest is lift and
-damping of hull and fins, which resist the motion whichever way the water comes: Kup u p as printed
-would drive a rolling hull that goes astern, so that this part takes |u|. Sets were measured ahead
-(u > 0), where both are the same; astern the figures are an extrapolation.
+A derivative of u and another velocity, outside of X, has two parts. The coupling by added mass
+(Munk's moment u v, Yudot u r) is bilinear, does no work and stays as printed. The rest is lift and
+damping of hull and fins, which resist the motion in any flow direction, so it takes |u|: Kup u p as
+printed would accelerate the roll of a hull moving astern. Published sets were measured ahead
+(u > 0), where both forms are equal; astern they are an extrapolation.
 
 (Prestero 2001, Verification of a six-degree of freedom simulation model for the REMUS autonomous
-underwater vehicle, eqs. 4.48 to 4.53.) They are dimensional and carry the density of the water.
-Sets that list the added mass's own coupling (Xwq = -Zwdot, Munk's Muw, ...) say so in the file by
+underwater vehicle, eqs. 4.48 to 4.53.) Derivatives are dimensional and contain the water's density.
+Files whose derivatives include the coupling by added mass (Xwq = -Zwdot, Munk's Muw, ...) have
 `<numeric name="added_mass_coupling" data="0"/>`; otherwise both models add it from M_A.
 """
 
@@ -45,12 +45,12 @@ Array = NDArray[np.float64]
 AXES, VELOCITIES = "XYZKMN", "uvwpqr"
 PRODUCT, SQUARE, LINEAR, LIFT = 0.0, 1.0, 2.0, 3.0
 TERM = 5
-"""Numbers of a term in the values: axis, first and second velocity, kind, coefficient."""
+"""Number of values that describe a term: axis, first and second velocity, kind, coefficient."""
 
 
 @jit
 def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """The terms one after the other; an axis or velocity beyond the sixth adds nothing."""
+    """Sum the terms; an axis or velocity index above 5 adds nothing."""
     x, y, z, l, m, n = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(c.size // TERM):
         at = TERM * k
@@ -99,7 +99,7 @@ def _pick(index, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
 
 @jit
 def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """Step times dK/dp, dM/dq, dN/dr."""
+    """Time step times dK/dp, dM/dq, dN/dr."""
     k, m, n = 0.0, 0.0, 0.0
     for term in range(c.size // TERM):
         at = TERM * term
@@ -129,7 +129,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
 
 @scalar
 def _damped(kind, coefficient, first, second):  # type: ignore[no-untyped-def]
-    """One element of D(nu_r) nu_r: what multiplies the second velocity, times it."""
+    """One summand of D(nu_r) nu_r: its matrix element times the second velocity."""
     factor = coefficient * first
     if kind == LINEAR:
         factor = coefficient
@@ -140,7 +140,7 @@ def _damped(kind, coefficient, first, second):  # type: ignore[no-untyped-def]
 
 @jit
 def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """-D(nu_r) nu_r, row by row of the matrix D (Fossen 2011, section 6.4)."""
+    """Wrench -D(nu_r) nu_r, summed row by row of the matrix D (Fossen 2011, section 6.4)."""
     tau, nu = np.zeros(6), np.array([u, v, w, p, q, r])
     for k in range(c.size // TERM):
         axis, i, j = int(c[TERM * k]), int(c[TERM * k + 1]), int(c[TERM * k + 2])
@@ -149,7 +149,7 @@ def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
 
 
 def term(name: str, coefficient: float) -> tuple[float, float, float, float, float]:
-    """The numbers of one derivative by its name, such as "Xuu"; see TERM.
+    """Numbers of one derivative, such as "Xuu", in the order of TERM.
 
     Raises:
       VehicleError: no derivative has this name; the nearest is offered.
@@ -166,19 +166,19 @@ def term(name: str, coefficient: float) -> tuple[float, float, float, float, flo
 
 
 def lifting(name: str) -> bool:
-    """Whether a derivative is lift or damping in a flow along the hull: u and another velocity."""
+    """True for a derivative of u and another velocity: lift or damping in a flow along the hull."""
     return name[0] != "X" and len(name) == 3 and name.count("u") == 1
 
 
 def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
-    """Derivatives with u of Kirchhoff's equations, by name, of M_A (6, 6) in SI.
+    """Derivatives with u, by name, that Kirchhoff's equations give for M_A (6, 6) in SI.
 
     Force -omega x h_1 and moment -omega x h_2 - v x h_1 with (h_1, h_2) = M_A nu (Lamb 1932,
     article 124), such as Nuv = -(Y_vdot - X_udot) with its sign: Munk's moment.
     """
 
     def wrenches(nu: Array) -> Array:
-        """Wrenches of velocities (..., 6)."""
+        """Wrenches at velocities (..., 6)."""
         impulse = nu @ added_mass.T
         h, moment_of = impulse[:, :3], impulse[:, 3:]
         force = -np.cross(nu[:, 3:], h)
@@ -186,10 +186,10 @@ def added_mass_coupling(added_mass: Array) -> tuple[tuple[str, float], ...]:
         return np.concatenate([force, moment], axis=1)
 
     unit = np.eye(6)
-    alone = wrenches(unit)
+    single = wrenches(unit)
     return tuple(
         (f"{axis}u{VELOCITIES[k]}", float(value))
-        for k, both in enumerate(wrenches(unit[0] + unit[1:]) - alone[0] - alone[1:], 1)
+        for k, both in enumerate(wrenches(unit[0] + unit[1:]) - single[0] - single[1:], 1)
         for axis, value in zip(AXES, both, strict=True)
         if axis != "X" and value != 0.0
     )
@@ -201,7 +201,7 @@ NAMES = tuple(
     for order in (1, 2)
     for velocities in itertools.product(VELOCITIES, repeat=order)
 )
-"""Every derivative that there can be."""
+"""All possible names of derivatives."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -215,16 +215,16 @@ class BodyAxes(HullLaw):
     fossen_wrench = staticmethod(fossen_wrench)
 
     derivatives: tuple[tuple[str, float], ...]
-    """Name and coefficient [SI: kg/m for Xuu, kg for Yur, kg m2 for Nrr, ...] of each."""
+    """Name and coefficient of each derivative [SI: kg/m for Xuu, kg for Yur, kg m2 for Nrr]."""
     coupling: tuple[tuple[str, float], ...] = ()
-    """Name and coefficient of what is the added mass's own coupling in the derivatives with u; the
-    rest of such a derivative takes |u|"""
+    """Name and coefficient of the added-mass coupling that the derivatives with u contain; the
+    rest of such a derivative takes |u|."""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
-        """From every `<numeric>` element that bears a derivative's name.
+        """Read every `<numeric>` element that has a derivative's name.
 
-        In a file that says `added_mass_coupling` 0 the derivatives hold that of its `added_mass`.
+        If the file sets `added_mass_coupling` to 0, the derivatives contain the coupling by M_A.
         """
         found = tuple(
             (name, reader.numeric(name, 1)[0]) for name in reader.numerics if name in NAMES
@@ -239,7 +239,7 @@ class BodyAxes(HullLaw):
         return cls(derivatives=found, coupling=added_mass_coupling(added_mass))
 
     def with_drag(self, factor: float) -> Self | None:
-        """Xuu times the factor."""
+        """Return a copy with Xuu times the factor; None: the file has no Xuu."""
         if not any(name == "Xuu" for name, _ in self.derivatives):
             return None
         found = tuple((n, x * factor if n == "Xuu" else x) for n, x in self.derivatives)
@@ -247,11 +247,11 @@ class BodyAxes(HullLaw):
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """Every derivative that there can be."""
+        """All possible names of derivatives."""
         return NAMES
 
     def problems(self) -> list[tuple[str, str]]:
-        """Drag that would drive, and a derivative that is given twice in two orders."""
+        """Report drag that would propel, and a derivative given under both letter orders."""
         found = []
         seen: dict[tuple[str, ...], str] = {}
         for name, value in self.derivatives:
@@ -267,7 +267,7 @@ class BodyAxes(HullLaw):
         return found
 
     def values(self) -> Array:
-        """Five numbers a term, see TERM; shape (5 n,)."""
+        """Five numbers for each term, in the order of TERM; shape (5 n,)."""
         return self._values
 
     @functools.cached_property
@@ -290,7 +290,7 @@ class BodyAxes(HullLaw):
         return values
 
     def fossen_unrolled(self) -> Unrolled:
-        """The terms of `fossen_wrench` one by one, and the drag of each rate alone."""
+        """Terms of `fossen_wrench` and the drag of each rate as expressions, loops unrolled."""
         sums: dict[int, list[str]] = {axis: ["0.0"] for axis in range(6)}
         damping: dict[int, list[str]] = {axis: ["0.0"] for axis in (3, 4, 5)}
         for k, (axis, i, j, kind, _) in enumerate(self._values.reshape(-1, TERM)):
@@ -305,10 +305,10 @@ class BodyAxes(HullLaw):
         return (*wrench, *damped), {"_damped": _damped}
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Every derivative of the file, by its own name."""
+        """One factor for each derivative of the file, under the derivative's name."""
         return tuple(coefficient(name, f"derivative {name}") for name, _ in self.derivatives)
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
-        """By the derivatives' names."""
+        """Return a copy with the derivatives times the factors of the same names."""
         found = tuple((name, value * factors[name]) for name, value in self.derivatives)
         return dataclasses.replace(self, derivatives=found)

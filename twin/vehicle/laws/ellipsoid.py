@@ -1,9 +1,9 @@
 """Ellipsoid law: MuJoCo's drag, lift and added mass of ellipsoids, from the geometry alone.
 
-The law is that of the fluid chapter of MuJoCo's documentation, evaluated at the motion through the
-water. Its geoms are those of the hull with `fluidshape="ellipsoid"`; the added mass of the vehicle
-file, where there is one, gives way to theirs. The Fossen model has the same forces in its own code,
-in vectors, from Andersen, Pesavento and Wang (2005) and Lamb (1932, article 114) as MuJoCo cites.
+The formulas are in the fluid chapter of MuJoCo's documentation, here with the motion through the
+water. The geoms are the hull's with `fluidshape="ellipsoid"`; their added mass replaces any in the
+vehicle file. The Fossen model computes the same forces in separate vector code, after Andersen,
+Pesavento and Wang (2005) and Lamb (1932, article 114), which MuJoCo cites.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ ROW = 27
 """Numbers of a geom: place 3, rotation 9, semi-axes 3, MuJoCo's 12 fluid coefficients; hull axes
 (x forward, y port, z up)."""
 HEAD = 4
-"""Numbers in front of the geoms: viscosity, and roll, pitch, yaw damping over speed squared."""
+"""Numbers before the geoms: viscosity, and roll, pitch, yaw damping over speed squared."""
 SEAWATER_VISCOSITY = 1.4e-3
-"""[Pa s] dynamic viscosity at about 10 degC."""
+"""[Pa s] Dynamic viscosity of sea water at about 10 degC."""
 
 
 @jit
@@ -61,7 +61,7 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
         a0, a1, a2 = g[12], g[13], g[14]
         scale, blunt, slender, angular, kutta, magnus = g[15], g[16], g[17], g[18], g[19], g[20]
         speed = math.sqrt(v0 * v0 + v1 * v1 + v2 * v2)
-        # outward normal scaling of the ellipsoid seen along the flow
+        # gradient of the ellipsoid's surface for the flow direction: gives the projected area
         n0, n1, n2 = (a1 * a2) ** 2 * v0, (a2 * a0) ** 2 * v1, (a0 * a1) ** 2 * v2
         along = n0 * v0 + n1 * v1 + n2 * v2
         normal2 = n0 * n0 + n1 * n1 + n2 * n2
@@ -105,9 +105,9 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
 
 @inline
 def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """Step times the damping over speed squared that the file's coefficients have.
+    """Time step times speed squared times the rate damping from the file's coefficients.
 
-    A geometry alone has none to offer: its rates are not extrapolated at all.
+    A file without those coefficients gets -1e300, which turns extrapolation of rates off.
     """
     stiff = timestep * (u * u + v * v + w * w)
     if c[1] == 0.0 and c[2] == 0.0 and c[3] == 0.0:
@@ -117,7 +117,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore
 
 @jit
 def _ellipsoid_force(g, density, viscosity, flow, spin):  # type: ignore[no-untyped-def]
-    """(force, moment) on one ellipsoid in its own axes, moving with `flow`, turning with `spin`."""
+    """Return (force, moment) on one ellipsoid in its own axes, at velocity `flow`, rates `spin`."""
     axes = g[12:15]
     product = axes[0] * axes[1] * axes[2]
     blunt, slender, angular, kutta, magnus = g[16], g[17], g[18], g[19], g[20]
@@ -129,7 +129,7 @@ def _ellipsoid_force(g, density, viscosity, flow, spin):  # type: ignore[no-unty
     force = np.zeros(3)
     if speed > 0.0:
         course = flow / speed
-        # gradient of the surface where the flow is tangent, weighted: a_j^2 a_k^2 v_i
+        # surface gradient where the flow is tangent, weighted: a_j^2 a_k^2 v_i
         weighted = (product / axes) ** 2 * course
         shadow = np.pi * np.sqrt(np.sum(weighted**2) / np.sum(weighted * course))
         incidence = np.sum(weighted * course) / np.sum(weighted**2)
@@ -150,7 +150,7 @@ def _ellipsoid_force(g, density, viscosity, flow, spin):  # type: ignore[no-unty
 
 @jit
 def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """The forces of all ellipsoids about the CB, body FRD."""
+    """Sum the forces of all ellipsoids about the CB, body FRD."""
     flip = np.array([1.0, -1.0, -1.0])
     velocity, rates = flip * np.array([u, v, w]), flip * np.array([p, q, r])
     force, moment = np.zeros(3), np.zeros(3)
@@ -178,7 +178,7 @@ def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Ellipsoids(HullLaw):
-    """The ellipsoids that stand for a hull and its wings."""
+    """Ellipsoids that represent a hull and its wings."""
 
     kind: ClassVar[str] = "ellipsoid"
     density_in_coefficients: ClassVar[bool] = False
@@ -188,17 +188,17 @@ class Ellipsoids(HullLaw):
     not_in_lanes: ClassVar[str] = "its ellipsoids are MuJoCo's own"
 
     geoms: Array
-    """shape (n, 27): place [m] 3, rotation to hull axes 9, semi-axes [m] 3, MuJoCo's 12 fluid
-    coefficients; hull axes x forward, y port, z up"""
+    """Shape (n, 27): place [m] 3, rotation to hull axes 9, semi-axes [m] 3, MuJoCo's 12 fluid
+    coefficients; hull axes x forward, y port, z up."""
     viscosity: float = SEAWATER_VISCOSITY
-    """[Pa s]"""
+    """[Pa s] Dynamic viscosity of the water."""
     rate_damping: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """K_p, K_q, K_r [kg s/rad2] of the file's own coefficients, which a time-centred step
-    extrapolates by; 0: it does not extrapolate rates"""
+    """[kg s/rad2] K_p, K_q, K_r of the file's own coefficients; a time-centred step extrapolates
+    the rates by them. 0: no extrapolation of rates."""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
-        """From the geoms of the hull with fluidshape="ellipsoid", as MuJoCo compiles them."""
+        """Read the hull's geoms with fluidshape="ellipsoid", as MuJoCo compiles them."""
         geoms = fluid_geoms(reader.xml)
         if not len(geoms):
             reader.fail(
@@ -218,7 +218,7 @@ class Ellipsoids(HullLaw):
         return np.concatenate([[self.viscosity, *self.rate_damping], np.ravel(self.geoms)])
 
     def added_mass(self, reference_density: float) -> Array:
-        """M_A (6, 6), FRD about the CB, of MuJoCo's virtual masses at each geom."""
+        """M_A (6, 6), FRD about the CB, summed over MuJoCo's virtual masses of each geom."""
         total = np.zeros((6, 6))
         for row in self.geoms:
             rotation = row[3:12].reshape(3, 3)
@@ -235,11 +235,11 @@ class Ellipsoids(HullLaw):
         return total * np.outer(signs, signs)
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """MuJoCo's fluid coefficients, each a factor for all geoms."""
+        """MuJoCo's fluid coefficients, each as one factor for all geoms."""
         return tuple(coefficient(name, what) for name, what, _ in COEFFICIENTS)
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
-        """By the names of COEFFICIENTS."""
+        """Return a copy with fluid coefficients times the factors, by the names of COEFFICIENTS."""
         geoms = np.array(self.geoms)
         for name, _, column in COEFFICIENTS:
             geoms[:, column] *= factors[name]
@@ -253,11 +253,11 @@ COEFFICIENTS = (
     ("kutta_lift", "lift of circulation", 19),
     ("magnus_lift", "lift of spin", 20),
 )
-"""Name, meaning and column of each fluid coefficient in `Ellipsoids.geoms`"""
+"""Name, meaning and column of each fluid coefficient in `Ellipsoids.geoms`."""
 
 
 def fluid_geoms(xml: str) -> Array:
-    """The hull's ellipsoid fluid geoms of a vehicle file, shape (n, ROW), hull axes.
+    """Read the hull's ellipsoid fluid geoms from a vehicle file, shape (n, ROW), hull axes.
 
     Raises:
       ValueError: MuJoCo cannot compile the text.

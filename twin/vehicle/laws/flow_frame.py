@@ -2,7 +2,7 @@
 
 For speed V through the water, angle of attack alpha and sideslip beta (S. Zhang, J. Yu, A. Zhang,
 F. Zhang, Ocean Engineering 60 (2013) 1-13), with a_L = alpha + K_L0 / K_alpha, the angle of attack
-from that of zero lift:
+relative to zero lift:
 
     D  = (K_D0 + K_D alpha^2) V^2          L  = (K_L0 + K_alpha alpha) V^2
     SF = (K_beta + K_beta_lift a_L) beta V^2
@@ -10,11 +10,11 @@ from that of zero lift:
     T2 = (K_M0 + K_M alpha + K_q q) V^2
     T3 = (K_MY0 + (K_MY + K_MY_lift a_L) beta + K_r r + (K_rp + K_rp_lift a_L) p) V^2
 
-(-D, SF, -L) and (T1, T2, T3) turn from the flow to the body. The terms with a_L are ours: what
-wings do in sideslip changes its sign with their lift, what a fin does keeps it, and the paper's
-dives cannot tell the two apart. K_MY0, which turns a hull that is not the same on both sides,
-and K_W, of wings that do not lift alike, are ours too. All are 0 in vehicles as printed. Outside
-the identified range of the flow angles the terms blend into a law of the whole sphere: also ours,
+(-D, SF, -L) and (T1, T2, T3) are turned from flow to body axes. The terms with a_L are ours. In
+sideslip, the force of wings changes sign with their lift and that of a fin does not; the paper's
+dives cannot separate the two. K_MY0, the yaw moment of a hull with unequal sides, and K_W, the roll
+moment of wings with unequal lift, are ours too. All of these are 0 in vehicles as printed. Outside
+the identified range of the flow angles the terms blend into a law of the whole sphere, also ours:
 see docs/physics/equations.md.
 """
 
@@ -39,25 +39,25 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# places in the values
+# indices into the values
 K_D0, K_D, K_L0, K_ALPHA, K_BETA, K_MR, K_P, K_M0, K_M, K_Q, K_MY, K_R = range(12)
 K_BETA_LIFT, K_MR_LIFT, K_MY_LIFT, K_PR, K_PR_LIFT, K_RP, K_RP_LIFT, K_MY0, K_W = range(12, 21)
 ZERO_LIFT, LINEAR, BLEND, SLOWEST, CROSS_FLOW = range(21, 26)
 
 
-# --- the MuJoCo twin's ------------------------------------------------------------------------
+# --- kernels of the MuJoCo twin ----------------------------------------------------------------
 
 
 @inline
 def _blend(angle, linear, full):  # type: ignore[no-untyped-def]
-    """0 inside the identified range, 1 where the law of the whole sphere holds, cubic between."""
+    """Weight: 0 inside the identified range, 1 where the whole-sphere law holds, cubic between."""
     x = min(max((abs(angle) - linear) / (full - linear), 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)
 
 
 @jit
 def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """Force [N] and moment [N m] at v_rel (u, v, w), rates (p, q, r)."""
+    """Force [N] and moment [N m] at velocity (u, v, w) through the water and rates (p, q, r)."""
     speed2 = u * u + v * v + w * w
     speed = math.sqrt(speed2)
     alpha, beta = 0.0, 0.0
@@ -94,12 +94,12 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     if abs(alpha) > linear or abs(beta) > linear:
         s = max(_blend(alpha, linear, full), _blend(beta, linear, full))
         k = 1.0 - s
-        # direction of the flow in body axes; uw, vw, ... are products of its components
+        # direction of the flow in body axes
         fx, fy, fz = ca * cb, sb, sa * cb
         drag = k * drag + s * (c[K_D0] + c[CROSS_FLOW] * (fy * fy + fz * fz)) * speed2
         side = k * side + s * c[K_BETA] * sb * cb * speed2
         lift = k * lift + s * (c[K_L0] + c[K_ALPHA] * fz) * fx * speed2
-        # moments that do no work around any closed turn: flow x gradient of a potential
+        # moments without work around any closed turn: flow x gradient of a potential
         roll = -(c[K_M0] + (c[K_M] + c[K_MY]) * fz) * fy - c[K_MY0] * fz
         l = k * l + s * (roll * speed2 + d1)
         m = k * m + s * ((c[K_M0] + c[K_M] * fz) * fx * speed2 + d2)
@@ -113,14 +113,14 @@ def native_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
 
 @inline
 def native_rate_damping(c, timestep, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """Step times K_p, K_q, K_r V^2."""
+    """Time step times K_p, K_q, K_r V^2."""
     stiff = timestep * (u * u + v * v + w * w)
     return c[K_P] * stiff, c[K_Q] * stiff, c[K_R] * stiff
 
 
 @inline
 def native_rotary_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """Damping of the rates' moments in flow axes turned to the body, as in `native_wrench`."""
+    """Damping of the rates' moments, turned from flow to body axes as in `native_wrench`."""
     speed2 = u * u + v * v + w * w
     speed, in_plane = math.sqrt(speed2), math.sqrt(u * u + w * w)
     ca, sa, cb, sb = 1.0, 0.0, 1.0, 0.0
@@ -139,7 +139,7 @@ def native_rotary_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-unty
     pq = 0.5 * (sb * roll - ca * sb * pitch)
     pr = 0.5 * (ca * cb * by_yaw - sa * yaw + sa * cb * roll + ca * by_roll)
     qr = 0.5 * (sb * by_yaw - sa * sb * pitch)
-    # a sine is less than its angle, by 1 % at a quarter of a radian
+    # cheap test for small angles: a sine is 1 % less than its angle at a quarter of a radian
     if ca < 0.9 or max(abs(sa), abs(sb)) > 0.9 * c[LINEAR]:
         linear, full = c[LINEAR], c[BLEND]
         beta = math.asin(min(max(sb, -1.0), 1.0))
@@ -150,12 +150,12 @@ def native_rotary_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-unty
     return pp, pq, qq, pr, qr, rr
 
 
-# --- the Fossen model's -----------------------------------------------------------------------
+# --- kernels of the Fossen model ----------------------------------------------------------------
 
 
 @scalar
 def beyond_identified(angle, linear_angle, blend_angle):  # type: ignore[no-untyped-def]
-    """Weight of the law of the whole sphere: 0 up to `linear_angle`, 1 from `blend_angle` on."""
+    """Weight of the whole-sphere law: 0 up to `linear_angle`, 1 from `blend_angle` on."""
     x = (abs(angle) - linear_angle) / (blend_angle - linear_angle)
     x = min(max(x, 0.0), 1.0)
     return 3.0 * x * x - 2.0 * x * x * x
@@ -163,7 +163,7 @@ def beyond_identified(angle, linear_angle, blend_angle):  # type: ignore[no-unty
 
 @scalar
 def _to_body(ca, sa, cb, sb, flow):  # type: ignore[no-untyped-def]
-    """R_BC of angle of attack and sideslip, given by cosine and sine, times a vector."""
+    """Turn a vector by R_BC, from flow to body axes, given the angles' cosines and sines."""
     return (
         ca * cb * flow[0] - ca * sb * flow[1] - sa * flow[2],
         sb * flow[0] + cb * flow[1],
@@ -173,22 +173,22 @@ def _to_body(ca, sa, cb, sb, flow):  # type: ignore[no-untyped-def]
 
 @scalar
 def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """-D(nu_r) nu_r: force [N] and moment [N m] about the CB, body FRD.
+    """Wrench -D(nu_r) nu_r: force [N] and moment [N m] about the CB, body FRD.
 
-    The flow frame's force (-D, SF, -L) and moment (T1, T2, T3) both turn to the body by R_BC of
-    angle of attack and sideslip (Zhang et al. 2013). Outside the identified range the moments pass
-    over to body axes: turned by R_BC, those of roll and yaw rate would drive the rates in reversed
-    flow instead of damping them. There the moment of the flow is e x grad Phi with
-    Phi = -K_M0 e_z - K_M e_z^2 / 2 + K_MY0 e_y + K_MY e_y^2 / 2 and e the direction of the motion:
-    it does no work around any closed turn of the hull, and is K_M0 + K_M alpha and K_MY0 + K_MY
-    beta near (1, 0, 0).
+    R_BC, by angle of attack and sideslip, turns the flow frame's force (-D, SF, -L) and moment
+    (T1, T2, T3) to body axes (Zhang et al. 2013). Outside the identified range the moments blend
+    into body axes: in reversed flow, R_BC would make roll and yaw damping accelerate the rates.
+    There the moment of the flow is e x grad Phi, with e the direction of the motion and
+    Phi = -K_M0 e_z - K_M e_z^2 / 2 + K_MY0 e_y + K_MY e_y^2 / 2. This moment does no work around
+    any closed turn of the hull; near (1, 0, 0) it is K_M0 + K_M alpha in pitch and
+    K_MY0 + K_MY beta in yaw.
     """
     square = u * u + v * v + w * w
     speed = math.sqrt(square)
     still = not speed > 0.0
     ex = 1.0 if still else u / speed
     ey, ez = 0.0 if still else v / speed, 0.0 if still else w / speed
-    # sines and cosines of angle of attack and sideslip are parts of the direction
+    # sines and cosines of angle of attack and sideslip from the direction e
     cb, sb = math.sqrt(ex * ex + ez * ez), ey
     across = not cb > 0.0
     ca, sa = 1.0 if across else ex / cb, 0.0 if across else ez / cb
@@ -198,7 +198,7 @@ def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     s = max(
         beyond_identified(alpha, c[LINEAR], c[BLEND]), beyond_identified(beta, c[LINEAR], c[BLEND])
     )
-    # as printed
+    # published law, inside the identified range
     drag = c[K_D0] + c[K_D] * alpha * alpha
     side = (c[K_BETA] + c[K_BETA_LIFT] * from_zero_lift) * beta
     lift = c[K_L0] + c[K_ALPHA] * alpha
@@ -211,7 +211,7 @@ def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
     )
     t3 += c[K_MY0] * square
     t1 += c[K_W] * from_zero_lift * square
-    # of the whole sphere
+    # law of the whole sphere
     all_drag = c[K_D0] + c[CROSS_FLOW] * (1.0 - ex * ex)
     all_side = c[K_BETA] * sb * cb
     all_lift = (c[K_L0] + c[K_ALPHA] * ez) * ex
@@ -232,7 +232,7 @@ def fossen_wrench(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
 
 @scalar
 def fossen_rate_damping(c, density, u, v, w, p, q, r):  # type: ignore[no-untyped-def]
-    """-K_p V^2, -K_q V^2, -K_r V^2: in body axes but for the products of small angles."""
+    """Rate damping -K_p V^2, -K_q V^2, -K_r V^2 in body axes; products of small angles omitted."""
     turning = max(u * u + v * v + w * w, c[SLOWEST] * c[SLOWEST])
     return -c[K_P] * turning, -c[K_Q] * turning, -c[K_R] * turning
 
@@ -270,29 +270,29 @@ class FlowFrame(HullLaw):
     yaw_moment_lift: tuple[float] = (0.0,)
     """K_MY_lift [kg/rad2]"""
     roll_from_yaw: tuple[float, float] = (0.0, 0.0)
-    """K_pr [kg s/rad], of a fin; K_pr_lift [kg s/rad2], of wings"""
+    """K_pr [kg s/rad] of a fin; K_pr_lift [kg s/rad2] of wings"""
     yaw_from_roll: tuple[float, float] = (0.0, 0.0)
-    """K_rp [kg s/rad], of a fin; K_rp_lift [kg s/rad2], of wings"""
+    """K_rp [kg s/rad] of a fin; K_rp_lift [kg s/rad2] of wings"""
     yaw_moment_offset: tuple[float] = (0.0,)
-    """K_MY0 [kg], of a hull that is not the same on both sides: + turns it to starboard"""
+    """K_MY0 [kg] of a hull with unequal sides: positive turns it to starboard"""
     wing_asymmetry: tuple[float] = (0.0,)
-    """K_W [kg/rad], of wings that do not lift alike: + the port one lifts more"""
+    """K_W [kg/rad] of wings with unequal lift: positive where the port wing lifts more"""
     linear_angle: float
-    """[rad], the published law holds as printed up to this flow angle."""
+    """[rad] Largest flow angle at which the published law holds as printed."""
     blend_angle: float
-    """[rad], the law of the whole sphere holds from this flow angle on."""
+    """[rad] Flow angle from which the law of the whole sphere holds alone."""
     rate_damping_min_speed: float
-    """[m/s], rate damping uses at least this speed."""
+    """[m/s] Lower bound of the speed in the rate damping."""
     identified_angle: float = 0.0
-    """[rad], angle of attack from zero lift in the glides that the coefficients were identified
-    in; 0: not said"""
+    """[rad] Angle of attack relative to zero lift in the glides that identified the coefficients;
+    0: unknown."""
     cross_flow_drag: float = 0.0
-    """[kg/m], drag of the hull across the flow beyond the identified angles, less K_D0; 0: K_D. A
-    K_D that was measured at small angles has little of it"""
+    """[kg/m] Drag of the hull across the flow, less K_D0, beyond the identified angles; 0: K_D is
+    taken, which is too small if it was measured at small angles."""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
-        """From the `<numeric>` elements that bear the fields' names."""
+        """Read the `<numeric>` elements with the fields' names."""
         fields: dict[str, Any] = {}
         for field, size in _SIZES.items():
             default = (0.0,) * size if field in _OPTIONAL_FIELDS else None
@@ -304,7 +304,7 @@ class FlowFrame(HullLaw):
         return cls(**fields)
 
     def problems(self) -> list[tuple[str, str]]:
-        """Drag or rate terms that drive, no lift slope, angles out of order, a negative speed."""
+        """Report drag or damping that would propel, no lift slope, wrong angles or speed."""
         found = []
         for name in ("drag", "cross_flow_drag"):
             if np.min(getattr(self, name)) < 0.0:
@@ -332,14 +332,14 @@ class FlowFrame(HullLaw):
         return found
 
     def values(self) -> Array:
-        """In the order of K_D0 to CROSS_FLOW."""
+        """Coefficients in the order of K_D0 to CROSS_FLOW."""
         coefficients = [value for field in _SIZES for value in getattr(self, field)]
         angles = (self.zero_lift, self.linear_angle, self.blend_angle)
         others = (*angles, self.rate_damping_min_speed, self.cross_flow_drag or self.drag[1])
         return np.array([*coefficients, *others], dtype=np.float64)
 
     def polar(self, alpha: float, density: float) -> Polar:
-        """As printed: K_D0 + K_D alpha^2, K_L0 + K_alpha alpha, K_M0 + K_M alpha."""
+        """Published law: K_D0 + K_D alpha^2, K_L0 + K_alpha alpha, K_M0 + K_M alpha."""
         if not is_flow_frame(self):
             return super().polar(alpha, density)
         return Polar(
@@ -350,16 +350,16 @@ class FlowFrame(HullLaw):
 
     @property
     def zero_lift(self) -> float:
-        """K_L0 / K_alpha [rad], the angle of attack of zero lift with its sign reversed."""
+        """K_L0 / K_alpha [rad]: minus the angle of attack at zero lift."""
         return self.lift[0] / self.lift[1] if self.lift[1] else 0.0
 
     @property
     def _split_unknown(self) -> bool:
-        """Whether nobody has said which part of its roll moment of sideslip is the wings'."""
+        """True when the file does not give the wings' share of the roll moment of sideslip."""
         return self.identified_angle > 0.0 and self.roll_moment_lift == (0.0,)
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Every coefficient that the file has, and the wings' part of an unsplit roll moment."""
+        """Coefficients in the file, and the wings' share of the roll moment where unknown."""
         values = dict(zip(COEFFICIENT_NAMES, self.values(), strict=False))
         found = [
             coefficient(name, what)
@@ -371,7 +371,7 @@ class FlowFrame(HullLaw):
         return tuple(found)
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
-        """By the names of COEFFICIENTS; those that are not given stay."""
+        """Return a copy with coefficients times factors, by COEFFICIENTS' names; others stay."""
         fields: dict[str, Any] = {}
         for name, _, field in COEFFICIENTS:
             values = fields.setdefault(field, [])
@@ -385,27 +385,27 @@ class FlowFrame(HullLaw):
         return dataclasses.replace(self, **changes)
 
     def with_drag(self, factor: float) -> Self:
-        """K_D0 times the factor; what lift costs stays."""
+        """Return a copy with K_D0 times the factor; induced and cross-flow drag stay."""
         first, second = self.drag
         across = self.cross_flow_drag or second
         return dataclasses.replace(self, drag=(first * factor, second), cross_flow_drag=across)
 
     @property
     def turns_by_itself(self) -> bool:
-        """Whether it has a yaw moment, or its wings a roll moment, at zero sideslip."""
+        """True when the hull has a yaw moment, or its wings a roll moment, at zero sideslip."""
         return self.yaw_moment_offset != (0.0,) or self.wing_asymmetry != (0.0,)
 
     @property
     def valid_angle(self) -> float:
-        """[rad] `linear_angle`."""
+        """Largest angle [rad] at which the law holds as printed: `linear_angle`."""
         return self.linear_angle
 
 
 def is_flow_frame(law: HullLaw) -> TypeGuard[FlowFrame]:
-    """Whether both models fly a law by the kernels above.
+    """Tell whether both models compute a law by the kernels of this module.
 
-    A law that is derived from this one and has kernels of its own is another: its coefficients
-    mean other forces than those that identification, filters and polars take for granted.
+    A derived law with kernels of its own returns False: its coefficients mean other forces than
+    identification, filters and polars assume.
     """
     kernels = type(law).native_wrench, type(law).fossen_wrench
     return isinstance(law, FlowFrame) and kernels == (native_wrench, fossen_wrench)
@@ -420,7 +420,7 @@ ROLL_LIFT_SHARE = Uncertainty(
     why="it changes sign with lift: the turns of 7 Seagliders and a SeaExplorer in dives and "
     "climbs show most of it to be theirs",
 )
-"""For vehicles whose coefficients were identified in dives alone"""
+"""Wings' share of the roll moment, for vehicles with coefficients identified in dives alone."""
 _LIFT_FIELDS = (
     "side_force_lift", "roll_moment_lift", "yaw_moment_lift", "roll_from_yaw", "yaw_from_roll",
 )  # fmt: skip
@@ -448,7 +448,7 @@ COEFFICIENTS = (
     ("k_my0", "yaw moment at zero sideslip", "yaw_moment_offset"),
     ("k_w", "roll moment of wings that do not lift alike", "wing_asymmetry"),
 )
-"""Name, meaning and field of each coefficient, in the order of the values"""
+"""Name, meaning and field of each coefficient, in the order of the values."""
 COEFFICIENT_NAMES = tuple(name for name, _, _ in COEFFICIENTS)
 _SIZES = Counter(field for _, _, field in COEFFICIENTS)
-"""Coefficients in each field"""
+"""Number of coefficients in each field."""

@@ -1,4 +1,4 @@
-"""Vehicle parts: what a hull can carry."""
+"""Vehicle parts: pumps, batteries, fins, propellers and drop weights that a hull can carry."""
 
 from typing import TYPE_CHECKING
 

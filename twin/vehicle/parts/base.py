@@ -1,9 +1,9 @@
 """Vehicle part: the interface that every kind has, and the registry of kinds.
 
-A part is an actuator of the vehicle file with one activation: its position, which follows the
-command by d(position)/dt = clip((command - position) / lag, -rate, rate) inside its travel. What
-it does to the vehicle is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model
-(`fossen_*`): two codes that share the parameters and nothing else.
+A part is an actuator of the vehicle file with one activation, its position. The position follows
+the command by d(position)/dt = clip((command - position) / lag, -rate, rate) within its travel.
+The effect on the vehicle is written twice, for the MuJoCo twin (`native_*`) and for the Fossen
+model (`fossen_*`); the two codes share only the parameters.
 """
 
 from __future__ import annotations
@@ -30,37 +30,37 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Kernel = Callable[..., Any]
 Carrier = Any
-"""A `twin.vehicle.vehicle.Vehicle`, whose file imports this one."""
+"""Any, in place of `twin.vehicle.vehicle.Vehicle`, whose module imports this one."""
 VALUES = 24
-"""Most parameters of a part that its kernels read."""
+"""Largest number of parameters that the kernels of a part read."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Losses:
-    """Losses of drives and electronics; `twin.vehicle.consumption` has the sources."""
+    """Losses of drives and electronics; `twin.vehicle.consumption` gives the sources."""
 
     hotel_power: float = 0.3
-    """[W] electronics and sensors, all the time: 0.29 in a Seaglider's dive"""
+    """[W] Electronics and sensors at all times: 0.29 in a Seaglider's dive"""
     surface_power: float = 0.0
-    """[W] beside it at the surface: radio, GPS, air pump"""
+    """[W] Additional power at the surface: radio, GPS, air pump"""
     payload_power: float = 0.0
-    """[W] of sensors while they sample; a simulated vehicle's always do"""
+    """[W] Sensors while they sample; a simulated vehicle's always do"""
     pump_efficiency: float = 0.36
-    """hydraulic over electrical power of the pump: 0.36 in that dive"""
+    """Hydraulic over electrical power of the pump: 0.36 in that Seaglider's dive"""
     hull_vacuum: float = 3e4
-    """[Pa] below the sea-level pressure inside the hull; the pump works against it too"""
+    """[Pa] Vacuum inside the hull below sea-level pressure; the pump works against it too"""
     pump_loss: float = 0.0
-    """[Pa] energy over the volume that is pumped out, at any depth: motor and gear"""
+    """[Pa] Energy lost per volume pumped out, at any depth: motor and gear"""
     pump_return: float = 0.0
-    """[Pa] energy over the volume that is let in: valve, or the motor that holds it back"""
+    """[Pa] Energy used per volume let in: valve, or a motor that brakes the flow"""
     screw_efficiency: float = 0.4
-    """mechanical over electrical power of the battery's drives"""
+    """Mechanical over electrical power of the battery's drives"""
     rail_friction: float = 0.1
-    """friction over weight of the sliding battery"""
+    """Friction over weight of the sliding battery"""
     bearing_torque: float = 0.2
-    """[N m] friction of the turning battery"""
+    """[N m] Friction of the turning battery"""
     propeller_efficiency: float = 0.7
-    """mechanical over electrical power of a propeller's motor and gear"""
+    """Mechanical over electrical power of a propeller's motor and gear"""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -71,73 +71,73 @@ class Losses:
 
 
 class Move(NamedTuple):
-    """Short moves of a part, each field a number or one per move, shape (n,)."""
+    """Short moves of a part; each field is a number or has one value per move, shape (n,)."""
 
     before: ArrayLike
-    """position, in the part's unit"""
+    """Position before the move, in the part's unit."""
     after: ArrayLike
     depth: ArrayLike
-    """[m]"""
+    """[m] Depth of the vehicle."""
     pitch: ArrayLike
-    """[rad]"""
+    """[rad] Pitch of the vehicle."""
     duration: ArrayLike
-    """[s]"""
+    """[s] Duration of the move."""
     speed: ArrayLike = 0.0
-    """[m/s] of surge through the water"""
+    """[m/s] Surge through the water."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """Quantity by which a store shows a part's position."""
+    """Unit, scale and limits with which a store holds a part's position."""
 
     unit: str
-    """as CF writes it"""
+    """Unit as CF writes it."""
     scale: float
-    """stored value per unit of the position: 180 / pi where a store has degrees"""
+    """Stored value per unit of the position: 180 / pi where a store has degrees."""
     long_name: str
-    """without the part's name"""
+    """Description without the part's name."""
     limits: tuple[float, float] | None = None
-    """lowest and highest stored value that any such part can have, not only this vehicle's; None:
-    those of its unit"""
+    """Lowest and highest stored value for all parts of the kind, not only this vehicle's; None:
+    the limits of the unit."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """One actuated part of a vehicle; `name` is that of its actuator in the file."""
+    """One actuated part of a vehicle; `name` is the name of its actuator in the file."""
 
     kind: ClassVar[str] = ""
     """Name of the kind in vehicle files."""
     unit: ClassVar[str] = ""
-    """of its position, as a person writes it"""
+    """Unit of the position, as a person writes it."""
     quantity: ClassVar[Quantity]
     physics: ClassVar[int] = PHYSICS_VERSION
-    """Version of the physics since which it flies as it does"""
+    """Version of the physics since which the part's effect is unchanged."""
     joint: ClassVar[str | None] = None
-    """MJCF type of the joint that it drives, None: it acts at a site"""
+    """MJCF type of the joint that the part moves; None: it acts at a site."""
     one_way: ClassVar[bool] = False
-    """True: its position never rises again"""
+    """True: the position never rises again."""
     spins: ClassVar[bool] = False
-    """True: its position is a rate [rad/s], and it is drawn turned by the integral of it"""
+    """True: the position is a rate [rad/s]; pictures turn the part by its integral."""
     turn: ClassVar[int] = 50
-    """Place in the order in which random manoeuvres draw a command for each part."""
+    """Rank by which random manoeuvres sample the parts' commands, lowest first."""
 
     name: str
     low: float
-    """end of its travel, in `unit`"""
+    """Lower end of the travel, in `unit`."""
     high: float
-    """end of its travel, in `unit`"""
+    """Upper end of the travel, in `unit`."""
     lag: float
-    """[s] of its first-order response"""
+    """[s] Time constant of the first-order response."""
     rate: float
-    """largest rate, in `unit` per second"""
+    """Largest rate, in `unit` per second."""
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """[m], body FRD about the CB: where it acts"""
+    """[m] Place where the part acts, body FRD about the CB."""
 
     # --- from the vehicle file ------------------------------------------------------------------
 
     @classmethod
     def read(cls, reader: MjcfReader, actuator: Element, name: str) -> Self:
-        """The part of an actuator; raises VehicleError naming what is missing or wrong."""
+        """Read the part of an actuator; raises VehicleError naming a missing or wrong number."""
         low, high = reader.vector(actuator, "actrange", 2).tolist()
         lag, rate = reader.vector(actuator, "dynprm", 2).tolist()
         own = dict(cls.own_parameters(reader, name))
@@ -159,30 +159,30 @@ class Part:
         )
         return [(name, rule) for name, kept, rule in rules if not kept]
 
-    # --- what it does ---------------------------------------------------------------------------
+    # --- effect on the vehicle --------------------------------------------------------------------
 
     def values(self) -> tuple[float, ...]:
-        """Its parameters as both models' kernels read them, at most VALUES."""
+        """Parameters in the order in which both models' kernels read them, at most VALUES."""
         return ()
 
     native_volume: ClassVar[Kernel | None] = None
-    """(values, position) -> displaced volume added [cm3]; None: none"""
+    """(values, position) -> displaced volume added [cm3]; None: no effect."""
     native_mass: ClassVar[Kernel | None] = None
-    """(values, position) -> point mass [kg] added at its place; None: none"""
+    """(values, position) -> point mass [kg] added at the part's place; None: no effect."""
     native_wrench: ClassVar[Kernel | None] = None
     """(values, place (3), position, u, v, w, p, q, r, density, depth) -> X, Y, Z, K, M, N about
-    the CB, body FRD; the motion is that through the water at the CB, the depth [m] that of its
-    place. None: none"""
+    the CB, body FRD. The motion is the CB's through the water; the depth [m] is the place's.
+    None: no effect."""
     fossen_volume: ClassVar[Kernel | None] = None
-    """As `native_volume`."""
+    """Fossen model's `native_volume`, in separate code."""
     fossen_mass: ClassVar[Kernel | None] = None
-    """As `native_mass`."""
+    """Fossen model's `native_mass`, in separate code."""
     fossen_wrench: ClassVar[Kernel | None] = None
-    """As `native_wrench`, in code of its own: a function of scalars, where `values` and `place` are
-    arrays or tuples."""
+    """Fossen model's `native_wrench`, in separate code: a function of scalars, where `values` and
+    `place` are arrays or tuples."""
 
     def displaced(self, position: float) -> float:
-        """Volume [m3] that it adds to the neutral one at a position; 0 without a kernel."""
+        """Volume [m3] added to the neutral one at a position; 0 without a kernel."""
         kernel = type(self).fossen_volume
         return 0.0 if kernel is None else 1e-6 * float(kernel(self._numbers[0], position))
 
@@ -191,7 +191,7 @@ class Part:
 
         Args:
           nu_r: motion through the water at the CB, shape (6,), body FRD [m/s, rad/s].
-          density: [kg/m3]. depth: [m] of its place.
+          density: [kg/m3]. depth: [m] of the part's place.
         """
         kernel = type(self).fossen_wrench
         if kernel is None:
@@ -201,35 +201,34 @@ class Part:
 
     @functools.cached_property
     def _numbers(self) -> tuple[Array, Array]:
-        """`values` and `position` as kernels read them."""
+        """`values` and `position` as arrays for the kernels."""
         return np.array(self.values()), np.array(self.position)
 
-    # --- what guidance may do with it -----------------------------------------------------------
+    # --- use by guidance --------------------------------------------------------------------------
 
     def controls(self) -> tuple[str, ...]:
-        """Controls that guidance can use it for: of "pitch", "heading", "buoyancy", "speed"."""
+        """Controls that the part can serve: of "pitch", "heading", "buoyancy", "speed"."""
         return ()
 
     @property
     def rest(self) -> float:
-        """The position at which it neither drives nor steers."""
+        """Position at which the part neither propels nor steers."""
         return min(max(0.0, self.low), self.high)
 
     @property
     def failsafe(self) -> float:
-        """The position that it takes when nobody commands any more: one that brings the vehicle up,
-        or rest."""
+        """Position without commands: one that brings the vehicle up, or rest."""
         return self.rest
 
     @property
     def working(self) -> float:
-        """The position about which it works while the vehicle goes ahead."""
+        """Position around which the part works while the vehicle moves ahead."""
         return self.rest
 
     def effectiveness(self) -> Array:
-        """Wrench per unit of its position at 1 m/s ahead, deep in water of 1000 kg/m3, shape (6,).
+        """Wrench per unit of position at 1 m/s ahead, deep in water of 1000 kg/m3, shape (6,).
 
-        In N and N m, body FRD about the CB, about the position at which it works; 0 without a
+        In N and N m per `unit`, body FRD about the CB, around the `working` position; 0 without a
         kernel.
         """
         ahead, step = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 0.01 * (self.high - self.low)
@@ -237,20 +236,20 @@ class Part:
         return np.asarray((more - less) / (2.0 * step))
 
     def sense(self, axis: str) -> float:
-        """+1 when a larger position raises pitch or turns to starboard, -1 when it does not."""
+        """+1 when a larger position raises pitch or turns to starboard, else -1."""
         return 1.0
 
     def mirrored(self) -> float | None:
-        """Factor on its position in the mirror port to starboard: 1 or -1.
+        """Factor on the position when port and starboard are swapped: 1 or -1.
 
-        None: the vehicle has no mirror image of it, or its kind does not say.
+        None: the vehicle has no mirror image of the part, or the kind does not define it.
         """
         return None
 
-    # --- what its file cannot say exactly -------------------------------------------------------
+    # --- numbers that the file cannot give exactly ------------------------------------------------
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Its lag and largest rate; kinds with an encoder or coefficients add theirs."""
+        """Lag and largest rate; kinds with an encoder or coefficients add theirs."""
         return tuple(
             Uncertainty(
                 name=field,
@@ -262,35 +261,35 @@ class Part:
             for field, words in (("lag", "lag"), ("rate", "largest rate"))
         )
 
-    # --- what it takes --------------------------------------------------------------------------
+    # --- energy -----------------------------------------------------------------------------------
 
     def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
-        """Electrical energy [J] of short moves, shape of the moves; 0 unless a kind says."""
+        """Electrical energy [J] of short moves, shape of the moves; 0 unless a kind defines it."""
         return np.zeros(np.shape(move.after))
 
-    # --- what is drawn and shown ----------------------------------------------------------------
+    # --- random commands and display --------------------------------------------------------------
 
     @property
     def drawn_axis(self) -> tuple[float, float, float] | None:
-        """Unit vector, body FRD, about which pictures turn the body of the file that has its name.
+        """Unit vector, body FRD, about which pictures turn the part's body in the vehicle file.
 
-        None: they turn none; what drives a joint moves with its joint.
+        None: pictures turn no body. A part on a joint needs none, as its body moves with the joint.
         """
         return None
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
-        """A random command for a manoeuvre that is `heavy` (1 dives, -1 climbs)."""
+        """Sample a command for a manoeuvre; `heavy` is 1 in a dive and -1 in a climb."""
         middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
         return float(middle + 0.5 * half * rng.uniform(-1.0, 1.0))
 
     def text(self, value: float) -> str:
-        """A position as a person reads it, with its unit."""
+        """Text of a position for a person, with its unit."""
         if self.unit == "rad":
             return f"{math.degrees(value):.1f} deg"
         return f"{value:.4g} {self.unit}"
 
     def told(self, time: Array, positions: Array) -> dict[str, str]:
-        """Summary of its motion after a flight: a row's name and text.
+        """Summary rows of the part's motion after a flight: name and text.
 
         Args:
           time: [s], shape (n,). positions: in stored units, shape (n,).
@@ -301,7 +300,7 @@ class Part:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Clause that says what a kind lacks: each effect must be there for both models."""
+        """Clause that names what a kind lacks: each effect needs a kernel for both models."""
         if not isinstance(getattr(cls, "quantity", None), Quantity):
             return "it lacks `quantity`: how a store shows its position"
         shared = {field.name for field in dataclasses.fields(Part)}
@@ -317,6 +316,6 @@ class Part:
 
 
 PARTS: Registry[type[Part]] = seams.PARTS
-"""Every vehicle part, by name."""
+"""All kinds of vehicle part by name."""
 register = PARTS.add
-"""Add a kind of one's own; usable as a decorator."""
+"""Register your own kind of part; usable as a decorator."""

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
 SHIFT, TRAVEL = (0.008, 0.03), 0.05
-"""[m] commands that a random manoeuvre draws, of a slide with such a travel [m]"""
+"""[m] Range of commands that a random manoeuvre samples for a slide with this travel [m]."""
 ROTATION = 60.0
-"""[deg] largest rotation that a random manoeuvre draws"""
+"""[deg] Largest rotation that a random manoeuvre samples."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,19 +37,19 @@ class BatterySlide(Part):
     turn: ClassVar[int] = 20
 
     def controls(self) -> tuple[str, ...]:
-        """It pitches."""
+        """Pitch: the mass pitches the vehicle."""
         return ("pitch",)
 
     def sense(self, axis: str) -> float:
-        """Forward is nose down."""
+        """Sign -1: a mass moved forward pitches the nose down."""
         return -1.0
 
     def mirrored(self) -> float | None:
-        """It is in the middle."""
+        """Factor 1: the mass slides on the hull's axis."""
         return 1.0
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Also: the zero of its encoder."""
+        """Base uncertainties and the zero of the encoder."""
         offset = encoder_zero(
             self.name, name="offset_mm", unit="mm", scale=1e-3, spread="uniform(-1, 1)",
             why="battery ahead of where it says; 0.3 mm pitch the Sea-Wing by 0.4 deg",
@@ -57,14 +57,14 @@ class BatterySlide(Part):
         return (offset, *super().uncertainties())
 
     def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
-        """Lifting its mass along the pitched hull and against friction [J]."""
+        """Energy [J] of lifting the mass along the pitched hull and against friction."""
         weight = vehicle.moved_by(self.name).mass * vehicle.gravity
         moved = np.subtract(move.after, move.before)
         sliding = weight * (moved * np.sin(move.pitch) + losses.rail_friction * np.abs(moved))
         return np.maximum(sliding, 0.0) / losses.screw_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
-        """Forward in a dive, aft in a climb."""
+        """Sample a place forward in a dive, aft in a climb."""
         return float(heavy * rng.uniform(*SHIFT) * (self.high / TRAVEL))
 
 
@@ -85,12 +85,12 @@ class BatteryHinge(Part):
     turn: ClassVar[int] = 30
 
     neutral: float = 0.0
-    """[rad] position at which the mass hangs straight below the axis: there it steers a hull
-    straight that is not quite even"""
+    """[rad] Position at which the mass hangs straight below the axis; at rest there, it steers a
+    slightly uneven hull straight."""
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
-        """`NAME.neutral` [rad], 0 when the file does not say."""
+        """Field `NAME.neutral` [rad], 0 where the file has none."""
         return {"neutral": reader.number(f"{name}.neutral", default=0.0)}
 
     def values(self) -> tuple[float, ...]:
@@ -99,23 +99,23 @@ class BatteryHinge(Part):
 
     @property
     def rest(self) -> float:
-        """The neutral position."""
+        """Neutral position [rad], within the travel."""
         return min(max(self.neutral, self.low), self.high)
 
     def controls(self) -> tuple[str, ...]:
-        """It turns."""
+        """Heading: the rolled vehicle turns."""
         return ("heading",)
 
     def mirrored(self) -> float | None:
-        """Port becomes starboard, of a mass that hangs straight at 0."""
+        """Factor -1: port becomes starboard; None unless the mass hangs straight at 0."""
         return None if self.neutral else -1.0
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Also: the zero of its encoder."""
+        """Base uncertainties and the zero of the encoder."""
         return (turned_encoder(self.name, "battery"), *super().uncertainties())
 
     def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
-        """Raising its eccentric mass, which hangs lowest at 0, and friction [J]."""
+        """Energy [J] of raising the eccentric mass above its lowest place and of friction."""
         mass = vehicle.moved_by(self.name)
         before, after = (np.subtract(at, self.neutral) for at in (move.before, move.after))
         raised = mass.eccentricity * (np.cos(before) - np.cos(after))
@@ -124,5 +124,5 @@ class BatteryHinge(Part):
         return np.maximum(turning, 0.0) / losses.screw_efficiency
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
-        """Every other command is level."""
+        """Sample a rotation; every second command on average is 0."""
         return float(math.radians(rng.uniform(-ROTATION, ROTATION)) * rng.integers(0, 2))

@@ -1,11 +1,11 @@
 """Fin: a rudder or elevator that turns about its span, with lift, drag and stall.
 
-Of a fin with area A at r, the flow in the plane of its section is v_rel + omega x r there. At the
-angle of attack a, C_L = C_La a up to the stall and then falls (or rises) with its own slope, no
-further than zero; C_D = C_D0 + C_Da |a|, with a slope of its own beyond the stall, and the induced
-drag C_L^2 / (pi e AR) of a finite span (Prandtl). Lift stands across the flow, drag along it:
-F = rho A V^2 / 2 (C_L, C_D). But for the induced drag these are the laws that the Gazebo plug-in
-LiftDrag uses (gz-sim, Apache-2.0), for flow from any side.
+A fin of area A at r meets the flow v_rel + omega x r, taken in the plane of its section. Up to the
+stall, C_L is C_La a at the angle of attack a; beyond, C_L changes with another slope, but not below
+zero. C_D is C_D0 + C_Da |a|, with another slope beyond the stall, plus the induced drag
+C_L^2 / (pi e AR) of a finite span (Prandtl). Lift is across the flow and drag along it:
+F = rho A V^2 / 2 (C_L, C_D). Without the induced drag these are the formulas of the Gazebo plug-in
+LiftDrag (gz-sim, Apache-2.0), for flow from any side.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ AREA, LIFT, STALL, LIFT_STALLED, DRAG0, DRAG, DRAG_STALLED, IN_HULL = range(8)
 AXIS = 8  # and the two that follow
 INDUCED, NEUTRAL = 11, 12
 ASKEW = 0.2
-"""Part of its larger moment that a fin's smaller one must have for the fin to do both"""
+"""Smallest ratio of a fin's smaller to its larger moment at which the fin serves both controls."""
 
 
 @jit
@@ -96,7 +96,7 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
 
 @scalar
 def _coefficients(values, attack):  # type: ignore[no-untyped-def]
-    """(C_L, C_D) at an angle of attack within +-90 deg."""
+    """Coefficients (C_L, C_D) at an angle of attack within +-90 deg."""
     a, stall = abs(attack), values[STALL]
     c_l, c_d = values[LIFT] * a, values[DRAG0] + values[DRAG] * a
     if a > stall:
@@ -118,7 +118,7 @@ def _fossen_force(values, place, position, velocity, rates, density):  # type: i
     chord = math.sqrt(max(1.0 - span[0] * span[0], 1e-30))
     forward = (chord, -span[1] * span[0] / chord, -span[2] * span[0] / chord)
     side = cross(span, forward)
-    # the flow's direction in the section, seen from the deflected chord
+    # direction of the flow in the section, relative to the deflected chord
     course = elementary.atan2(dot(flow, side), dot(flow, forward)) - position
     if course > math.pi:
         course -= 2.0 * math.pi
@@ -141,7 +141,7 @@ def _fossen_force(values, place, position, velocity, rates, density):  # type: i
 
 @scalar
 def fossen_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
-    """Force and moment about the CB."""
+    """Force of the fin and its moment about the CB."""
     velocity, rates = (u, v, w), (p, q, r)
     turned = position - values[NEUTRAL]
     x, y, z = _fossen_force(values, place, turned, velocity, rates, density)
@@ -166,35 +166,35 @@ class Fin(Part):
     )
 
     axis: tuple[float, float, float]
-    """unit vector of its span and hinge, body FRD, across the hull"""
+    """Unit vector of the span and hinge, body FRD, across the hull."""
     area: float
-    """[m2] of all its blades"""
+    """[m2] Area of all blades together."""
     lift_slope: float
-    """C_La [1/rad]"""
+    """[1/rad] Lift slope C_La up to the stall."""
     stall_angle: float = 0.35
-    """[rad]"""
+    """[rad] Angle of attack at the stall."""
     stalled_lift_slope: float = -1.0
-    """[1/rad] of C_L beyond the stall"""
+    """[1/rad] Slope of C_L beyond the stall."""
     zero_lift_drag: float = 0.0
-    """C_D0"""
+    """Drag coefficient C_D0 without lift."""
     drag_slope: float = 0.0
-    """C_Da [1/rad]"""
+    """[1/rad] Slope C_Da of the drag up to the stall."""
     stalled_drag_slope: float = 0.0
-    """[1/rad] of C_D beyond the stall"""
+    """[1/rad] Slope of C_D beyond the stall."""
     induced_drag: float = 0.0
-    """C_D per C_L^2: 1 / (pi e aspect ratio)"""
+    """C_D per C_L^2: 1 / (pi e aspect ratio)."""
     neutral: float = 0.0
-    """[rad] position at which it is in line with the hull, and in which it steers a hull straight
-    that is not quite even: deflections count from there"""
+    """[rad] Position without deflection, from which deflections count; not 0 for a fin set to steer
+    a slightly uneven hull straight."""
     in_hull: bool = False
-    """True: the hull's law holds the fin at rest already, and only its deflection is added"""
+    """True: the hull law contains the fin at rest, so only the deflection's force is added."""
 
     native_wrench = staticmethod(native_wrench)
     fossen_wrench = staticmethod(fossen_wrench)
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
-        """`NAME.axis` (forward port up, as all of MJCF), `.area`, `.lift_slope` and the others."""
+        """Fields `NAME.axis` (forward, port, up as in MJCF), `.area`, `.lift_slope` and others."""
         axis = reader.flipped(f"{name}.axis", 3)
         size = math.sqrt(sum(x * x for x in axis))
         if not size > 0.0:
@@ -212,7 +212,7 @@ class Fin(Part):
         }
 
     def problems(self) -> list[tuple[str, str]]:
-        """Also: sizes, slopes and axes that no fin has."""
+        """Report also sizes, slopes and axes that no fin has."""
         positive = ("area", "lift_slope", "stall_angle")
         drags = ("zero_lift_drag", "drag_slope", "stalled_drag_slope", "induced_drag")
         found = super().problems()
@@ -224,46 +224,46 @@ class Fin(Part):
         return found
 
     def values(self) -> tuple[float, ...]:
-        """In the order of AREA to IN_HULL, then the axis, INDUCED and NEUTRAL."""
+        """Values in the order of AREA to IN_HULL, then the axis, INDUCED and NEUTRAL."""
         names = ("area", "lift_slope", *_OPTIONAL[:-2], "in_hull")
         numbers = [float(getattr(self, name)) for name in names]
         return (*numbers, *self.axis, self.induced_drag, self.neutral)
 
     @property
     def rest(self) -> float:
-        """Its neutral position."""
+        """Neutral position [rad], within the travel."""
         return min(max(self.neutral, self.low), self.high)
 
     def mirrored(self) -> float | None:
-        """Rudders turn the other way, elevators do not; a fin off the middle has no image."""
+        """Factor -1 for rudders, 1 for elevators; None off the middle, askew or with `neutral`."""
         _, y, z = (abs(x) > 1e-9 for x in self.axis)
         if self.neutral or (y and z) or abs(self.position[1]) > 1e-9:
             return None
         return -1.0 if z else 1.0
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Also: the zero of its encoder and its lift slope."""
+        """Base uncertainties, the zero of the encoder and the lift slope."""
         offset = turned_encoder(self.name, "fin")
         slope = coefficient("lift_slope", f"lift slope of the {self.name}", field="lift_slope")
         return (offset, *super().uncertainties(), slope)
 
     def controls(self) -> tuple[str, ...]:
-        """An elevator pitches, a rudder turns; one of an X tail does both."""
+        """Pitch for an elevator, heading for a rudder, both for a fin of an X tail."""
         pitch, yaw = np.abs(self.effectiveness()[4:])
         able = {"pitch": pitch >= ASKEW * yaw and pitch > 0.0, "heading": yaw >= ASKEW * pitch}
         return tuple(control for control, does in able.items() if does)
 
     def sense(self, axis: str) -> float:
-        """By its place and axis."""
+        """Sign of the fin's moment at its place and axis."""
         return math.copysign(1.0, self.effectiveness()[4 if axis == "pitch" else 5])
 
     @property
     def drawn_axis(self) -> tuple[float, float, float]:
-        """Its hinge."""
+        """Hinge axis of the fin."""
         return self.axis
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
-        """Up to half of its travel either way."""
+        """Sample a deflection up to half of the travel to either side."""
         return float(0.5 * min(self.high, -self.low) * rng.uniform(-1.0, 1.0))
 
 

@@ -6,11 +6,11 @@ With the rate n [rad/s], the speed of advance u_a at the screw and J = u_a / (n 
     Q = rho D^5 (C_Q n |n| - s_Q |n| u_a / D - S_Q u_a |u_a| / D^2)
 
 The first two terms are the linear part of a diagram (Fossen 2011, section 9.1.1, with n in rad/s as
-the LRAUV simulator has it), the third is its curvature: ahead K_T = C_T - s_T J - S_T J^2, as
-polynomials of open-water series have it (Oosterveld and van Oossanen 1975). It is also what is left
-of a screw that stands still: the drag S_T rho D^2 u_a |u_a| of its blades. Files say the advance
-ratio J_0 of zero thrust and J_1 of zero torque instead of the slopes, s = C / J_0 - S J_0. A screw
-beyond J_1 windmills: the water drives it. Astern all is mirrored (n and u_a with the other sign).
+in the LRAUV simulator). The third is its curvature: ahead K_T = C_T - s_T J - S_T J^2, as in the
+polynomials of open-water series (Oosterveld and van Oossanen 1975). For a standing screw the third
+term alone remains, the drag S_T rho D^2 u_a |u_a| of its blades. Files give the advance ratios J_0
+of zero thrust and J_1 of zero torque instead of the slopes, s = C / J_0 - S J_0. Beyond J_1 the
+water turns the screw (windmilling). Astern, n and u_a have the other sign and all is mirrored.
 Without J_0 the thrust, and without J_1 the torque, does not fall with speed.
 """
 
@@ -35,17 +35,17 @@ FIELDS = (
     "diameter", "thrust_coefficient", "torque_coefficient", "zero_thrust_advance",
     "standing_drag", "zero_torque_advance", "standing_torque",
 )  # fmt: skip
-"""Fields that kernels read, in their order"""
+"""Fields that kernels read, in the order of DIAMETER to STANDING_TORQUE."""
 DIAMETER, THRUST, TORQUE, ADVANCE, STANDING, TORQUE_ADVANCE, STANDING_TORQUE = range(7)
 ADVANCES = np.concatenate([-np.geomspace(30.0, 1e-3, 200), [0.0], np.geomspace(1e-3, 30.0, 200)])
-"""[1/rad] advance ratios at which a diagram must not give more power than it takes"""
+"""[1/rad] Advance ratios at which the diagram is checked for power that it must not create."""
 GIVEN = 0.02
-"""part of the power that rounded numbers of a diagram may give too much"""
+"""Largest power, relative to thrust and shaft power, that a rounded diagram may create."""
 
 
 @jit
 def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
-    """Thrust along the hull at its place and the reaction of its torque, about the CB."""
+    """Thrust along the hull at the screw's place and the reaction of its torque, about the CB."""
     diameter = values[DIAMETER]
     turning = abs(position)
     advance = u + q * place[2] - r * place[1]
@@ -59,7 +59,7 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
         flow = advance / diameter
         loading -= values[STANDING] * flow * (abs(flow) - values[ADVANCE] * turning)
         twisting -= values[STANDING_TORQUE] * flow * (abs(flow) - values[TORQUE_ADVANCE] * turning)
-    # the part of the disc that is under water carries
+    # only the part of the disc under water gives thrust
     x = min(max(2.0 * depth / diameter, -1.0), 1.0)
     wet = 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
     thrust = wet * density * diameter**4 * loading
@@ -76,14 +76,14 @@ def diagram(first, zero, standing, n, flow):  # type: ignore[no-untyped-def]
 
 @scalar
 def fossen_wrench(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
-    """T along the screw's axis and -Q about it (Fossen 2011, section 9.1.1)."""
+    """Thrust T along the screw's axis and torque -Q about it (Fossen 2011, section 9.1.1)."""
     d = values[DIAMETER]
     inflow = (u - r * place[1] + q * place[2]) / d
     force = diagram(values[THRUST], values[ADVANCE], values[STANDING], position, inflow)
     moment = diagram(
         values[TORQUE], values[TORQUE_ADVANCE], values[STANDING_TORQUE], position, inflow
     )
-    # the part of the disc that is under water carries
+    # only the part of the disc under water gives thrust
     cosine = min(max(-2.0 * depth / d, -1.0), 1.0)
     half, sine = elementary.acos(cosine), math.sqrt(abs((1.0 - cosine) * (1.0 + cosine)))
     scale = density * d * d * d * d * (half - sine * cosine) / math.pi
@@ -93,7 +93,7 @@ def fossen_wrench(values, place, position, u, v, w, p, q, r, density, depth):  #
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Propeller(Part):
-    """A screw on the hull; its position is its rate, positive drives forward."""
+    """A screw on the hull; its position is its rate, positive propels forward."""
 
     kind: ClassVar[str] = "propeller"
     physics: ClassVar[int] = 4
@@ -105,28 +105,28 @@ class Propeller(Part):
     turn: ClassVar[int] = 40
 
     diameter: float
-    """[m]"""
+    """[m] Diameter of the screw."""
     thrust_coefficient: float
     """C_T [1/rad2]: thrust at rest = rho D^4 C_T n^2 with n in rad/s"""
     torque_coefficient: float = 0.0
-    """C_Q [1/rad2]: torque = rho D^5 C_Q n^2; it rolls the hull the other way, to port, or below 0
-    to starboard: a left-handed screw"""
+    """C_Q [1/rad2]: torque = rho D^5 C_Q n^2. Its reaction rolls the hull to port; a negative C_Q
+    (a left-handed screw) rolls it to starboard."""
     zero_thrust_advance: float = 0.0
     """J_0 [rad-1]: u_a / (n D) at which the thrust vanishes; 0: no loss with speed"""
     standing_drag: float = 0.0
-    """S_T [1]: drag of the screw that stands still = rho D^2 S_T u_a^2"""
+    """S_T [1]: drag of the standing screw = rho D^2 S_T u_a^2"""
     zero_torque_advance: float = 0.0
-    """J_1 [rad-1]: u_a / (n D) at which the torque vanishes; 0: it does not fall with speed"""
+    """J_1 [rad-1]: u_a / (n D) at which the torque vanishes; 0: no fall with speed"""
     standing_torque: float = 0.0
-    """S_Q [1]: torque of the water on the screw that stands still = rho D^3 S_Q u_a^2; it has the
-    sign of the torque coefficient"""
+    """S_Q [1]: torque of the water on the standing screw = rho D^3 S_Q u_a^2, with the sign of the
+    torque coefficient."""
 
     native_wrench = staticmethod(native_wrench)
     fossen_wrench = staticmethod(fossen_wrench)
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
-        """`NAME.diameter`, `.thrust_coefficient`; the others are 0 where the file is silent."""
+        """Fields `NAME.diameter`, `.thrust_coefficient`; the others are 0 where not in the file."""
         needed = ("diameter", "thrust_coefficient")
         return {
             field: reader.number(f"{name}.{field}", default=None if field in needed else 0.0)
@@ -134,7 +134,7 @@ class Propeller(Part):
         }
 
     def problems(self) -> list[tuple[str, str]]:
-        """Also: sizes and coefficients that no screw has, and a diagram that gives energy."""
+        """Report also sizes and coefficients that no screw has, and diagrams that create energy."""
         found = super().problems()
         sizes = ("diameter", "thrust_coefficient")
         found += [(name, "positive") for name in sizes if not getattr(self, name) > 0.0]
@@ -152,10 +152,10 @@ class Propeller(Part):
 
     @property
     def power_given(self) -> float:
-        """Largest power of the thrust less that of the shaft, over the size of both; below 0: none.
+        """Largest excess of thrust power over shaft power, relative to both; below 0: none.
 
-        At every advance ratio, ahead and astern, of the screw turning ahead. A screw without a
-        torque that falls with speed has no diagram of it, and then the figure says nothing.
+        Covers every advance ratio, ahead and astern, of the screw turning ahead. Without a torque
+        that falls with speed the figure has no meaning.
         """
         size = abs(self.torque_coefficient)
         thrust = diagram(
@@ -165,30 +165,30 @@ class Propeller(Part):
         return float(np.max((thrust * ADVANCES - torque) / (size + np.abs(thrust * ADVANCES))))
 
     def values(self) -> tuple[float, ...]:
-        """In the order of DIAMETER to STANDING_TORQUE."""
+        """Values in the order of DIAMETER to STANDING_TORQUE."""
         return tuple(getattr(self, name) for name in FIELDS)
 
     def mirrored(self) -> float | None:
-        """It is in the middle; its torque, which would turn round, is small."""
+        """Factor 1 for a screw in the middle (the mirrored torque is small), else None."""
         return 1.0 if abs(self.position[1]) < 1e-9 else None
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Also: its thrust."""
+        """Base uncertainties and the thrust."""
         thrust = coefficient("thrust", f"thrust of the {self.name}", field="thrust_coefficient")
         return (*super().uncertainties(), thrust)
 
     def controls(self) -> tuple[str, ...]:
-        """It drives."""
+        """Speed: the screw propels the vehicle."""
         return ("speed",)
 
     @property
     def working(self) -> float:
-        """Half of its largest rate."""
+        """Half of the largest rate [rad/s]."""
         return 0.5 * self.high
 
     @property
     def drawn_axis(self) -> tuple[float, float, float]:
-        """Its shaft, along the hull."""
+        """Shaft axis, along the hull."""
         return (1.0, 0.0, 0.0)
 
     def thrust(self, rate: float, speed: float, density: float) -> float:
@@ -199,9 +199,9 @@ class Propeller(Part):
         return float(wrench[0])
 
     def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
-        """Shaft power of its torque, over the efficiency of its motor [J].
+        """Shaft energy of the torque over the efficiency of the motor [J].
 
-        A screw that the water drives gives nothing back.
+        A screw that the water turns recovers no energy.
         """
         rate = 0.5 * np.add(move.before, move.after, dtype=float)
         flow = np.asarray(move.speed, dtype=float) / self.diameter
@@ -213,5 +213,5 @@ class Propeller(Part):
         return np.asarray(np.maximum(power, 0.0) * move.duration / losses.propeller_efficiency)
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
-        """Ahead, from a quarter of its largest rate to three quarters."""
+        """Sample a rate ahead, from a quarter to three quarters of the largest rate."""
         return float(self.high * rng.uniform(0.25, 0.75))

@@ -1,4 +1,4 @@
-"""Pump and drop weight: what makes a vehicle light or heavy."""
+"""Pump and drop weight: the parts that make a vehicle light or heavy."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 CUBIC_CM = 1e-6  # [m3]
 NET_MASS = (0.15, 0.45)
-"""[kg] magnitude of the net buoyancy that a random manoeuvre draws"""
+"""[kg] Range of the magnitude of net mass that a random manoeuvre samples."""
 
 
 @inline
 def native_volume(values, position):  # type: ignore[no-untyped-def]
-    """Volume [cm3] above that at its neutral position."""
+    """Volume [cm3] relative to the neutral position."""
     return position - values[0]
 
 
 @scalar
 def fossen_volume(values, position):  # type: ignore[no-untyped-def]
-    """Volume [cm3] that it adds to the neutral one."""
+    """Volume [cm3] added to the neutral one."""
     return position - values[0]
 
 
@@ -36,7 +36,7 @@ def fossen_volume(values, position):  # type: ignore[no-untyped-def]
 class Pump(Part):
     """A buoyancy engine; its position is the volume in its bladder, a larger one is lighter.
 
-    It moves volume, not mass: oil leaves the pressure hull and stays on the vehicle.
+    The pump changes volume, not mass: oil leaves the pressure hull but stays on the vehicle.
     """
 
     kind: ClassVar[str] = "pump"
@@ -47,14 +47,14 @@ class Pump(Part):
     turn: ClassVar[int] = 10
 
     neutral: float = 0.0
-    """[cm3] at which the vehicle displaces its neutral volume"""
+    """[cm3] Position at which the vehicle displaces its neutral volume."""
 
     native_volume = staticmethod(native_volume)
     fossen_volume = staticmethod(fossen_volume)
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
-        """`NAME.neutral` [cm3], 0 when the file does not say."""
+        """Field `NAME.neutral` [cm3], 0 where the file has none."""
         return {"neutral": reader.number(f"{name}.neutral", default=0.0)}
 
     def values(self) -> tuple[float, ...]:
@@ -62,16 +62,16 @@ class Pump(Part):
         return (self.neutral,)
 
     def mirrored(self) -> float | None:
-        """It has no side."""
+        """Factor 1: the pump has no side."""
         return 1.0
 
     def controls(self) -> tuple[str, ...]:
-        """It makes the vehicle heavy or light."""
+        """Buoyancy: the pump makes the vehicle heavy or light."""
         return ("buoyancy",)
 
     @property
     def failsafe(self) -> float:
-        """Full out, so that the vehicle rises."""
+        """Upper end of the travel, at which the vehicle rises."""
         return self.high
 
     @property
@@ -80,7 +80,7 @@ class Pump(Part):
         return self.neutral
 
     def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
-        """Pumping out against the sea [J]; letting in costs `pump_return`, 0 by default."""
+        """Energy [J] of pumping out against the sea, and of letting in by `pump_return`."""
         pressure = vehicle.reference_density * vehicle.gravity * np.maximum(move.depth, 0.0)
         moved = np.subtract(move.after, move.before) * CUBIC_CM
         pumped, returned = np.maximum(moved, 0.0), np.maximum(-moved, 0.0)
@@ -88,7 +88,7 @@ class Pump(Part):
         return np.asarray(work + pumped * losses.pump_loss + returned * losses.pump_return)
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
-        """Heavy or light, as far as it reaches."""
+        """Sample a net mass, heavy in a dive and light in a climb, within the pump's reach."""
         most = abs(vehicle.pump_for_net_mass(NET_MASS[1]) - self.neutral)
         reach = min(1.0, (self.high - self.neutral) / most)
         return vehicle.pump_for_net_mass(heavy * rng.uniform(*NET_MASS) * reach)
@@ -96,13 +96,13 @@ class Pump(Part):
 
 @inline
 def native_mass(values, position):  # type: ignore[no-untyped-def]
-    """Mass [kg] that is missing, negative: the hull of the file carries the weight."""
+    """Missing mass [kg], at most 0: the hull's mass in the file includes the weight."""
     return -values[0] * (1.0 - position)
 
 
 @scalar
 def fossen_mass(values, position):  # type: ignore[no-untyped-def]
-    """[kg] that the vehicle carries less than its file says."""
+    """Mass [kg] relative to the file's, at most 0."""
     return values[0] * (position - 1.0)
 
 
@@ -119,19 +119,19 @@ class DropWeight(Part):
     turn: ClassVar[int] = 60
 
     mass: float
-    """[kg] in water: its weight less that of the water it displaces, over gravity; part of the
-    hull's mass in the file"""
+    """[kg] Weight in water over gravity: mass minus displaced water. The hull's mass in the file
+    includes this weight."""
 
     native_mass = staticmethod(native_mass)
     fossen_mass = staticmethod(fossen_mass)
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
-        """`NAME.mass` [kg]."""
+        """Field `NAME.mass` [kg]."""
         return {"mass": reader.number(f"{name}.mass")}
 
     def problems(self) -> list[tuple[str, str]]:
-        """Also: a weight without weight, a travel that is not 0 to 1."""
+        """Report also a mass of 0 or less and a travel other than 0 to 1."""
         found = super().problems()
         if not self.mass > 0.0:
             found.append(("mass", "positive"))
@@ -144,29 +144,29 @@ class DropWeight(Part):
         return (self.mass,)
 
     def mirrored(self) -> float | None:
-        """It has no side."""
+        """Factor 1: the weight has no side."""
         return 1.0
 
     @property
     def failsafe(self) -> float:
-        """Let go, so that the vehicle rises."""
+        """Position 0: the weight is released so that the vehicle rises."""
         return self.low
 
     @property
     def rest(self) -> float:
-        """Held."""
+        """Position 1: the weight is held."""
         return 1.0
 
     def manoeuvre(self, rng: np.random.Generator, heavy: float, vehicle: Carrier) -> float:
-        """Held: a manoeuvre comes back."""
+        """Hold the weight: a released one could not come back."""
         return 1.0
 
     def text(self, value: float) -> str:
-        """Held, gone, or the part of it that is left."""
+        """Text "held", "gone", or the fraction still held."""
         return {1.0: "held", 0.0: "gone"}.get(value, f"{value:.4g} held")
 
     def told(self, time: Array, positions: Array) -> dict[str, str]:
-        """When it was let go, if it was."""
+        """Summary row with the time at which the weight was released, if at all."""
         gone = np.flatnonzero(positions < 1.0)
         text = f"released at {time[gone[0]]:.0f} s" if gone.size else "held throughout"
         return {self.name: text}

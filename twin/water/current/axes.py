@@ -1,9 +1,9 @@
-"""Axes of a CF data set: which coordinate is time, depth, latitude or longitude, and its values.
+"""Axes of a CF data set: coordinates of time, depth, latitude and longitude, and their values.
 
 Attributes decide first, then the usual names. Grids that are not rectilinear in latitude and
-longitude are refused with the way out.
+longitude raise CurrentError, which advises a conversion.
 
-The module also holds where and when a mission starts, which anchors its north-east-down frame.
+The module also holds a mission's start place and time, the origin of its north-east-down frame.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ AXIS_NAMES = {
     "latitude": {"lat", "latitude", "y_lat", "nav_lat", "yt_ocean", "yu_ocean"},
     "longitude": {"lon", "longitude", "long", "x_lon", "nav_lon", "xt_ocean", "xu_ocean"},
 }  # fmt: skip
-"""Coordinate names per axis when no attribute tells; case is ignored."""
+"""Coordinate names per axis for files without attributes; case is ignored."""
 
 LATITUDE_UNITS = {"degrees_north", "degree_north", "degrees_n", "degree_n", "degreen", "degreesn"}
 LONGITUDE_UNITS = {"degrees_east", "degree_east", "degrees_e", "degree_e", "degreee", "degreese"}
 
 DEPTH_UNITS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "": 1.0,
                "km": 1000.0, "cm": 0.01}  # fmt: skip
-"""[m] per unit; a depth without units is in metres."""
+"""[m] Length of each depth unit; a depth without units is in metres."""
 
 REGRID = (
     "bring u and v to common points, rotate them to east and north and regrid to one-dimensional"
     " latitude and longitude first (for example with cdo or xesmf)"
 )
-"""The way out for curvilinear, staggered and grid-relative files."""
+"""Advice for curvilinear, staggered and grid-relative files."""
 
 
 class Axis(NamedTuple):
@@ -56,7 +56,7 @@ class Axis(NamedTuple):
 
 
 def _coordinate(data: xr.Dataset, dimension: str) -> str | None:
-    """The variable that holds a dimension's values: its namesake or a 1-D auxiliary one."""
+    """Find the variable of a dimension's values: its namesake or a 1-D auxiliary one."""
     if dimension in data.variables and data[dimension].ndim == 1:
         return dimension
     for name, variable in data.variables.items():
@@ -66,7 +66,7 @@ def _coordinate(data: xr.Dataset, dimension: str) -> str | None:
 
 
 def _axis_kind(data: xr.Dataset, name: str) -> str | None:
-    """time, depth, latitude or longitude by attribute, then by name."""
+    """Classify a coordinate as time, depth, latitude or longitude by attribute, then by name."""
     attrs = data[name].attrs
     standard = str(attrs.get("standard_name", ""))
     units = str(attrs.get("units", "")).lower()
@@ -74,7 +74,7 @@ def _axis_kind(data: xr.Dataset, name: str) -> str | None:
         return standard
     if standard in ("altitude", "height", "height_above_mean_sea_level"):
         return "depth"
-    # Model coordinates may carry axis letters, and are still not metres or degrees.
+    # model coordinates may have an axis letter although they are not in metres or degrees
     if standard.startswith(("projection_", "ocean_s", "sea_water_pressure")):
         return None
     if units in LATITUDE_UNITS:
@@ -93,10 +93,10 @@ def _axis_kind(data: xr.Dataset, name: str) -> str | None:
 
 
 def find_axes(data: xr.Dataset, source: str, name: str) -> dict[str, Axis]:
-    """Those of time, depth, latitude and longitude that the variable `name` has.
+    """Find the axes of variable `name` among time, depth, latitude and longitude.
 
-    Dimensions of length 1 that are none of them are passed over. Raises CurrentError, naming the
-    `source`, at other dimensions and at grids that are not rectilinear.
+    Other dimensions of length 1 are ignored. Raises CurrentError, naming the `source`, at longer
+    ones and at grids that are not rectilinear.
     """
     axes: dict[str, Axis] = {}
     for dimension in map(str, data[name].dims):
@@ -119,7 +119,7 @@ def find_axes(data: xr.Dataset, source: str, name: str) -> dict[str, Axis]:
 
 
 def _refusal(data: xr.Dataset, name: str, dimension: str) -> str:
-    """Why a dimension of a velocity variable cannot be used, and what to do."""
+    """Reason why a dimension of a velocity variable cannot be used, with advice."""
     plane = [str(n) for n, v in data.variables.items() if v.ndim >= 2 and dimension in v.dims]
     curvilinear = [n for n in plane if _axis_kind(data, n) in ("latitude", "longitude")]
     if curvilinear:
@@ -147,7 +147,7 @@ def _refusal(data: xr.Dataset, name: str, dimension: str) -> str:
 
 
 def depth_values(data: xr.Dataset, source: str, axis: Axis) -> Floats:
-    """Depths [m], positive down, in the file's order; negative only above the sea surface."""
+    """Depths [m], positive down, in the file's order; raises CurrentError for heights."""
     variable = data[axis.coordinate]
     values = np.asarray(variable.values, dtype=np.float64)
     units = str(variable.attrs.get("units", "")).strip().lower()
@@ -160,7 +160,7 @@ def depth_values(data: xr.Dataset, source: str, axis: Axis) -> Floats:
     upward = str(variable.attrs.get("positive", "")).lower() == "up" or variable.attrs.get(
         "standard_name"
     ) in ("altitude", "height", "height_above_mean_sea_level")
-    # Some files say positive down and still count downward from zero: the values decide.
+    # some files say positive down but count downward from zero: the values decide
     if (upward and not (values > 0).any()) or (values <= 0).all():
         values = -values
     elif upward:
@@ -168,7 +168,7 @@ def depth_values(data: xr.Dataset, source: str, axis: Axis) -> Floats:
             f"{source}: {axis.coordinate!r} has the attribute positive up and values up to"
             f" {values.max():g} m above the surface; correct its attribute 'positive'"
         )
-    # Negation leaves -0.0, which would print and hash differently from 0.0.
+    # negation leaves -0.0, which would print and hash differently from 0.0
     values = values + 0.0
     if (values < 0).any():
         raise CurrentError(
@@ -210,7 +210,7 @@ EARTH_ROTATION = 7.292115e-5
 """[rad/s] Angular rate of the Earth (WGS84); f = 2 EARTH_ROTATION sin(latitude)."""
 
 HIGHEST_LATITUDE = 88.0
-"""[degree] Nearer to a pole local north and east metres lose their meaning over a mission."""
+"""[degree] Highest latitude of an origin; nearer to a pole, north and east rotate along a track."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,11 +220,11 @@ class Origin:
     latitude_deg: float = 36.8
     """[degree] North positive, WGS84. Default: off Monterey Bay, the paper's sea area."""
     longitude_deg: float = -122.4
-    """[degree] East positive, any turn (-180..180 or 0..360). Default: 50 km off the coast over
-    about 2000 m of water, where the mooring M2 of MBARI was."""
+    """[degree] East positive, -180..180 or 0..360. Default: 50 km off the coast in about 2000 m of
+    water, where MBARI's mooring M2 was."""
     time: str | None = None
-    """UTC, ISO 8601 ("2000-01-05T12:00"); None where nothing depends on the date: what is flown
-    then carries DEFAULT_TIME."""
+    """UTC, ISO 8601 ("2000-01-05T12:00"); None: nothing depends on the date, and stored missions
+    get DEFAULT_TIME."""
 
     def __post_init__(self) -> None:
         latitude = checks.finite("origin", "latitude_deg", self.latitude_deg, "degree")
@@ -236,22 +236,22 @@ class Origin:
         checks.finite("origin", "longitude_deg", self.longitude_deg, "degree")
 
     def latitude(self, given: float | None) -> float:
-        """The `given` latitude [degree], or the origin's for None."""
+        """Return the `given` latitude [degree], or the origin's for None."""
         return self.latitude_deg if given is None else given
 
     @property
     def meridian_radius(self) -> float:
-        """[m] WGS84 radius of curvature in the meridian, M."""
+        """WGS84 radius of curvature in the meridian, M [m]."""
         return geodesy.meridian_radius(self.latitude_deg)
 
     @property
     def normal_radius(self) -> float:
-        """[m] WGS84 radius of curvature in the prime vertical, N."""
+        """WGS84 radius of curvature in the prime vertical, N [m]."""
         return geodesy.normal_radius(self.latitude_deg)
 
     @property
     def curvature(self) -> float:
-        """[1/m] tan(latitude)/N: how fast the meridians converge, for the grid sampler.
+        """Convergence of the meridians tan(latitude)/N [1/m], for the grid sampler.
 
         A point (n, e) of the tangent plane lies at latitude0 + (n - e^2 curvature/2)/M and
         longitude0 + e (1 + n curvature)/(N cos latitude0), to second order in distance/radius.
@@ -260,19 +260,19 @@ class Origin:
 
 
 DEFAULT_TIME = "2020-01-01T00:00:00"
-"""UTC start of missions that do not say when they begin: a round date, which nothing depends on"""
+"""UTC start of missions without a time: an arbitrary round date."""
 FORMER_DEFAULT = Origin(longitude_deg=-121.8)
-"""What descriptions of earlier versions say where nobody had said a place: a beach"""
+"""Start place in descriptions of earlier versions for missions without a place: a beach."""
 SAME_PLACE = 1e-9
-"""[degree] 0.1 mm: places nearer to each other are one"""
+"""[degree] Distance below which two places are one: 0.1 mm."""
 
 
 def same_place(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether two places (latitude, longitude) [degree] are one, whatever turn they are in."""
+    """Compare two places (latitude, longitude) [degree], ignoring full turns of longitude."""
     turned = math.remainder(one[1] - other[1], 360.0)
     return max(abs(one[0] - other[0]), abs(turned)) <= SAME_PLACE
 
 
 def coriolis(latitude_deg: float) -> float:
-    """[rad/s] Coriolis parameter f = 2 Omega sin(latitude), negative in the south."""
+    """Coriolis parameter f = 2 Omega sin(latitude) [rad/s], negative in the south."""
     return 2.0 * EARTH_ROTATION * math.sin(math.radians(latitude_deg))

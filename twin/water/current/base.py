@@ -1,4 +1,4 @@
-"""Currents: the class that every kind derives from, their sums, texts and descriptions."""
+"""Currents: the base class of all kinds, sums of currents, and their texts and descriptions."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats, kinds
 
 TABLE, TABULATED = "table", "twin.water.current.tabulated"
-"""Kind of a function's table, and its module, which derives from `Current`"""
+"""Kind of a tabulated function, and the module of that kind, which imports this one."""
 HELP_COLUMN = 42
-"""Column of `current_help` where the words begin, when the example is not longer."""
+"""Column of `current_help` at which explanations begin, behind any shorter example."""
 FILE = re.compile(r"\.[A-Za-z]\w*\s*(,|$)|[/\\]")
-"""Part of a current's text that names a file"""
+"""Part of a current's text that shows a file name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +45,8 @@ class Current(abc.ABC):
           row: dVn/dn, dVn/de, dVn/dd, dVe/dn, ...; NED, depth [m] never negative. The payload that
           `records` wrote is program[start:start + size].
       directional(..., r_t, r_north, r_east, r_depth)
-          instead of `kernel`, where that takes fewer operations: velocity (3) and its derivative
-          (3) along the direction (r_t, r_north, r_east, r_depth).
+          may replace `kernel` where it takes fewer operations: velocity (3) and its derivative (3)
+          along the direction (r_t, r_north, r_east, r_depth).
     """
 
     kind: ClassVar[str] = ""
@@ -54,18 +54,18 @@ class Current(abc.ABC):
     code: ClassVar[int | None] = None
     """Number in compiled programs; None: made from the kind's name."""
     payload_size: ClassVar[int | None] = None
-    """Numbers in a record; None: it varies, and the compiled function checks `size` itself."""
+    """Length of a record's payload; None: it varies, and the compiled function checks `size`."""
     kernel: ClassVar[Compiled | None] = None
-    """See above."""
+    """Compiled function of velocity, local rate and gradient: see the class."""
     directional: ClassVar[Compiled | None] = None
-    """See above."""
+    """Compiled function of velocity and directional derivative: see the class."""
     depends_on: ClassVar[tuple[str, ...]] = ("time", "north", "east", "depth")
-    """What the velocity of a `directional` kind varies with: only those derivatives are taken."""
+    """Variables that change the velocity of a `directional` kind; other derivatives are 0."""
     usage: ClassVar[Mapping[str, str]] = {}
-    """Example texts for `--current`, each with a few words; FILE stands for a file's name."""
+    """Example texts for `--current`, each with a short explanation; FILE stands for a file name."""
     settings: ClassVar[Mapping[str, str] | None] = None
-    """Command-line name and field of each setting; None: by the names that `checks.setting` gave,
-    or the field's own."""
+    """Field of each setting by its command-line name; None: names from `checks.setting`, or the
+    field's own name."""
 
     def __post_init__(self) -> None:
         """Check each field that `checks.setting` made; raises CurrentError."""
@@ -85,11 +85,11 @@ class Current(abc.ABC):
 
     @abc.abstractmethod
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """The records, made by `record`, for a mission of `duration_s` [s] from `origin`."""
+        """Make the records, by `record`, for a mission of `duration_s` [s] from `origin`."""
 
     @classmethod
     def record(cls, *payload: ArrayLike) -> Floats:
-        """One record of this kind: numbers and arrays, flattened in order."""
+        """Make one record of this kind from numbers and arrays, flattened in order."""
         if CURRENTS.get(cls.kind) is not cls:
             raise CurrentError(
                 f"{cls.__qualname__} is not a registered kind of current: give it a `kind` of its"
@@ -99,17 +99,17 @@ class Current(abc.ABC):
 
     @classmethod
     def number(cls) -> int:
-        """The number that stands for it in compiled programs, the same in every process."""
+        """Number of the kind in compiled programs, equal in every process."""
         if cls.code is not None:
             return cls.code
         return probe.FIRST_FREE_CODE + zlib.crc32(cls.kind.encode())
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Floats:
-        """The flat float64 program for `sampler.sample`, the same bytes on every call.
+        """Compile to the flat float64 program for `sampler.sample`, the same bytes on every call.
 
-        duration_s [s]: mission length; what is drawn or read covers it (later times hold the last
-        value). origin: the mission's start, `Origin()` when None. A kind of one's own is compared
-        with differences of its velocity, see `probe`. Raises CurrentError.
+        duration_s [s]: mission length; sampled or loaded values cover it, and the last holds later.
+        origin: the mission's start, `Origin()` when None. `probe` compares the derivatives of your
+        own kinds with differences of the velocity. Raises CurrentError.
         """
         if not (math.isfinite(duration_s) and duration_s > 0.0):
             raise CurrentError(f"duration_s must be greater than 0 s, not {duration_s}")
@@ -124,7 +124,7 @@ class Current(abc.ABC):
         return program
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Current:
-        """This current with everything written out that it would take from origin or file.
+        """Return the current with all settings written out that origin or file would supply.
 
         A store records `current.pinned(duration_s, origin).describe()`: rebuilt, it compiles to
         the same bytes for the same duration, or raises CurrentError if a file has changed.
@@ -132,20 +132,20 @@ class Current(abc.ABC):
         return self
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """Where and when a mission starts that flies in this current: `origin`, but for files that
-        say it themselves. Raises CurrentError when such a file cannot be read."""
+        """Start place and time of a mission in this current: `origin`, unless the current's file
+        gives them. Raises CurrentError when the file cannot be read."""
         return origin
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
-        """Raise CurrentError when this current says that the mission starts elsewhere [degree]."""
-        return  # most kinds say nothing about it
+        """Raise CurrentError when this current requires another start place [degree]."""
+        return  # most kinds hold at any place
 
     def check_time(self, time: str) -> None:
-        """Raise CurrentError when this current says that the mission starts at another time."""
+        """Raise CurrentError when this current requires another start time."""
         return
 
     def reaching(self, distance_m: float) -> Current:
-        """This current, set to be known as far as `distance_m` from the start at any duration."""
+        """Return a copy that covers `distance_m` from the start at any duration."""
         return self
 
     def velocity(
@@ -184,10 +184,10 @@ class Current(abc.ABC):
         """Tabulate a plain Python function, with as many nodes as the tolerance needs.
 
         Args:
-          function: (t [s], north [m], east [m], depth [m]) since and from the mission's start ->
-            velocity north, east and perhaps down [m/s].
-          time, depth, north, east: (low, high) of each axis along which the function varies;
-            beyond, the values at the ends hold.
+          function: (t [s], north [m], east [m], depth [m]) relative to the mission's start ->
+            velocity north, east and optionally down [m/s].
+          time, depth, north, east: (low, high) of each axis along which the function varies; the
+            end values hold beyond the range.
           tolerance: [m/s] largest difference from the function between the nodes.
 
         Raises:
@@ -200,12 +200,12 @@ class Current(abc.ABC):
         return table
 
     def describe(self) -> dict[str, Any]:
-        """A JSON-able dict that `current_from_dict` turns back into an equal current."""
-        return {"kind": self.kind, **{f.name: _plain(getattr(self, f.name)) for f in fields(self)}}
+        """Return JSON values that `current_from_dict` turns back into an equal current."""
+        return {"kind": self.kind, **{f.name: _json(getattr(self, f.name)) for f in fields(self)}}
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """The current from `describe()` without its kind; raises CurrentError on unknown names."""
+        """Rebuild from `describe()` without its kind; raises CurrentError for unknown names."""
         allowed = [f.name for f in fields(cls)]
         for name in settings:
             if name not in allowed:
@@ -217,7 +217,7 @@ class Current(abc.ABC):
 
     @classmethod
     def setting_fields(cls) -> Mapping[str, str]:
-        """Command-line name and field of every setting."""
+        """Field of every setting by its command-line name."""
         if cls.settings is not None:
             return cls.settings
         named = {f.name: f.metadata.get("names", (f.name,)) for f in fields(cls)}
@@ -225,10 +225,10 @@ class Current(abc.ABC):
 
     @classmethod
     def parse(cls, rest: str) -> Current:
-        """The current from what follows `KIND:` on the command line, NAME=VALUE between commas.
+        """Parse the command-line text after `KIND:`, NAME=VALUE between commas.
 
-        Fields that are `int` take whole numbers, `str` any text, others numbers. Raises
-        CurrentError naming what is wrong.
+        `int` fields take whole numbers, `str` fields any text, others numbers. Raises CurrentError
+        naming the wrong setting.
         """
         names = cls.setting_fields()
         positional, given = checks.split_settings(cls.kind, rest)
@@ -245,7 +245,7 @@ class Current(abc.ABC):
 
     @classmethod
     def values_of(cls, given: Mapping[str, str]) -> dict[str, Any]:
-        """The fields that texts by name on the command line give; raises CurrentError."""
+        """Convert texts by command-line name to field values; raises CurrentError."""
         names, types = cls.setting_fields(), {f.name: str(f.type) for f in fields(cls)}
         values: dict[str, Any] = {}
         for name, text in given.items():
@@ -258,7 +258,7 @@ class Current(abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """What is wrong with a kind, as `probe.flaw` says it; raises CurrentError likewise."""
+        """Describe a kind's fault as `probe.flaw` does; raises CurrentError as it does."""
         return probe.flaw(cls, name)
 
     def __add__(self, other: Current) -> CurrentSum:
@@ -269,12 +269,12 @@ class Current(abc.ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentSum(Current):
-    """Velocities of several currents added; without parts it is still water."""
+    """Sum of the velocities of several currents; without parts it is still water."""
 
     kind: ClassVar[str] = "sum"
 
     parts: tuple[Current, ...] = ()
-    """The currents that are added."""
+    """Currents that are added."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", tuple(self.parts))
@@ -283,36 +283,36 @@ class CurrentSum(Current):
                 raise CurrentError(f"sum: a part is {type(part).__name__}, it must be a Current")
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """The records of all parts."""
+        """Collect the records of all parts."""
         return [r for part in self.parts for r in part.records(duration_s, origin)]
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> CurrentSum:
-        """Each part pinned."""
+        """Return the sum with each part pinned."""
         return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """As the parts say; the first that says anything wins."""
+        """Start place and time by the parts; the first part with a start of its own wins."""
         for part in reversed(self.parts):
             origin = part.begins(duration_s, origin)
         return origin
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
-        """Each part's check."""
+        """Check the place with each part."""
         for part in self.parts:
             part.check_place(latitude_deg, longitude_deg)
 
     def check_time(self, time: str) -> None:
-        """Each part's check."""
+        """Check the time with each part."""
         for part in self.parts:
             part.check_time(time)
 
     def reaching(self, distance_m: float) -> CurrentSum:
-        """Each part reaching as far."""
+        """Return the sum with each part covering `distance_m`."""
         return CurrentSum(parts=tuple(part.reaching(distance_m) for part in self.parts))
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """From `describe()`, nested parts rebuilt first."""
+        """Rebuild the sum from `describe()`, nested parts first."""
         parts = settings.get("parts", ())
         return super().from_settings(
             {**settings, "parts": tuple(current_from_dict(part) for part in parts)}
@@ -320,12 +320,12 @@ class CurrentSum(Current):
 
 
 def still_water() -> CurrentSum:
-    """No current at all."""
+    """Make a current of zero everywhere."""
     return CurrentSum()
 
 
 def current_from_dict(description: Mapping[str, Any]) -> Current:
-    """The current that `describe()` described. Raises CurrentError when it cannot be one."""
+    """Rebuild the current from its `describe()`; raises CurrentError for a wrong description."""
     if not isinstance(description, Mapping) or "kind" not in description:
         known = sorted([*CURRENTS, CurrentSum.kind, TABLE])
         raise CurrentError(f"a current's description needs 'kind' (one of {', '.join(known)})")
@@ -340,12 +340,12 @@ def current_from_dict(description: Mapping[str, Any]) -> Current:
 
 
 def kind_named(name: str, *also: str) -> type[Current]:
-    """The kind of that name; raises CurrentError, which offers what is `also` allowed."""
+    """Return the kind of this name; raises CurrentError, which also offers the names in `also`."""
     if name in CURRENTS:
         kind: type[Current] = CURRENTS[name]
         return kind
     hint = ""
-    if name[:1].isdigit() or name[:1] in "+-.":  # velocities alone
+    if name[:1].isdigit() or name[:1] in "+-.":  # a velocity without a kind
         hint = f"; write uniform:{name} for a velocity north, east in m/s"
     raise CurrentError(unknown_name("current", name, [*CURRENTS, *also]) + hint)
 
@@ -354,17 +354,17 @@ def _parts(current: Current) -> tuple[Current, ...]:
     return current.parts if isinstance(current, CurrentSum) else (current,)
 
 
-def _plain(value: Any) -> Any:
-    """JSON types only: tuples become lists, nested currents and records their descriptions."""
+def _json(value: Any) -> Any:
+    """Convert to JSON types: tuples to lists, nested currents and records to descriptions."""
     if hasattr(value, "describe"):
         return value.describe()
     if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
+        return [_json(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
 def current_help() -> str:
-    """What `--current` accepts, an example a line, from every kind registered so far."""
+    """Help text of `--current`: one example per line, from every kind registered so far."""
     lines = [("none", "still water")]
     for kind in kinds():
         lines.extend(kind.usage.items())
@@ -377,11 +377,11 @@ def current_help() -> str:
 
 
 def parse_current(text: str) -> Current:
-    """The current that a `--current` text describes; `current_help` lists the forms.
+    """Parse the text of `--current`; `current_help` lists the forms.
 
-    Speeds in m/s, angles in degrees toward. Raises CurrentError naming what is wrong.
+    Speeds in m/s, angles in degrees toward. Raises CurrentError naming the wrong part.
     """
-    # A + belongs to a number (1e+3), a path or a time zone unless a kind follows it.
+    # a + belongs to a number (1e+3), a path or a time zone unless a kind follows it
     pieces = re.split(r"\+(?=\s*(?:[A-Za-z][\w-]*\s*:|none\b))", text.strip())
     currents = [_parse_one(piece.strip()) for piece in pieces]
     if len(currents) == 1:
@@ -390,7 +390,7 @@ def parse_current(text: str) -> Current:
 
 
 def parse_field(text: str) -> Current:
-    """The current of a forecast: as `parse_current`, and the path of a file alone is a grid."""
+    """Parse the current of a forecast: a text of `parse_current`, or the path of a gridded file."""
     if Path(text).exists():
         return parse_current(f"grid:{text}")
     if FILE.search(text) and ":" not in text:
@@ -402,9 +402,9 @@ def parse_field(text: str) -> Current:
 
 
 def check_field(text: str) -> None:
-    """Refuse what `parse_field` would refuse whatever is in its files, which are not opened and
-    may be missing yet; raises CurrentError."""
-    if not FILE.search(text):  # names no file
+    """Check the text of `parse_field` without opening its files, which may not exist yet; raises
+    CurrentError."""
+    if not FILE.search(text):  # no file name
         parse_current(text)
         return
     for name in re.findall(r"(?:^|\+)\s*([A-Za-z][\w-]*)\s*:", text):

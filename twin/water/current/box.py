@@ -1,6 +1,6 @@
-"""The part of a velocity file around a mission, loaded, sorted, in SI, land filled.
+"""Box: the part of a velocity file around a mission, sorted, in SI units, with land filled.
 
-Only the nodes within reach of the start point, and the times that cover the mission, are read.
+Only the nodes within reach of the start and the times that cover the mission are read.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LARGEST_BOX = 1_000_000_000
-"""[byte] A box above this is refused: it would be copied into every simulation."""
+"""[byte] Largest box; each simulation would copy a larger one."""
 
 SAME_NODE = 1e-6
-"""[degree] Nodes nearer than this (0.1 m) are one node: cyclic files repeat the first meridian."""
+"""[degree] Spacing below which nodes (0.1 m apart) are one: cyclic files repeat a meridian."""
 
 WIDEST_GAP = 1.5
-"""Nodes around the start farther apart than this many grid spacings leave it outside."""
+"""Largest gap around the start, in grid spacings; a wider gap puts the start outside the file."""
 
 AXIS_ORDER = ("time", "depth", "latitude", "longitude")
 """Order of a box's axes."""
 
 WET_START = 0.5
-"""A start point whose four surface neighbours weigh less than this in water is on land."""
+"""Least weight of wet nodes among the four around the start; below it the start is on land."""
 
 NANOSECONDS = 1e9
-"""Per second, for datetime64[ns]."""
+"""[ns/s] Nanoseconds per second, for datetime64[ns]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,18 +46,18 @@ class Box:
     """Velocities around a mission's start."""
 
     time: np.ndarray
-    """datetime64[ns], ascending, shape (nt,); empty for a field without a time axis."""
+    """Times, datetime64[ns], ascending, shape (nt,); empty for a field without a time axis."""
     depth: Floats
-    """[m] Positive down, ascending, shape (nd,)."""
+    """[m] Depths, positive down, ascending, shape (nd,)."""
     latitude: Floats
-    """[degree] Ascending, shape (nn,); one NaN when the file is one water column."""
+    """[degree] Latitudes, ascending, shape (nn,); one NaN when the file is one water column."""
     longitude: Floats
-    """[degree] East of the origin, ascending, shape (ne,); one NaN as for latitude."""
+    """[degree] Longitudes east of the origin, ascending, shape (ne,); one NaN as for latitude."""
     velocity: Floats
     """[m/s] North, east (, down), shape (max(nt, 1), nd, nn, ne, 2 or 3), no missing values."""
 
     def digest(self) -> str:
-        """SHA-256 over axes and values: the identity of what a mission used."""
+        """SHA-256 of axes and values, which identifies the field that a mission used."""
         digest = hashlib.sha256()
         digest.update(self.time.astype("datetime64[ns]").astype("<i8").tobytes())
         for array in (self.depth, self.latitude, self.longitude, self.velocity):
@@ -67,7 +67,7 @@ class Box:
 
 
 class Source(NamedTuple):
-    """A file of a gridded current, and how it is read; see `Grid`."""
+    """File of a gridded current, with the settings of `Grid` for reading it."""
 
     path: str
     hold_s: float
@@ -77,10 +77,10 @@ class Source(NamedTuple):
 def choose_times(
     times: np.ndarray, source: str, start: np.datetime64, duration_s: float, hold_s: float
 ) -> np.ndarray:
-    """Indices of the ascending `times` that cover the mission.
+    """Choose the indices of the ascending `times` that cover the mission.
 
-    A single time is a steady field. Raises CurrentError when the mission leaves the file's range
-    by more than `hold_s`; within it the first or last field is held.
+    A single time is a steady field. The first or last field is held up to `hold_s` outside the
+    file's range; beyond, CurrentError is raised.
     """
     hold = np.timedelta64(round(hold_s * NANOSECONDS), "ns")
     end = start + np.timedelta64(round(duration_s * NANOSECONDS), "ns")
@@ -109,10 +109,10 @@ def load_box(
     data: xr.Dataset, file: Source, velocity: Velocity, origin: Origin, start: np.datetime64 | None,
     duration_s: float, reach_m: float, largest: float = FASTEST_CURRENT,
 ) -> tuple[Box, float]:  # fmt: skip
-    """The box within `reach_m` of the origin, and the distance [m] it reaches on every side.
+    """Load the box within `reach_m` of the origin, and the distance [m] it covers on every side.
 
-    start: mission start; None: the file's first time. largest: magnitude beyond which units must
-    be wrong. The distance is infinite on sides where the file ends.
+    start: mission start; None: the file's first time. largest: greatest plausible magnitude;
+    above it the units are wrong. The distance is infinite on sides where the file ends.
     """
     (source, hold_s, land), axes = file, velocity.axes
     select: dict[str, np.ndarray] = {}
@@ -171,7 +171,7 @@ def load_box(
             f"{source}: {what.format(limit, largest)}, or missing values without a _FillValue"
             " attribute"
         )
-    values += 0.0  # no -0.0 from the sign change
+    values += 0.0  # turns -0.0 from the sign change into 0.0
     box = Box(time=times, depth=depth, latitude=latitude, longitude=longitude, velocity=values)
     zero_is_land = land == "zero" or (land == "auto" and velocity.zero_is_land)
     wet = np.asarray(np.isfinite(values).all(axis=-1))
@@ -192,7 +192,7 @@ def load_box(
 def _read(
     variable: xr.DataArray, dimensions: Mapping[str, str], select: Mapping[str, np.ndarray]
 ) -> Floats:
-    """The chosen nodes of one variable: time, depth, latitude, longitude; NaN where missing."""
+    """Read the chosen nodes of a variable: time, depth, latitude, longitude; NaN: missing."""
     kept = [dimensions[kind] for kind in AXIS_ORDER if kind in dimensions]
     variable = variable.squeeze([d for d in variable.dims if d not in kept])
     index: dict[str, slice | np.ndarray] = {}
@@ -206,7 +206,7 @@ def _read(
 def _choose_latitudes(
     every: Floats, source: str, origin: Origin, reach_m: float
 ) -> tuple[Floats, np.ndarray, float]:
-    """Latitudes [degree] within reach, their indices, and the distance [m] they enclose."""
+    """Choose latitudes [degree] within reach, with indices and the distance [m] they enclose."""
     order = np.argsort(every, kind="stable")
     every = every[order]
     if not (np.isfinite(every).all() and every[0] <= origin.latitude_deg <= every[-1]):
@@ -217,16 +217,16 @@ def _choose_latitudes(
     if (np.diff(every) <= SAME_NODE).any():
         raise CurrentError(f"{source}: the latitudes repeat a value")
     offset = np.radians(every - origin.latitude_deg) * origin.meridian_radius
-    first, last, reached = _within(offset, reach_m)
+    first, last, reached = _enclosing(offset, reach_m)
     return every[first : last + 1], order[first : last + 1], reached
 
 
 def _choose_longitudes(
     raw: Floats, source: str, origin: Origin, reach_m: float
 ) -> tuple[Floats, np.ndarray, float]:
-    """As `_choose_latitudes`, relative to the origin's longitude.
+    """Choose longitudes as `_choose_latitudes`, relative to the origin's longitude.
 
-    Files in -180..180, in 0..360 and across the dateline become one case that way.
+    Relative longitudes treat files in -180..180, in 0..360 and across the dateline alike.
     """
     relative = (raw - origin.longitude_deg + 180.0) % 360.0 - 180.0
     order = np.argsort(relative, kind="stable")
@@ -235,7 +235,7 @@ def _choose_longitudes(
     relative, order = relative[different], order[different]
     inside = np.isfinite(raw).all() and relative[0] <= SAME_NODE and relative[-1] >= -SAME_NODE
     if inside and relative.size > 1:
-        # Seen from the other side of the Earth a regional file encloses the origin with a gap.
+        # around the back of the Earth, a regional file encloses the origin by a wide gap
         widest = np.abs(np.diff(np.unwrap(raw, period=360.0))).max()
         after = min(max(int(np.searchsorted(relative, 0.0)), 1), relative.size - 1)
         inside = relative[after] - relative[after - 1] <= WIDEST_GAP * widest
@@ -245,12 +245,12 @@ def _choose_longitudes(
             f" {raw.min():g}..{raw.max():g} degree east; set lon= within the file"
         )
     radius = origin.normal_radius * math.cos(math.radians(origin.latitude_deg))
-    first, last, reached = _within(np.radians(relative) * radius, reach_m)
+    first, last, reached = _enclosing(np.radians(relative) * radius, reach_m)
     return relative[first : last + 1], order[first : last + 1], reached
 
 
-def _within(offset: Floats, reach_m: float) -> tuple[int, int, float]:
-    """First and last index that enclose +-reach, and the distance enclosed."""
+def _enclosing(offset: Floats, reach_m: float) -> tuple[int, int, float]:
+    """First and last index that enclose +-reach, and the enclosed distance."""
     first = max(int(np.searchsorted(offset, -reach_m, side="right")) - 1, 0)
     last = min(int(np.searchsorted(offset, reach_m, side="left")), offset.size - 1)
     low = math.inf if first == 0 else -offset[first]
@@ -289,7 +289,7 @@ def _check_start(box: Box, wet: np.ndarray, source: str, origin: Origin) -> None
 
 def _check_zeros(box: Box, source: str, origin: Origin) -> None:
     """Raise CurrentError when zeros around the start may stand for land."""
-    rows, columns = _beside(box.latitude, origin.latitude_deg), _beside(box.longitude, 0.0)
+    rows, columns = _neighbours(box.latitude, origin.latitude_deg), _neighbours(box.longitude, 0.0)
     if not box.velocity[:, :, rows, columns].any() and box.velocity.any():
         raise CurrentError(
             f"{source}: the current is exactly 0 at every depth and time around the start"
@@ -298,8 +298,8 @@ def _check_zeros(box: Box, source: str, origin: Origin) -> None:
         )
 
 
-def _beside(axis: Floats, x: float) -> slice:
-    """The nodes on both sides of x, and on x."""
+def _neighbours(axis: Floats, x: float) -> slice:
+    """Nodes on both sides of x, and a node at x."""
     first = max(int(np.searchsorted(axis, x, side="left")) - 1, 0)
     return slice(first, int(np.searchsorted(axis, x, side="right")) + 1)
 
@@ -307,8 +307,8 @@ def _beside(axis: Floats, x: float) -> slice:
 def _fill(values: Floats, wet: np.ndarray, source: str, times: np.ndarray) -> None:
     """Give dry nodes the velocity of the nearest water, in place.
 
-    First down and up each water column, then sideways from the mean of the wet neighbours: the
-    interpolation near a coast or the bottom then uses water only, and stays continuous.
+    Filling goes down and up each water column first, then sideways by the mean of wet neighbours.
+    Interpolation near a coast or the bottom then uses water only and stays continuous.
     """
     for t in range(values.shape[0]):
         field, known = values[t], wet[t].copy()
@@ -326,7 +326,7 @@ def _fill(values: Floats, wet: np.ndarray, source: str, times: np.ndarray) -> No
             count = np.zeros(known.shape)
             for axis in (1, 2):
                 for shift in (1, -1):
-                    seen, value = _shifted(known, field, axis, shift)
+                    seen, value = _shift(known, field, axis, shift)
                     total += np.where(seen[..., None], value, 0.0)
                     count += seen
             take = ~known & (count > 0)
@@ -334,8 +334,8 @@ def _fill(values: Floats, wet: np.ndarray, source: str, times: np.ndarray) -> No
             known |= take
 
 
-def _shifted(known: np.ndarray, field: Floats, axis: int, shift: int) -> tuple[np.ndarray, Floats]:
-    """Neighbour's mask and value without wrapping round the edges."""
+def _shift(known: np.ndarray, field: Floats, axis: int, shift: int) -> tuple[np.ndarray, Floats]:
+    """Mask and values of the neighbours, without wrapping round the edges."""
     seen = np.roll(known, shift, axis=axis)
     edge = [slice(None)] * known.ndim
     edge[axis] = slice(0, 1) if shift > 0 else slice(-1, None)

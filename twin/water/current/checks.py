@@ -1,4 +1,4 @@
-"""Checks of a current's settings, worded alike for every kind, and `NAME=VALUE` between commas."""
+"""Checks of a current's settings, worded alike for all kinds, and parsing of `NAME=VALUE` texts."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 from twin.errors import CurrentError
 
 FASTEST_CURRENT = 10.0
-"""[m/s] No ocean current is faster (tidal races reach about 8); above it the units are wrong."""
+"""[m/s] Largest plausible current (tidal races reach about 8); above it the units are wrong."""
 
 
 def finite(kind: str, name: str, value: float, unit: str) -> float:
-    """`value` as a float; raises CurrentError unless it is a finite number."""
+    """Return `value` as a float; raises CurrentError unless it is a finite number."""
     try:
         number = float(value)
-    except OverflowError:  # a whole number with hundreds of digits
+    except OverflowError:  # an integer with hundreds of digits
         number = math.inf
     except (TypeError, ValueError):
         raise CurrentError(f"{kind}: {name} must be a number in {unit}, not {value!r}") from None
@@ -27,7 +27,7 @@ def finite(kind: str, name: str, value: float, unit: str) -> float:
 
 
 def speed(kind: str, name: str, value: float, unit: str = "m/s") -> float:
-    """`value` as a plausible velocity component [m/s] of either sign."""
+    """Return `value` as a plausible velocity component [m/s], or raise CurrentError."""
     number = finite(kind, name, value, unit)
     if abs(number) > FASTEST_CURRENT:
         raise CurrentError(
@@ -37,7 +37,7 @@ def speed(kind: str, name: str, value: float, unit: str = "m/s") -> float:
 
 
 def positive(kind: str, name: str, value: float, unit: str) -> float:
-    """`value` as a float greater than zero."""
+    """Return `value` as a float greater than zero; raises CurrentError."""
     number = finite(kind, name, value, unit)
     if number <= 0.0:
         raise CurrentError(f"{kind}: {name} must be greater than 0 {unit}, not {number:g}")
@@ -45,7 +45,7 @@ def positive(kind: str, name: str, value: float, unit: str) -> float:
 
 
 def not_negative(kind: str, name: str, value: float, unit: str) -> float:
-    """`value` as a float of at least zero."""
+    """Return `value` as a float of at least zero; raises CurrentError."""
     number = finite(kind, name, value, unit)
     if number < 0.0:
         raise CurrentError(f"{kind}: {name} must be at least 0 {unit}, not {number:g}")
@@ -58,9 +58,9 @@ def setting(
     check: Callable[..., float] | None = finite,
     default: Any = dataclasses.MISSING,
 ) -> Any:
-    """A field of a kind with its names on the command line, and one of the checks above.
+    """Make a dataclass field with its command-line names and one of the checks above.
 
-    None is not checked. `check` None marks a field that is text.
+    A value None is not checked. `check` None marks a field that holds text.
     """
     metadata = {"names": names, "unit": unit, "check": check}
     return dataclasses.field(default=default, metadata=metadata)
@@ -84,7 +84,7 @@ def split_settings(kind: str, rest: str) -> tuple[list[str], dict[str, str]]:
 
 
 def number(kind: str, name: str, text: str) -> float:
-    """A finite number; raises CurrentError."""
+    """Parse a finite number; raises CurrentError."""
     try:
         value = float(text)
     except ValueError:
@@ -95,7 +95,7 @@ def number(kind: str, name: str, text: str) -> float:
 
 
 def whole_number(kind: str, name: str, text: str) -> int:
-    """A whole number; raises CurrentError."""
+    """Parse a whole number; raises CurrentError."""
     value = number(kind, name, text)
     if value != int(value):
         raise CurrentError(f"{kind}: {name} must be a whole number, not {value:g}")
@@ -103,5 +103,5 @@ def whole_number(kind: str, name: str, text: str) -> int:
 
 
 def allowed(names: Iterable[str]) -> str:
-    """The end of a message: which settings there are."""
+    """End of an error message: the list of allowed settings."""
     return f"settings: {', '.join(names)}"

@@ -1,4 +1,4 @@
-"""Gridded current of a CF netCDF file or a zarr store, and its compiled interpolation."""
+"""Grid: current from a CF netCDF file or a zarr store, and its compiled interpolation."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from twin.water.current.checks import not_negative, positive, setting
 from twin.water.current.sampler import INVALID, Floats, locate, record_at
 
 GRID_CODE = 9
-"""Of grids in compiled programs."""
+"""Code of grids in compiled programs."""
 
 HEADER = 6
-"""nt, nd, nn, ne, number of velocity components (2 or 3), meridian curvature [1/m]."""
+"""Length of the header: nt, nd, nn, ne, velocity components (2 or 3), meridian curvature [1/m]."""
 
 
 @borrowing
@@ -33,8 +33,8 @@ def _along_east(program, at, step, f, rate):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def _mix(a, a_rate, b, b_rate, f, rate):  # type: ignore[no-untyped-def]
-    """Linear interpolation between two (value, derivative) pairs whose weight f itself moves."""
+def _interpolate(a, a_rate, b, b_rate, f, rate):  # type: ignore[no-untyped-def]
+    """Interpolate between two (value, derivative) pairs by a weight f that changes at `rate`."""
     return a + f * (b - a), a_rate + f * (b_rate - a_rate) + rate * (b - a)
 
 
@@ -46,11 +46,11 @@ def _at_one_time(program, at, steps, fractions, rates):  # type: ignore[no-untyp
     _, r_d, r_n, r_e = rates
     a, ar = _along_east(program, at, s_e, f_e, r_e)
     b, br = _along_east(program, at + s_n, s_e, f_e, r_e)
-    c, cr = _mix(a, ar, b, br, f_n, r_n)
+    c, cr = _interpolate(a, ar, b, br, f_n, r_n)
     a, ar = _along_east(program, at + s_d, s_e, f_e, r_e)
     b, br = _along_east(program, at + s_d + s_n, s_e, f_e, r_e)
-    a, ar = _mix(a, ar, b, br, f_n, r_n)
-    return _mix(c, cr, a, ar, f_d, r_d)
+    a, ar = _interpolate(a, ar, b, br, f_n, r_n)
+    return _interpolate(c, cr, a, ar, f_d, r_d)
 
 
 @borrowing
@@ -60,12 +60,12 @@ def _component(program, at, steps, fractions, rates):  # type: ignore[no-untyped
     if steps[0] == 0:
         return now, now_rate
     later, later_rate = _at_one_time(program, at + steps[0], steps, fractions, rates)
-    return _mix(now, now_rate, later, later_rate, fractions[0], rates[0])
+    return _interpolate(now, now_rate, later, later_rate, fractions[0], rates[0])
 
 
 @borrowing
 def _is_grid(program, start, size):  # type: ignore[no-untyped-def]
-    """Whether the payload has the length that its header says."""
+    """Tell whether the payload has the length that its header gives."""
     if size < HEADER:
         return False
     nt, nd, nn, ne = program[start], program[start + 1], program[start + 2], program[start + 3]
@@ -80,12 +80,12 @@ def _is_grid(program, start, size):  # type: ignore[no-untyped-def]
 
 @borrowing
 def box_interpolation(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Header, time, depth, north and east axes, velocity (time, depth, north, east, component)."""
+    """Payload: header, axes time, depth, north, east, velocity (axes as before, component)."""
     if not _is_grid(program, start, size):
         return INVALID
     nt, nd, nn = int(program[start]), int(program[start + 1]), int(program[start + 2])
     ne, nc = int(program[start + 3]), int(program[start + 4])
-    # Tangent-plane metres to metres along the meridian and the origin's parallel, second order.
+    # tangent-plane metres to metres along the meridian and the origin's parallel, second order
     curvature = program[start + 5]
     y = north - 0.5 * curvature * east * east
     y_rate = r_n - curvature * east * r_e
@@ -101,7 +101,7 @@ def box_interpolation(program, start, size, t, north, east, depth, r_t, r_n, r_e
     i_e, f_e, inv_e = locate(program, at, ne, x)
     at += ne
     at += (((i_t * nd + i_d) * nn + i_n) * ne + i_e) * nc
-    # An axis of one node has no neighbour: a step of zero reads the node itself.
+    # an axis of one node has no neighbour: a step of zero reads the node itself
     steps = (
         nd * nn * ne * nc if nt > 1 else 0,
         nn * ne * nc if nd > 1 else 0,
@@ -120,9 +120,9 @@ def box_interpolation(program, start, size, t, north, east, depth, r_t, r_n, r_e
 
 @jit
 def beyond_grid(program, north, east):  # type: ignore[no-untyped-def]
-    """Where a track (north, east [m], shape (n,)) is beyond the sides of a grid, shape (n,).
+    """Mark points of a track (north, east [m], shape (n,)) beyond the sides of a grid, shape (n,).
 
-    There the sampler holds the edge value: a mission that gets there needs a larger file.
+    The sampler holds the edge value there; such a mission needs a larger file.
     """
     out = np.zeros(north.size, dtype=np.bool_)
     if program.size == 0 or not (0.0 <= program[0] <= program.size):
@@ -154,18 +154,18 @@ VEHICLE_SPEED = 1.0
 """[m/s] Horizontal speed through the water that no glider exceeds; sizes the box to load."""
 
 FIRST_GUESS = 0.5
-"""[m/s] Current that sizes the first box; the box grows until it holds for the current found."""
+"""[m/s] Current assumed for the first box; the box is enlarged if the loaded current is faster."""
 
 LAND = ("auto", "nan", "zero")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grid(Current):
-    """u, v (, w) on time, depth, latitude, longitude, laid so that the mission starts at a place.
+    """Velocity u, v (, w) on time, depth, latitude, longitude, placed by the mission's start.
 
     Velocities are interpolated linearly in time, depth, and along the meridian and parallel.
-    Above the first level, below the last and beyond the file's sides the edge value is held; dry
-    nodes take the value of the nearest water. The turning of north along the track (0.1 degree per
+    The edge value is held above the first level, below the last and beyond the file's sides. Dry
+    nodes get the value of the nearest water. The rotation of north along the track (0.1 degree per
     10 km at mid-latitudes) is neglected.
     """
 
@@ -179,29 +179,29 @@ class Grid(Current):
     path: str = setting(check=None)
     """CF netCDF file or zarr store."""
     latitude_deg: float | None = setting("lat", unit="degree", default=None)
-    """[degree] Where the mission starts; None: the mission's origin."""
+    """[degree] Latitude of the mission's start; None: the mission's origin."""
     longitude_deg: float | None = setting("lon", unit="degree", default=None)
-    """[degree] Where the mission starts; None: the mission's origin."""
+    """[degree] Longitude of the mission's start; None: the mission's origin."""
     time: str | None = None
-    """UTC when the mission starts; None: the origin's time, or else the file's first time."""
+    """UTC of the mission's start; None: the origin's time, or else the file's first time."""
     east: str | None = setting("u", check=None, default=None)
-    """Variable of the eastward velocity; None: by standard_name, then by usual names."""
+    """Variable of the eastward velocity; None: found by standard_name, then by usual names."""
     north: str | None = setting("v", check=None, default=None)
-    """Variable of the northward velocity; None: as above."""
+    """Variable of the northward velocity; None: found likewise."""
     up: str | None = setting("w", check=None, default=None)
-    """Variable of the upward velocity; None: as above, missing is zero; "none": leave it out."""
+    """Variable of the upward velocity; None: found likewise, else zero; "none": ignored."""
     units: str | None = None
     """Units of the velocities; None: the file's attribute."""
     land: str = "auto"
-    """What marks land: "nan" (missing values), "zero", or "auto": zero for raw NEMO names."""
+    """Mark of land: "nan" (missing values), "zero", or "auto": zero for raw NEMO names."""
     hold_s: float = setting("hold", unit="s", check=not_negative, default=3600.0)
-    """[s] How far the mission may leave the file's time range; the end value is held there."""
+    """[s] Time for which the first and last field hold outside the file's range."""
     reach_m: float | None = setting("reach", unit="m", check=positive, default=None)
-    """[m] Half-width of the box to load; None: what the mission can cover in its duration."""
+    """[m] Half-width of the box to load; None: the distance a mission covers in its duration."""
     span_s: float | None = setting("span", unit="s", check=positive, default=None)
     """[s] Length of time to load; None: the mission's duration."""
     sha256: str | None = None
-    """Hash of the box that was used; a file with other content is then refused."""
+    """Hash of the loaded box; a file with other content is refused."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -215,7 +215,7 @@ class Grid(Current):
 
     @classmethod
     def parse(cls, rest: str) -> Grid:
-        """From the name of a file and NAME=VALUE."""
+        """Parse the name of a file and NAME=VALUE settings."""
         positional, given = checks.split_settings(cls.kind, rest)
         if len(positional) != 1:
             raise CurrentError(
@@ -225,7 +225,7 @@ class Grid(Current):
         return cls(path=positional[0], **cls.values_of(given))
 
     def load(self, duration_s: float, origin: Origin | None = None) -> tuple[Box, Grid]:
-        """The box for a mission, and this grid with everything written out (see `pinned`)."""
+        """Load the box for a mission; return it and this grid pinned to it (see `pinned`)."""
         from twin.water.current.velocity_file import find_velocity, open_data_set
 
         place = self.start(origin or Origin())
@@ -275,16 +275,16 @@ class Grid(Current):
         return box, pinned
 
     def reaching(self, distance_m: float) -> Grid:
-        """With a box of at least that half-width, unless `reach_m` is given."""
+        """Return a copy with a box of at least this half-width, unless `reach_m` is given."""
         return replace(self, reach_m=max(distance_m, 1.0)) if self.reach_m is None else self
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """Its own place and time, else the file's first time."""
+        """Start by the grid's own place and time, else by the file's first time."""
         place = self.start(origin)
         return self.pinned(duration_s, origin).start(origin) if place.time is None else place
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
-        """The place in the file must be the start's, where both are given."""
+        """Raise CurrentError when `lat` and `lon` are given and differ from the mission's start."""
         lat, lon = self.latitude_deg, self.longitude_deg
         if lat is None or lon is None:
             return
@@ -296,7 +296,7 @@ class Grid(Current):
             )
 
     def check_time(self, time: str) -> None:
-        """The time in the file must be the start's, where both are given."""
+        """Raise CurrentError when `time` is given and differs from the mission's start."""
         if self.time is not None and parse_time(self.time) != parse_time(time):
             raise CurrentError(
                 f"grid: time={self.time} is not the mission's start at {time}; leave time out, "
@@ -304,11 +304,11 @@ class Grid(Current):
             )
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Grid:
-        """With place, time, variables, extent and hash of the used box written out."""
+        """Return a copy with place, time, variables, extent and hash of the loaded box."""
         return self.load(duration_s, origin)[1]
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record, in metres and seconds about the mission's start."""
+        """Make one record, in metres and seconds about the mission's start."""
         box, pinned = self.load(duration_s, origin)
         place = pinned.start(origin)
         start = parse_time(str(pinned.time)) if box.time.size else None
@@ -316,7 +316,7 @@ class Grid(Current):
 
     @classmethod
     def box_of(cls, box: Box, place: Origin, start: np.datetime64 | None) -> Floats:
-        """The record of a box, in metres and seconds about a mission's start."""
+        """Make the record of a box, in metres and seconds about a mission's start."""
         time = np.zeros(1)
         if box.time.size:
             time = (box.time - start).astype(np.float64) * 1e-9
@@ -339,7 +339,7 @@ class Grid(Current):
         velocity: Floats,
         curvature: float = 0.0,
     ) -> Floats:
-        """One record of a rectilinear grid.
+        """Make one record of a rectilinear grid.
 
         time [s since mission start], depth, north, east [m]: ascending vectors, length 1 allowed.
         velocity [m/s]: shape (time, depth, north, east, 2 or 3), north, east (, down).
@@ -352,7 +352,7 @@ class Grid(Current):
         return cls.record(header, time, depth, north, east, velocity)
 
     def start(self, origin: Origin) -> Origin:
-        """Where and when the mission starts in the file."""
+        """Start place and time of the mission in the file."""
         if self.latitude_deg is None or self.longitude_deg is None:
             return replace(origin, time=self.time or origin.time)
         place = {"latitude_deg": self.latitude_deg, "longitude_deg": self.longitude_deg}
@@ -360,7 +360,7 @@ class Grid(Current):
 
 
 def parse_time(time: str) -> np.datetime64:
-    """UTC time as datetime64[ns] from ISO 8601, with or without a trailing Z."""
+    """Parse an ISO 8601 UTC time, with or without a trailing Z, to datetime64[ns]."""
     try:
         value: Any = np.datetime64(str(time).strip().removesuffix("Z"), "ns")
     except (ValueError, OverflowError):
@@ -373,5 +373,5 @@ def parse_time(time: str) -> np.datetime64:
 
 
 def _fastest(box: Box) -> float:
-    """[m/s] Greatest horizontal speed in the box."""
+    """Greatest horizontal speed in the box [m/s]."""
     return float(np.sqrt((box.velocity[..., :2] ** 2).sum(axis=-1).max()))

@@ -1,8 +1,8 @@
-"""Hydrography: temperature and salinity of the file that a gridded current comes from.
+"""Hydrography: temperature and salinity from the file of a gridded current.
 
-Models write `thetao` and `so` beside `uo` and `vo`. They are read as the current is, on the same
-kinds of axes, and interpolated the same way. What a file calls potential or conservative
-temperature and absolute salinity become in-situ temperature and practical salinity by TEOS-10.
+Ocean models write `thetao` and `so` beside `uo` and `vo`. Both are read on the same kinds of axes
+and interpolated in the same way as the current. TEOS-10 converts potential or conservative
+temperature and absolute salinity to in-situ temperature and practical salinity.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ TEMPERATURES = {
     "sea_water_potential_temperature": POTENTIAL,
     "sea_water_conservative_temperature": CONSERVATIVE,
 }
-"""CF standard names, best first, and what they mean"""
+"""CF standard names of temperature, best first, and the quantity of each."""
 SALINITIES = {
     "sea_water_practical_salinity": PRACTICAL,
     "sea_water_salinity": PRACTICAL,
     "sea_water_absolute_salinity": ABSOLUTE,
 }
 TEMPERATURE_ALIASES = {"thetao": POTENTIAL, "votemper": POTENTIAL, "water_temp": IN_SITU}
-"""Variable names of Copernicus Marine, NEMO and HYCOM when no standard name tells"""
+"""Variable names of Copernicus Marine, NEMO and HYCOM, for files without standard names."""
 SALINITY_ALIASES = {"so": PRACTICAL, "vosaline": PRACTICAL, "salinity": PRACTICAL}
 LARGEST_VALUE = 60.0
-"""[degree_Celsius, 1] more is neither: kelvin, or missing values without a _FillValue"""
+"""[degree_Celsius, 1] Largest value; above it are kelvin, or missing values without _FillValue."""
 COLUMN_REACH = 1.0
-"""[m] Half-width of the box that one water column needs"""
+"""[m] Half-width of the box that one water column needs."""
 
 
 def along_track(
@@ -60,9 +60,9 @@ def along_track(
     None: the current has no gridded part whose file holds both.
 
     Args:
-      current: the current that was flown in.
+      current: the current of the mission.
       time: [s] since the mission's start; north, east, depth: [m], each of shape (n,).
-      origin: where and when the mission starts.
+      origin: start place and time of the mission.
 
     Raises:
       CurrentError: the file cannot be read.
@@ -94,7 +94,7 @@ def _grids(current: Current | None) -> Iterator[Grid]:
 def _load(
     grid: Grid, origin: Origin, duration: float, reach: float
 ) -> tuple[Box, Origin, tuple[str, str]] | None:
-    """The box of both, where the mission starts in the file, and what the two mean."""
+    """Load the box of temperature and salinity, the start in the file, and both quantities."""
     place = grid.start(origin)
     start = None if place.time is None else parse_time(place.time)
     with open_data_set(grid.path) as data:
@@ -102,7 +102,7 @@ def _load(
         salinity = _find(data, SALINITIES, SALINITY_ALIASES)
         if temperature is None or salinity is None:
             return None
-        names = {"north": temperature[0], "east": salinity[0]}  # in place of the velocities
+        names = {"north": temperature[0], "east": salinity[0]}  # load_box expects velocities
         axes = {of: find_axes(data, grid.path, name) for of, name in names.items()}
         own = {of: {k: axis.dimension for k, axis in kinds.items()} for of, kinds in axes.items()}
         found = Velocity(names, dict.fromkeys(names, 1.0), axes["north"], own, zero_is_land=False)
@@ -114,7 +114,7 @@ def _load(
 def _find(
     data: xr.Dataset, standard: Mapping[str, str], aliases: Mapping[str, str]
 ) -> tuple[str, str] | None:
-    """Name of a variable and what it means."""
+    """Find a variable: its name and its quantity."""
     for wanted, meaning in standard.items():
         for name, variable in data.data_vars.items():
             if variable.attrs.get("standard_name") == wanted:

@@ -1,4 +1,4 @@
-"""Layers of the water column in closed form: Ekman's, geostrophic shear, turbulent bottom layer."""
+"""Layers of the water column in closed form: Ekman, geostrophic and turbulent bottom layer."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from twin.water.current.checks import not_negative, positive, setting, speed
 from twin.water.current.sampler import Floats
 
 LOWEST_LATITUDE = 2.0
-"""[degree] Nearer to the equator f vanishes and the steady Ekman balance does not hold."""
+"""[degree] Least latitude of an Ekman layer; nearer to the equator f is too small for a balance."""
 VON_KARMAN = 0.41
 """Von Karman's constant."""
 
 
 @borrowing
 def spiral(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Surface speed, 1/depth scale, surface angle from north, sense (+1 N, -1 S hemisphere)."""
+    """Payload: surface speed, 1/depth scale, surface angle from north, sense (+1 N, -1 S)."""
     inverse = program[start + 1]
     decay = program[start] * math.exp(-depth * inverse)
     angle = program[start + 2] + program[start + 3] * depth * inverse
@@ -38,10 +38,10 @@ def spiral(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # 
 class Ekman(Current):
     """Steady Ekman layer of constant eddy viscosity in deep water, driven by the wind.
 
-    Speed V0 exp(-depth/d), V0 = stress/(density sqrt(viscosity |f|)), d = sqrt(2 viscosity/|f|);
-    45 degrees to the right of the wind at the surface and turning right with depth, to the left
-    south of the equator (Ekman 1905). The transport stress/(density |f|) does not depend on the
-    viscosity.
+    The speed is V0 exp(-depth/d), V0 = stress/(density sqrt(viscosity |f|)), d = sqrt(2
+    viscosity/|f|). The surface current is 45 degrees to the right of the wind and turns right
+    with depth; south of the equator, left (Ekman 1905). The transport stress/(density |f|) does
+    not depend on the viscosity.
     """
 
     kind = "ekman"
@@ -65,11 +65,11 @@ class Ekman(Current):
     """[degree] Latitude of the Coriolis parameter; None: the mission's origin."""
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Ekman:
-        """With the latitude written out."""
+        """Return a copy with the latitude written out."""
         return replace(self, latitude_deg=(origin or Origin()).latitude(self.latitude_deg))
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         latitude = origin.latitude(self.latitude_deg)
         if abs(latitude) < LOWEST_LATITUDE:
             raise CurrentError(
@@ -87,7 +87,7 @@ class Ekman(Current):
 
 @borrowing
 def shear(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Barotropic north, east; baroclinic surface north, east; 1/scale depth."""
+    """Payload: barotropic north, east; baroclinic surface north, east; 1/scale depth."""
     inverse = program[start + 4]
     decay = math.exp(-depth * inverse)
     v_north = program[start + 2] * decay
@@ -99,7 +99,7 @@ def shear(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # t
 
 @dataclass(frozen=True, kw_only=True)
 class Geostrophic(Current):
-    """U(depth) = barotropic + baroclinic exp(-depth/scale).
+    """Geostrophic current U(depth) = barotropic + baroclinic exp(-depth/scale).
 
     A scale of 300-1000 m is usual; a north-east Atlantic profile fits about 800 m.
     """
@@ -118,16 +118,16 @@ class Geostrophic(Current):
     direction_deg: float = setting("direction", unit="degree")
     """[degree] Compass direction TOWARD which the sheared part flows."""
     scale_depth: float = setting("scale", unit="m", check=positive, default=800.0)
-    """[m] Depth over which the sheared part falls by e."""
+    """[m] Depth over which the sheared part falls by the factor e."""
     barotropic: float = setting("barotropic", unit="m/s", check=speed, default=0.0)
-    """[m/s] Speed of the part that does not depend on depth."""
+    """[m/s] Speed of the barotropic part, which does not depend on depth."""
     barotropic_direction_deg: float | None = setting(
         "barotropic_direction", unit="degree", default=None
     )
-    """[degree] Compass direction TOWARD which that part flows; None: as the sheared part."""
+    """[degree] Compass direction TOWARD which the barotropic part flows; None: `direction_deg`."""
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         sheared = math.radians(self.direction_deg)
         other = self.barotropic_direction_deg
         constant = sheared if other is None else math.radians(other)
@@ -143,7 +143,7 @@ class Geostrophic(Current):
 
 @borrowing
 def wall_layer(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """(u*/kappa) north, east; water depth; roughness length; layer thickness."""
+    """Payload: (u*/kappa) north, east; water depth; roughness length; layer thickness."""
     height = program[start + 2] - depth
     rate = 0.0
     if height <= program[start + 3]:
@@ -160,9 +160,9 @@ def wall_layer(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):
 
 @dataclass(frozen=True, kw_only=True)
 class LogLayer(Current):
-    """U = (u*/0.41) ln(h/z0) with h the height above the bottom, at most `thickness`.
+    """Bottom layer U = (u*/0.41) ln(h/z0) with h the height above the bottom, up to `thickness`.
 
-    Above the layer the speed at its top is held; below the roughness length it is zero.
+    The speed is constant above the layer, and zero below the roughness length.
     """
 
     kind = "log-layer"
@@ -175,11 +175,11 @@ class LogLayer(Current):
     }
 
     friction_velocity: float = setting("friction", unit="m/s", check=not_negative)
-    """[m/s] u*; about 1/25 of the speed above the layer."""
+    """[m/s] Friction velocity u*; about 1/25 of the speed above the layer."""
     direction_deg: float = setting("direction", unit="degree")
     """[degree] Compass direction TOWARD which the water flows."""
     water_depth: float = setting("bottom", unit="m", check=positive)
-    """[m] Depth of the bottom."""
+    """[m] Water depth at the bottom."""
     roughness: float = setting("roughness", unit="m", check=positive, default=1e-3)
     """[m] Roughness length z0; 1e-4 mud to 6e-3 gravel (Soulsby 1997)."""
     thickness: float = setting("thickness", unit="m", check=positive, default=20.0)
@@ -196,7 +196,7 @@ class LogLayer(Current):
         speed(self.kind, "speed at the layer's top", top)
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         angle = math.radians(self.direction_deg)
         scale = self.friction_velocity / VON_KARMAN
         along = scale * math.cos(angle), scale * math.sin(angle)

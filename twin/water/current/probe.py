@@ -1,8 +1,8 @@
-"""Probe: a kind of one's own must be complete, and its derivatives those of its velocity.
+"""Probe: check that your own kind of current is complete and its derivatives match its velocity.
 
-The added mass takes the rate of the current and its gradient. With a wrong sign in one of them the
-vehicle flies on, wrongly, and nothing else would tell. Shipped kinds pass the same probe in the
-tests; theirs is not run again at every compile.
+Added mass uses the rate and gradient of the current. A wrong sign in one of them changes the flight
+without any other symptom. Shipped kinds pass the probe in the tests; it is not run at each of their
+compilations.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats
 
 FIRST_FREE_CODE = 65_536
-"""Codes below are the package's own; others follow from the kind's name, the same everywhere."""
+"""First code of your own kinds, derived from the kind's name; smaller codes are the package's."""
 DAY = 86_400.0
-"""[s] of the missions for which examples are tried"""
+"""[s] Duration of the missions for which examples are compiled."""
 TAKEN = ("none", "sum", "table")
-"""Words of descriptions and texts that name no kind"""
+"""Words that descriptions and texts reserve, so that no kind may have them."""
 POINTS = 48
 FARTHEST, DEEPEST = 30_000.0, 1000.0
-"""[m] how far from the start, and how deep, places are looked at"""
+"""[m] Largest distance from the start, and largest depth, of the test points."""
 STEPS = ((0.1, 1e-3, 10.0), (0.1, 1e-3, 10.0), (0.1, 1e-3, 10.0), (0.1, 1e-3))
-"""[s, m, m, m] of the differences in time, north, east and depth: one of them must agree, for short
-ones drown in rounding and long ones in curvature"""
+"""[s, m, m, m] Steps of differences in time, north, east and depth. One step must agree: short
+ones suffer from rounding and long ones from curvature."""
 TOLERANCE = 1e-3
-"""Part of the derivative by which the stated one may differ"""
+"""Largest relative error of a stated derivative."""
 SMALL = 1e-6
-"""Part of the largest derivative along the same axis that is as good as none"""
+"""Fraction of the largest derivative along an axis below which a derivative counts as zero."""
 ROUNDING = 16.0 * np.finfo(float).eps
-"""Of the fastest velocity: what a difference of two may be off by"""
+"""Rounding error of a velocity difference, over the fastest velocity."""
 
 AXES = ("time", "north", "east", "depth")
 COMPONENTS = ("north", "east", "down")
 
 
 def flaw(kind: Any, name: str) -> str:
-    """What is wrong with a kind; empty when it is sound.
+    """Describe the fault of a kind; empty when the kind is sound.
 
     Raises:
-      CurrentError: a derivative of what its usage shows is not its velocity's.
+      CurrentError: a derivative in one of the kind's examples does not match its velocity.
     """
     if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in TAKEN:
         return "its kind must be lower-case letters, digits and hyphens, and not taken"
@@ -70,7 +70,7 @@ def flaw(kind: Any, name: str) -> str:
 
 
 def _flaw_of_functions(kind: Any) -> str:
-    """What is wrong with the function that flies."""
+    """Describe the fault of the kind's compiled function; empty when there is none."""
     for name, count in (("kernel", 7), ("directional", 11)):
         function = getattr(kind, name)
         if function is None:
@@ -95,9 +95,9 @@ def _flaw_of_functions(kind: Any) -> str:
 
 
 def _flaw_of_examples(kind: Any) -> str:
-    """Compile what `usage` shows, which compares its derivatives with differences.
+    """Compile the examples in `usage`, which compares their derivatives with differences.
 
-    Examples that need a file, or are no settings but their form, are compared when they fly.
+    Examples that need a file or only show a form are skipped and compared at their first flight.
     """
     for example in kind.usage:
         try:
@@ -115,11 +115,11 @@ def _flaw_of_examples(kind: Any) -> str:
 
 
 def check(kind: Any, record: Floats, duration_s: float) -> None:
-    """Raise CurrentError unless the derivatives that `record` of `kind` states are its velocity's.
+    """Raise CurrentError unless the derivatives in `record` of `kind` match its velocity.
 
-    Looks at places up to `FARTHEST` and `DEEPEST` at times up to `duration_s` [s]. A place where
-    the velocity is not finite lies outside of the current's domain; at a kink the derivative of
-    either side will do.
+    The points lie within `FARTHEST` and `DEEPEST` at times up to `duration_s` [s]. A point with a
+    velocity that is not finite lies outside the current's domain. At a kink the derivative on
+    either side is accepted.
     """
     who = f"current {kind.kind!r} ({kind.__qualname__})"
     evaluate = _evaluator(kind, record, who)
@@ -153,7 +153,7 @@ def _compare(
     stated: Floats,
     axis: int,
 ) -> None:
-    """Raise CurrentError where the derivative along `axis` is not that of the velocity."""
+    """Raise CurrentError where the derivative along `axis` does not match the velocity."""
     given = stated[:, slice(3, 6) if axis == 0 else slice(5 + axis, 15, 3)]
     fastest = float(np.abs(stated[:, :3]).max())
     good = np.zeros(given.shape, dtype=bool)
@@ -167,7 +167,7 @@ def _compare(
         error = np.abs(measured - given[:, None])
         allowed = TOLERANCE * np.maximum(np.abs(measured), np.abs(given)[:, None])
         agree = error <= allowed + SMALL * largest + ROUNDING * fastest / step
-        good |= agree.any(axis=1) | ~known.any(axis=1)  # unknown: outside of its domain
+        good |= agree.any(axis=1) | ~known.any(axis=1)  # not known: outside the current's domain
     if good.all():
         return
     wrong = np.where(good, -1.0, np.abs(np.nan_to_num(given - measured[:, 1], nan=np.inf)))
@@ -202,7 +202,7 @@ def _evaluator(kind: Any, record: Floats, who: str) -> Callable[[Floats], Floats
     def call(count: int, *numbers: float) -> Floats:
         try:
             found = function(*at, *numbers)
-        except (ArithmeticError, ValueError):  # what compiled code makes inf or NaN of
+        except (ArithmeticError, ValueError):  # compiled code returns inf or NaN here
             return np.full(count, np.nan)
         except Exception as error:
             raise CurrentError(
@@ -223,15 +223,15 @@ def _evaluator(kind: Any, record: Floats, who: str) -> Callable[[Floats], Floats
     taken = [axis in ("time", *kind.depends_on) for axis in AXES]
 
     def gathered(point: Floats) -> Floats:
-        ways = [call(6, *point, *np.eye(4)[axis]) for axis in range(4)]
-        slopes = [way[3:] if used else np.zeros(3) for way, used in zip(ways, taken, strict=True)]
-        return np.concatenate([ways[0][:3], slopes[0], np.ravel(np.transpose(slopes[1:]))])
+        rows = [call(6, *point, *np.eye(4)[axis]) for axis in range(4)]
+        slopes = [row[3:] if used else np.zeros(3) for row, used in zip(rows, taken, strict=True)]
+        return np.concatenate([rows[0][:3], slopes[0], np.ravel(np.transpose(slopes[1:]))])
 
     return gathered
 
 
 def _points(duration_s: float) -> Iterator[Floats]:
-    """(t, north, east, depth) [s, m]: all directions and, by powers of ten, all distances."""
+    """Test points (t, north, east, depth) [s, m]: all directions, distances by powers of ten."""
     for i in range(1, POINTS + 1):
         a, b, c, d = (i * root % 1.0 for root in (0.6180339887, 2**0.5, 3**0.5, 7**0.5))
         distance = FARTHEST ** (1.1 * a - 0.1)
@@ -248,7 +248,7 @@ def _points(duration_s: float) -> Iterator[Floats]:
 def _differences(
     evaluate: Callable[[Floats], Floats], point: Floats, here: Floats, axis: int, step: float
 ) -> Floats:
-    """Of the velocity along `axis` [m/s2 or 1/s]: behind, across and ahead, shape (3, 3)."""
+    """Differences of the velocity along `axis` [m/s2, 1/s]: behind, across, ahead, (3, 3)."""
     before, after = point.copy(), point.copy()
     before[axis], after[axis] = point[axis] - step, point[axis] + step
     if axis in (0, 3):  # neither before the start nor above the water

@@ -1,4 +1,4 @@
-"""Steady currents of depth alone: one velocity everywhere, and a table over depth."""
+"""Profile: steady currents of depth alone, a uniform velocity or a table over depth."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from twin.water.table_file import column_numbers, read_table_file
 
 @borrowing
 def uniform_kernel(program, start, size, t, north, east, depth):  # type: ignore[no-untyped-def]
-    """North, east, down."""
+    """Payload: velocity north, east, down."""
     rest = (0.0, 0.0, 0.0)
     return (program[start], program[start + 1], program[start + 2], *rest, *rest, *rest, *rest)
 
@@ -41,11 +41,11 @@ class Uniform(Current):
     }
 
     north: float = 0.0
-    """[m/s] Toward north."""
+    """[m/s] Velocity toward north."""
     east: float = 0.0
-    """[m/s] Toward east."""
+    """[m/s] Velocity toward east."""
     down: float = 0.0
-    """[m/s] Toward the bottom."""
+    """[m/s] Velocity toward the bottom."""
 
     def __post_init__(self) -> None:
         for name in ("north", "east", "down"):
@@ -54,7 +54,7 @@ class Uniform(Current):
 
     @classmethod
     def parse(cls, rest: str) -> Uniform:
-        """From NORTH,EAST[,DOWN], those by name, or speed= and direction=."""
+        """Parse NORTH,EAST[,DOWN], the same by name, or speed= and direction=."""
         positional, given = checks.split_settings("uniform", rest)
         values = [checks.number("uniform", f"value {i}", v) for i, v in enumerate(positional, 1)]
         if not given and len(values) in (2, 3):
@@ -71,12 +71,12 @@ class Uniform(Current):
 
     @classmethod
     def toward(cls, speed: float, direction_deg: float) -> Uniform:
-        """Horizontal flow of `speed` [m/s] toward the compass direction [degree]."""
+        """Make a horizontal flow of `speed` [m/s] toward the compass direction [degree]."""
         angle = math.radians(direction_deg)
         return cls(north=speed * math.cos(angle), east=speed * math.sin(angle))
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         return [self.record(self.north, self.east, self.down)]
 
 
@@ -87,12 +87,12 @@ COLUMNS = {
     **dict.fromkeys(("down", "down_m_s"), ("down", 1.0)),
     "w": ("down", -1.0),
 }
-"""CSV column names: our field and its sign (oceanographers' u, v, w are east, north, UP)."""
+"""Field and sign by CSV column name (oceanographers' u, v, w are east, north, UP)."""
 
 
 @borrowing
 def column(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Table over depth: n, depths [m] (n), velocity (n, 3)."""
+    """Payload: table over depth: n, depths [m] (n), velocity (n, 3)."""
     return table(program, start, size, depth, r_d)
 
 
@@ -111,11 +111,11 @@ class Profile(Current):
     depth: tuple[float, ...]
     """[m] Depths, positive down, strictly increasing, shape (n,)."""
     north: tuple[float, ...]
-    """[m/s] Toward north at those depths."""
+    """[m/s] Velocities toward north at those depths."""
     east: tuple[float, ...]
-    """[m/s] Toward east at those depths."""
+    """[m/s] Velocities toward east at those depths."""
     down: tuple[float, ...] = ()
-    """[m/s] Toward the bottom at those depths; empty means none."""
+    """[m/s] Velocities toward the bottom at those depths; empty: zero."""
 
     def __post_init__(self) -> None:
         for name in ("depth", "north", "east", "down"):
@@ -129,7 +129,7 @@ class Profile(Current):
 
     @classmethod
     def parse(cls, rest: str) -> Profile:
-        """From the name of a CSV file."""
+        """Parse the name of a CSV file."""
         positional, given = checks.split_settings(cls.kind, rest)
         if len(positional) != 1 or given:
             raise CurrentError(f"profile: give one CSV file, as profile:FILE.csv, not {rest!r}")
@@ -139,8 +139,8 @@ class Profile(Current):
     def from_csv(cls, path: str | Path) -> Profile:
         """Read a CSV with a header line: depth, north, east and optionally down.
 
-        Columns in m and m/s; u, v, w are understood as toward east, north and UP. Lines that
-        start with # are comments. Raises CurrentError naming file and row.
+        Columns in m and m/s; u, v, w mean toward east, north and UP. Lines that start with # are
+        comments. Raises CurrentError naming file and row.
         """
         path = Path(path)
         frame = read_table_file(path, "current profile", CurrentError)
@@ -168,7 +168,7 @@ class Profile(Current):
         return cls(**{name: tuple(values) for name, values in columns.items()})
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         velocity = np.column_stack([self.north, self.east, self.down])
         return [self.record(len(self.depth), self.depth, velocity)]
 

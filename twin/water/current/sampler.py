@@ -1,14 +1,13 @@
-"""Sampler: current, its rate along the vehicle's path and its gradient, compiled.
+"""Sampler: compiled current, its rate along the vehicle's path and its gradient.
 
-`sample` is called once per physics step from inside C callbacks. The rate is the material
-derivative for the vehicle, dV_c/dt + (v . grad) V_c with v the velocity over ground, and it is the
-exact derivative of what is interpolated, not an estimate. Above the mean sea surface the value at
-depth 0 holds. Interpolation is linear on ascending axes: outside an axis the edge value is held,
-and at a node the derivative of the cell ahead counts. A damaged record gives NaN, and nothing
-outside it is read.
+C callbacks call `sample` once per physics step. The rate is the material derivative for the
+vehicle, dV_c/dt + (v . grad) V_c with v the velocity over ground. It is the exact derivative of the
+interpolated current, not an estimate. Above the mean sea surface the value at depth 0 holds.
+Interpolation is linear on ascending axes. Outside an axis the edge value is held, and at a node the
+derivative of the next cell counts. A damaged record gives NaN, and nothing outside it is read.
 
-The chain of kinds is written from the registry: a kind that is registered later makes this module
-new, and with it every compiled function that samples currents.
+The code that dispatches to kinds is generated from the registry. A newly registered kind changes
+that code, so all compiled functions that sample currents are compiled again.
 
 The layout of a compiled current is flat: every kind writes it, and the sampler reads it.
 """
@@ -28,15 +27,15 @@ from twin.seams import CURRENTS
 
 Floats = NDArray[np.float64]
 INVALID = (math.nan,) * 6
-"""Velocity and derivative of a record that is damaged: an event that a simulation reports."""
+"""Velocity and derivative of a damaged record; a simulation reports the NaN as an event."""
 
 
 @borrowing
 def locate(program, start, n, x):
     """Cell of x on the ascending axis program[start:start+n]: index, fraction, 1/width.
 
-    The guess of an evenly spaced axis is tried first, then a binary search. The width's inverse is
-    zero where the edge value is held, which makes every derivative vanish there.
+    The cell of an evenly spaced axis is tried first, then a binary search. Where the edge value
+    holds, 1/width is zero, which makes every derivative vanish.
     """
     first = program[start]
     if n == 1 or not (x >= first):
@@ -45,7 +44,7 @@ def locate(program, start, n, x):
     if x >= last:
         return n - 2, 1.0, 0.0
     guess = (x - first) / (last - first) * (n - 1)
-    # Only a damaged axis guesses NaN or beyond n, which no integer holds.
+    # a damaged axis may guess NaN or beyond n, which no integer holds
     low = int(guess) if guess < n else 0
     low = min(max(low, 0), n - 2)
     if not (program[start + low] <= x < program[start + low + 1]):
@@ -85,22 +84,22 @@ def table(program, start, size, x, x_rate):
 
 
 RECORD_HEADER = 2
-"""Numbers in front of each payload: code and payload length."""
+"""Length of the header before each payload: code and payload length."""
 
 
 def record(code: int, *payload: ArrayLike) -> Floats:
-    """One record: its code, the length of its payload, and the payload flattened in order."""
+    """Make one record: its code, the length of its payload, and the payload flattened in order."""
     body = np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in payload])
     return np.concatenate([np.array([code, body.size], dtype=np.float64), body])
 
 
 def program(records: Sequence[Floats]) -> Floats:
-    """The whole program: the number of records followed by them."""
+    """Make the whole program: the number of records followed by the records."""
     return np.concatenate([np.array([len(records)], dtype=np.float64), *records])
 
 
 INVALID_GRADIENT = (math.nan,) * 15
-"""Velocity, local rate and gradient of what is not a program."""
+"""Velocity, local rate and gradient of a malformed program."""
 
 _POINT = ("program", "start", "size", "t", "north", "east", "depth")
 _DIRECTION = ("v_north", "v_east", "v_down")
@@ -129,15 +128,15 @@ def _along(k, v_north, v_east, v_down):
 
 
 def kinds() -> list[Any]:
-    """Classes of the kinds that are shipped, registered or loaded, in the order of numbers."""
+    """Classes of the shipped, registered and loaded kinds, ordered by number."""
     shipped = (CURRENTS[name] for name in CURRENTS.shipped())
     return sorted({*shipped, *CURRENTS.loaded()}, key=lambda kind: kind.number())
 
 
 def _branches(of_kind: Callable[[Any, str], Sequence[str]]) -> Written:
-    """A branch for each kind, of the lines that `of_kind` makes of it and of its function's name.
+    """Write a branch for each kind; `of_kind` makes its lines from the kind and a function name.
 
-    What is of no kind returns `_invalid`.
+    An unknown code returns `_invalid`.
     """
     names: dict[str, object] = {}
     lines: list[str] = []
@@ -170,12 +169,12 @@ _AXES = {
     "depth": "0.0, 0.0, 0.0, 1.0",
 }
 _SUMS = {axis: tuple(f"d_{axis}_{k}" for k in range(3)) for axis in _AXES}
-"""Names of the sums of the derivatives of the velocity's three components, by axis"""
+"""Names of the sums of the derivatives of the velocity's three components, by axis."""
 _VELOCITY = ("v_0", "v_1", "v_2")
 
 
 def _write_gradient() -> Written:
-    """Each record adds what its kind has alone, so that one of the depth alone is quick."""
+    """Write `sample_gradient`; each kind adds only its own axes, so depth-only kinds are fast."""
     point = ", ".join(_POINT)
 
     def add(sums: Sequence[str], first: int) -> str:
@@ -192,7 +191,7 @@ def _write_gradient() -> Written:
         lines = []
         for axis in taken:
             lines += [f"k = {function}({point}, {_AXES[axis]})", add(_SUMS[axis], 3)]
-        return [*lines, add(_VELOCITY, 0)]  # the velocity comes with every derivative
+        return [*lines, add(_VELOCITY, 0)]  # each call returns the velocity too
 
     branches, names = _branches(of_kind)
     sums = (*_VELOCITY, *(name for axis in _SUMS.values() for name in axis))
@@ -225,7 +224,7 @@ sample_gradient = generate(
 )  # fmt: skip
 """Current, its rate at a fixed place, and its gradient.
 
-Arguments as those of `sample`. Returns 15 numbers: velocity north, east, down [m/s]; its local
+Takes the arguments of `sample`. Returns 15 numbers: velocity north, east, down [m/s]; its local
 rate dV/dt [m/s2]; its gradient [1/s] row by row, dVn/dn, dVn/de, dVn/dd, dVe/dn, ...
 """
 
@@ -237,7 +236,7 @@ def sample(program, t, north, east, down, v_north, v_east, v_down):
     program: float64 vector from `Current.compile`. t [s] since mission start; north, east, down
     [m] about the mission's origin, down = depth; v_* [m/s] the vehicle's velocity over ground.
     Returns (u_north, u_east, u_down [m/s], a_north, a_east, a_down [m/s2]), positive toward
-    north, east and down; NaN from what is not a program.
+    north, east and down; NaN for a malformed program.
     """
     u_n = u_e = u_d = a_n = a_e = a_d = 0.0
     if program.size == 0:
@@ -265,7 +264,7 @@ def sample(program, t, north, east, down, v_north, v_east, v_down):
 
 @jit
 def sample_track(program, t, north, east, down, v_north, v_east, v_down):
-    """`sample` at each point of a track: seven vectors of shape (n,), result (n, 6)."""
+    """Current at each point of a track (`sample`): seven vectors of shape (n,), result (n, 6)."""
     out = np.empty((t.size, 6))
     for i in range(t.size):
         part = sample(program, t[i], north[i], east[i], down[i], v_north[i], v_east[i], v_down[i])

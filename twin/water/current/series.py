@@ -1,4 +1,4 @@
-"""Currents of time alone: a smooth curve through given velocities, or through drawn ones."""
+"""Series: currents of time alone, a smooth curve through given or randomly sampled velocities."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from twin.water.current.sampler import INVALID, Floats
 
 @borrowing
 def smooth_series(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Cubic through nodes: interval [s], velocity (n, 3), with the slope at a node that of its
-    neighbours (Catmull and Rom 1974), so that no acceleration jumps; held after the last node."""
+    """Cubic through nodes (payload: interval [s], velocity (n, 3)), held after the last. Slopes
+    come from neighbour nodes (Catmull and Rom 1974), so that no acceleration jumps."""
     if size < 4 or (size - 1) % 3 != 0 or not program[start] > 0.0:
         return INVALID
     last = (size - 1) // 3 - 1
@@ -62,10 +62,10 @@ def smooth_series(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_
 class GaussMarkov(Current):
     """Speed and direction as independent stationary first-order Gauss-Markov processes.
 
-    x' + (x - mean)/T = w (Fossen 2021, ch. 10), in its exact discretisation
+    The process x' + (x - mean)/T = w (Fossen 2021, ch. 10) is discretised exactly:
     x[k+1] = mean + exp(-dt/T) (x[k] - mean) + std sqrt(1 - exp(-2 dt/T)) w[k], started from the
-    stationary distribution. The speed is clipped after the recursion. Drawn at compile on a fixed
-    interval, with a smooth curve between: a longer mission extends the same series.
+    stationary distribution. The speed is clipped after the recursion. Compilation samples nodes at
+    a fixed interval, with a smooth curve between; a longer mission extends the same series.
     """
 
     kind = "gauss-markov"
@@ -81,7 +81,7 @@ class GaussMarkov(Current):
     speed: float = setting("speed", unit="m/s", check=not_negative)
     """[m/s] Mean speed."""
     direction_deg: float = setting("direction", unit="degree")
-    """[degree] Mean compass direction TOWARD which it flows."""
+    """[degree] Mean compass direction TOWARD which the water flows."""
     speed_std: float = setting("std", unit="m/s", check=not_negative)
     """[m/s] Stationary standard deviation of the speed before clipping."""
     direction_std_deg: float = setting(
@@ -89,15 +89,15 @@ class GaussMarkov(Current):
     )
     """[degree] Stationary standard deviation of the direction."""
     correlation_time: float = setting("time", unit="s", check=positive, default=10800.0)
-    """[s] T of both processes; 1-6 h for submesoscale, 10-15 d for mesoscale motion."""
+    """[s] Correlation time T of both; 1-6 h for submesoscale, 10-15 d for mesoscale motion."""
     min_speed: float = setting("min", unit="m/s", check=not_negative, default=0.0)
     """[m/s] Lower clip of the speed."""
     max_speed: float = setting("max", unit="m/s", check=not_negative, default=2.0)
     """[m/s] Upper clip of the speed."""
     interval: float = setting("interval", unit="s", check=positive, default=60.0)
-    """[s] Spacing of the drawn values."""
+    """[s] Spacing of the sampled values."""
     seed: int = setting("seed", check=None, default=0)
-    """Seed of the draws (numpy PCG64)."""
+    """Seed of the random numbers (numpy PCG64)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,9 +112,9 @@ class GaussMarkov(Current):
             raise CurrentError(f"gauss-markov: seed must be an integer >= 0, not {self.seed!r}")
 
     def draw(self, duration_s: float) -> tuple[Floats, Floats, Floats]:
-        """time [s], speed [m/s] after clipping, direction [rad], each of shape (n,)."""
-        n = math.ceil(duration_s / self.interval) + 2  # one beyond: the last slope needs it
-        # One row per node, so that a longer draw starts with the shorter one.
+        """Sample time [s], speed [m/s] after clipping and direction [rad], each of shape (n,)."""
+        n = math.ceil(duration_s / self.interval) + 2  # one node more for the last slope
+        # one row per node, so that a longer series starts with the shorter one
         noise = np.random.default_rng(self.seed).standard_normal((n, 2))
         keep = math.exp(-self.interval / self.correlation_time)
         kick = math.sqrt(1.0 - keep * keep)
@@ -128,7 +128,7 @@ class GaussMarkov(Current):
         return time, speed, direction.astype(np.float64)
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         _, speed, direction = self.draw(duration_s)
         velocity = np.column_stack(
             [speed * np.cos(direction), speed * np.sin(direction), np.zeros_like(speed)]
@@ -140,7 +140,7 @@ class GaussMarkov(Current):
 class Series(Current):
     """A smooth curve through velocities at equal steps from the start; held after the last.
 
-    The slope at a value is that of its neighbours (Catmull and Rom 1974).
+    The slope at a value follows from its neighbours (Catmull and Rom 1974).
     """
 
     kind = "series"
@@ -152,11 +152,11 @@ class Series(Current):
     }
 
     interval: float = setting("interval", unit="s", check=positive)
-    """[s] between two values."""
+    """[s] Time between two values."""
     north: tuple[float, ...]
-    """[m/s] Toward north."""
+    """[m/s] Velocities toward north."""
     east: tuple[float, ...]
-    """[m/s] Toward east."""
+    """[m/s] Velocities toward east."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -174,7 +174,7 @@ class Series(Current):
 
     @classmethod
     def parse(cls, rest: str) -> Series:
-        """From interval=, and north= and east= with / between the values."""
+        """Parse interval=, and north= and east= with / between the values."""
         positional, given = checks.split_settings(cls.kind, rest)
         if positional:
             raise CurrentError(f"series: write NAME=VALUE, not {positional[0]!r}")
@@ -192,7 +192,7 @@ class Series(Current):
         return cls(**settings)
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One record: the values as far as the mission reaches."""
+        """Make one record of the values within the mission."""
         count = min(len(self.north), math.ceil(duration_s / self.interval) + 3)
         velocity = np.zeros((count, 3))
         velocity[:, 0], velocity[:, 1] = self.north[:count], self.east[:count]

@@ -1,4 +1,4 @@
-"""A current from a plain Python function, tabulated so that compiled flights can read it."""
+"""Tabulated current: a plain Python function as a table that compiled flights can read."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from twin.water.current.grid import Grid
 from twin.water.current.sampler import Floats
 
 Velocity = Callable[[float, float, float, float], Sequence[float]]
-"""(t [s], north [m], east [m], depth [m]) -> north, east and perhaps down [m/s]"""
+"""Function (t [s], north [m], east [m], depth [m]) -> north, east and optionally down [m/s]."""
 AXES: Mapping[str, tuple[str, tuple[float, ...]]] = {
     "time": ("s", (0.0, 977.0, 20_011.0, 150_001.0)),
     "depth": ("m", (0.0, 11.0, 137.0, 811.0)),
     "north": ("m", (0.0, -3_001.0, 207.0, 20_011.0)),
     "east": ("m", (0.0, 2_003.0, -307.0, -15_013.0)),
 }
-"""Unit of each axis, and where a function is asked whether it varies along one without a range"""
+"""Unit of each axis, and test places that show whether a function varies along the axis."""
 INTERVALS = 8
-"""of each axis at first: what is narrower is found by the check at random places"""
+"""Intervals of each axis at first; random test places find narrower features."""
 CHECKED = 500
-"""Random places at which the table is compared with the function"""
+"""Number of random places at which the table is compared with the function."""
 MOST_NODES = 20_000
-"""of a table: a store holds it with each mission"""
+"""Most nodes of a table, because a store holds the table with each mission."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,15 +41,15 @@ class Tabulated(Current):
     kind: ClassVar[str] = TABLE
 
     time: tuple[float, ...] = (0.0,)
-    """[s] since the mission's start, ascending"""
+    """[s] Times since the mission's start, ascending."""
     depth: tuple[float, ...] = (0.0,)
-    """[m], positive down, ascending"""
+    """[m] Depths, positive down, ascending."""
     north: tuple[float, ...] = (0.0,)
-    """[m] from the mission's start, ascending"""
+    """[m] Distances north of the mission's start, ascending."""
     east: tuple[float, ...] = (0.0,)
-    """[m] from the mission's start, ascending"""
+    """[m] Distances east of the mission's start, ascending."""
     velocity_m_s: tuple[float, ...]
-    """[m/s] north, east, down at the nodes, shape (time, depth, north, east, 3), flattened"""
+    """[m/s] North, east, down at the nodes, shape (time, depth, north, east, 3), flattened."""
 
     def __post_init__(self) -> None:
         for name in (*AXES, "velocity_m_s"):
@@ -67,11 +67,11 @@ class Tabulated(Current):
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
-        """Nodes along time, depth, north and east."""
+        """Numbers of nodes along time, depth, north and east."""
         return len(self.time), len(self.depth), len(self.north), len(self.east)
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One record of a flat grid."""
+        """Make one record of a flat grid."""
         axes = [np.array(getattr(self, name)) for name in AXES]
         values = np.array(self.velocity_m_s).reshape(*self.shape, 3)
         return [Grid.box_record(axes[0], axes[1], axes[2], axes[3], values)]
@@ -80,7 +80,7 @@ class Tabulated(Current):
 def tabulated(
     function: Velocity, ranges: Mapping[str, Sequence[float]], tolerance: float
 ) -> Tabulated:
-    """Tabulate a function, as `Current.from_function` says."""
+    """Tabulate a function for `Current.from_function`, which has the arguments."""
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise CurrentError(f"from_function: tolerance must be above 0 m/s, not {tolerance}")
     nodes = {name: _first_nodes(name, ranges.get(name)) for name in AXES}
@@ -88,7 +88,7 @@ def tabulated(
     known: dict[tuple[float, ...], tuple[float, ...]] = {}
 
     def at(axes: Mapping[str, Floats]) -> Floats:
-        """The function's velocities on a grid, shape (time, depth, north, east, 3)."""
+        """Velocities of the function on a grid, shape (time, depth, north, east, 3)."""
         mesh = np.meshgrid(*(axes[name] for name in AXES), indexing="ij")
         places = list(map(tuple, np.stack([m.ravel() for m in mesh], axis=1).tolist()))
         for place in places:
@@ -131,12 +131,12 @@ def _first_nodes(name: str, given: Sequence[float] | None) -> Floats:
 
 
 def _velocity(function: Velocity, place: tuple[float, ...]) -> tuple[float, float, float]:
-    """Ask the function at a time, depth, north and east, and check its answer."""
+    """Call the function at a time, depth, north and east, and check its result."""
     t, depth, north, east = place
     where = f"at t={t:g} s, north={north:g} m, east={east:g} m, depth={depth:g} m"
     try:
         answer = [float(one) for one in function(t, north, east, depth)]
-    except Exception as error:  # a user's function can fail in any way
+    except Exception as error:  # a user's function may raise anything
         raise CurrentError(
             f"from_function: the function fails {where}: {type(error).__name__}: {error}; it takes "
             "t, north, east, depth and returns north, east and perhaps down [m/s]"
@@ -151,7 +151,7 @@ def _velocity(function: Velocity, place: tuple[float, ...]) -> tuple[float, floa
 
 
 def _check_constant(function: Velocity, nodes: Mapping[str, Floats]) -> None:
-    """Make sure that a function does not vary along an axis that has no range."""
+    """Raise CurrentError when a function varies along an axis that has no range."""
     middle = {name: float(axis[axis.size // 2]) for name, axis in nodes.items()}
     for name, (unit, places) in AXES.items():
         if nodes[name].size > 1:

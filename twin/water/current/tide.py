@@ -1,4 +1,4 @@
-"""Oscillations of the whole water column: tidal ellipses, and the near-inertial one of its top."""
+"""Tide: oscillating currents, tidal in the whole column or near-inertial in its upper layer."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SECONDS_PER_HOUR = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class TidalEllipse:
-    """One constituent: the tip of the velocity vector runs round an ellipse."""
+    """One tidal constituent: the tip of the velocity vector moves round an ellipse."""
 
     constituent: str
     """Name of the constituent, e.g. "M2"."""
@@ -67,17 +67,17 @@ class TidalEllipse:
         return 2.0 * math.pi / (PERIOD_HOURS[self.constituent] * SECONDS_PER_HOUR)
 
     def describe(self) -> dict[str, Any]:
-        """The settings as a JSON-able dict."""
+        """Return the settings as a dict of JSON values."""
         return asdict(self)
 
 
 ELLIPSE_SETTINGS = {"direction": "direction_deg", "phase": "phase_deg", "minor": "semi_minor"}
-"""Command-line name and field of each setting of a constituent beside its amplitude."""
+"""Field of each setting of a constituent besides its amplitude, by command-line name."""
 
 
 @borrowing
 def ellipses_kernel(program, start, size, t, north, east, depth):  # type: ignore[no-untyped-def]
-    """n, then per constituent: angular rate, cos and sin coefficients (north, east each)."""
+    """Payload: n, then per constituent: rate [rad/s], cos (north, east), sin (north, east)."""
     v_north = 0.0
     v_east = 0.0
     north_rate = 0.0
@@ -100,7 +100,7 @@ def ellipses_kernel(program, start, size, t, north, east, depth):  # type: ignor
 
 @dataclass(frozen=True, kw_only=True)
 class Tide(Current):
-    """Sum of tidal ellipses, the same at every place and depth.
+    """Sum of tidal ellipses, equal at every place and depth.
 
     Usual amplitudes: 0.02-0.05 m/s in the deep ocean, 0.2-1 m/s on the shelf.
     """
@@ -115,7 +115,7 @@ class Tide(Current):
     }
 
     ellipses: tuple[TidalEllipse, ...]
-    """The constituents."""
+    """Ellipses of the constituents."""
 
     def __post_init__(self) -> None:
         if isinstance(self.ellipses, list):
@@ -133,7 +133,7 @@ class Tide(Current):
 
     @classmethod
     def parse(cls, rest: str) -> Tide:
-        """From CONSTITUENT=SPEED and settings for all constituents, or for one as m2_phase=."""
+        """Parse CONSTITUENT=SPEED and settings for all constituents, or for one as m2_phase=."""
         positional, given = checks.split_settings(cls.kind, rest)
         if positional:
             raise CurrentError(f"tide: write NAME=VALUE, e.g. m2=0.1, not {positional[0]!r}")
@@ -157,7 +157,7 @@ class Tide(Current):
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """From `describe()`, nested parts rebuilt first."""
+        """Rebuild the tide from `describe()`, nested ellipses first."""
         try:
             ellipses = tuple(TidalEllipse(**item) for item in settings.get("ellipses", ()))
         except TypeError as error:
@@ -165,15 +165,15 @@ class Tide(Current):
         return super().from_settings({**settings, "ellipses": ellipses})
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         rows = []
         for e in self.ellipses:
             axis = math.radians(e.direction_deg)
             lag = math.radians(e.phase_deg)
             major = (math.cos(axis), math.sin(axis))
-            # Counterclockwise from above is from the major axis toward 90 degrees to its left.
+            # counterclockwise from above: from the major axis toward 90 degrees to its left
             minor = (math.sin(axis), -math.cos(axis))
-            # major cos(wt - lag) + minor sin(wt - lag), expanded in cos(wt) and sin(wt).
+            # major cos(wt - lag) + minor sin(wt - lag), expanded in cos(wt) and sin(wt)
             cos_part = [
                 e.semi_major * a * math.cos(lag) - e.semi_minor * b * math.sin(lag)
                 for a, b in zip(major, minor, strict=True)
@@ -188,7 +188,7 @@ class Tide(Current):
 
 @borrowing
 def slab(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Speed, signed angular rate (clockwise from above is +), angle at t 0, layer depth,
+    """Payload: speed, signed angular rate (+ is clockwise from above), angle at t 0, layer depth,
     1/decay depth below the layer."""
     angle = program[start + 2] + program[start + 1] * t
     below = depth - program[start + 3]
@@ -206,10 +206,10 @@ def slab(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # ty
 
 @dataclass(frozen=True, kw_only=True)
 class Inertial(Current):
-    """A slab that turns at the Coriolis frequency: clockwise in the north, period 12 h/sin(lat).
+    """A slab of water that turns at the Coriolis frequency: clockwise in the north.
 
-    Uniform in the mixed layer, falling by e over `decay_depth` below it. 0.05-0.1 m/s is usual
-    after a storm (Pollard & Millard 1970).
+    The period is 12 h/sin(lat). The speed is uniform in the mixed layer and falls by the factor e
+    over `decay_depth` below. 0.05-0.1 m/s is usual after a storm (Pollard & Millard 1970).
     """
 
     kind = "inertial"
@@ -226,18 +226,18 @@ class Inertial(Current):
     layer_depth: float = setting("layer", unit="m", check=not_negative, default=40.0)
     """[m] Depth of the mixed layer."""
     decay_depth: float = setting("decay", unit="m", check=positive, default=10.0)
-    """[m] Depth over which the speed falls by e below the layer."""
+    """[m] Depth over which the speed falls by the factor e below the layer."""
     direction_deg: float = setting("direction", unit="degree", default=0.0)
-    """[degree] Compass direction TOWARD which it flows at mission start."""
+    """[degree] Compass direction TOWARD which the water flows at mission start."""
     latitude_deg: float | None = setting("lat", unit="degree", default=None)
     """[degree] Latitude of the Coriolis parameter; None: the mission's origin."""
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Inertial:
-        """With the latitude written out."""
+        """Return a copy with the latitude written out."""
         return replace(self, latitude_deg=(origin or Origin()).latitude(self.latitude_deg))
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """One layout record."""
+        """Make one record."""
         rate = coriolis(origin.latitude(self.latitude_deg))
         angle = math.radians(self.direction_deg)
         return [self.record(self.speed, rate, angle, self.layer_depth, 1.0 / self.decay_depth)]

@@ -1,8 +1,8 @@
-"""Which variables and axes of a CF data set hold the current, and in which units and sense.
+"""Velocity file: variables, axes, units and sign of the current in a CF data set.
 
 `standard_name` decides first, then the usual names of Copernicus Marine, HYCOM, NEMO, altimetry
-and instrument files. What cannot be read as eastward and northward velocity on a rectilinear
-latitude-longitude grid is refused with the way out.
+and instrument files. Data that are not eastward and northward velocity on a rectilinear
+latitude-longitude grid raise CurrentError, which advises a conversion.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ALIASES = {
     "north": ("vo", "water_v", "v", "vomecrty", "vgos", "vvel", "vcur", "v_ocn", "north"),
     "up": ("wo", "water_w", "w", "vovecrtz", "wvel", "w_ocn"),
 }
-"""Variable names per component when no standard name tells, best first; case is ignored."""
+"""Variable names per component for files without standard names, best first; case is ignored."""
 
 GRID_RELATIVE = {
     "x_sea_water_velocity",
@@ -50,7 +50,7 @@ GRID_RELATIVE = {
     "sea_water_y_velocity",
     "ocean_sigma_x_velocity",
 }
-"""Standard names of components along a model's own axes."""
+"""Standard names of components along a model's own axes, which are refused."""
 
 SPEED_UNITS = {
     "m/s": 1.0, "m s-1": 1.0, "m s^-1": 1.0, "m.s-1": 1.0, "m s**-1": 1.0, "ms-1": 1.0,
@@ -61,46 +61,46 @@ SPEED_UNITS = {
     "centimeter second-1": 0.01,
     "mm/s": 0.001, "mm s-1": 0.001,
 }  # fmt: skip
-"""[m/s] per unit, as files spell them (lower case)."""
+"""[m/s] Size of each unit, as files spell it (lower case)."""
 
 ZERO_LAND_NAMES = {"vozocrtx", "vomecrty"}
-"""Raw NEMO variables, where land is 0 and not a missing value."""
+"""Variables of raw NEMO output, where land is 0 and not a missing value."""
 
 
 NO_BACKEND = "did not find a match in any of xarray's"
-"""How xarray begins when no reader knows a file's first bytes; its advice is for programmers."""
+"""Beginning of xarray's error for an unknown file type; its advice is for programmers."""
 
 
 class Velocity(NamedTuple):
-    """Where the current is in a data set."""
+    """Variables and axes of the current in a data set."""
 
     names: Mapping[str, str]
-    """Variable per component: east, north and perhaps up or down."""
+    """Variable per component: east, north and optionally up or down."""
     scale: Mapping[str, float]
-    """Factor per component to m/s; negative for an upward component stored as down."""
+    """Factor per component to m/s, above 0."""
     axes: Mapping[str, Axis]
-    """Those of time, depth, latitude, longitude that the variables have."""
+    """Axes of the variables, by kind: time, depth, latitude, longitude."""
     dimensions: Mapping[str, Mapping[str, str]]
-    """Per component its dimension of each of those axes: depthu and depthv may be equal axes."""
+    """Dimension of each axis per component: depthu and depthv may be equal axes."""
     zero_is_land: bool
-    """The names are those of raw NEMO output, which marks land by 0."""
+    """True for raw NEMO output, which marks land by 0."""
 
 
 @contextlib.contextmanager
 def open_data_set(
     path: str, what: str = "current", failure: type[InputError] = CurrentError
 ) -> Iterator[xr.Dataset]:
-    """The data set at a netCDF file or zarr store, values lazy, times undecoded.
+    """Open a netCDF file or zarr store as a data set, values lazy, times undecoded.
 
     Times stay numbers because some HYCOM files carry a second time variable that cannot be
-    decoded. What is damaged may show only when attributes and values are read: whatever that raises
-    inside the context is told as `failure` too.
+    decoded. Damage may show only when attributes and values are read: an error inside the context
+    is raised as `failure` too.
 
     Args:
-      what: the file in messages.
-      failure: what is raised when it cannot be read.
+      what: name of the file in messages.
+      failure: class of the error when the file cannot be read.
     """
-    data = _opened(path, what, failure)
+    data = _open(path, what, failure)
     try:
         with data:
             _check_packing(data, path, failure)
@@ -115,7 +115,7 @@ def open_data_set(
 
 
 def _check_packing(data: xr.Dataset, path: str, failure: type[InputError]) -> None:
-    """Raise when the attributes by which values are unpacked are no numbers."""
+    """Raise when the attributes for unpacking values are not numbers."""
     for name, variable in data.variables.items():
         for attribute in ("scale_factor", "add_offset"):
             value = variable.encoding.get(attribute, 0.0)
@@ -127,13 +127,13 @@ def _check_packing(data: xr.Dataset, path: str, failure: type[InputError]) -> No
 
 
 def _reason(error: Exception) -> str:
-    """What an exception of a backend says, in a line."""
+    """First line of the message of a backend's exception."""
     text = str(error).strip()
     return text.splitlines()[0] if text else type(error).__name__
 
 
-def _opened(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
-    """The data set, of which attributes and axes alone are read."""
+def _open(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
+    """Open the data set; only attributes and axes are read."""
     import xarray as xr
 
     remote = "://" in path
@@ -149,7 +149,7 @@ def _opened(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
     is_zarr = path.rstrip("/").endswith(".zarr") or (not remote and Path(path).is_dir())
     try:
         with warnings.catch_warnings():
-            # A store without consolidated metadata only opens more slowly.
+            # a store without consolidated metadata opens slowly, but works
             warnings.filterwarnings("ignore", "Failed to open Zarr store with consolidated")
             data = xr.open_dataset(
                 path,
@@ -258,7 +258,7 @@ def _by_alias(data: xr.Dataset, component: str) -> str | None:
 
 
 def _same_points(data: xr.Dataset, one: Axis | None, other: Axis | None) -> bool:
-    """Whether two axes are there and have the same values."""
+    """Tell whether two axes exist and have equal values."""
     if one is None or other is None:
         return False
     a, b = data[one.coordinate].values, data[other.coordinate].values

@@ -1,7 +1,7 @@
-"""The sea floor: flat, rough, an array of depths, or a bathymetry file about the mission's start.
+"""Sea floor: flat, rough, an array of depths, or a bathymetry file about the mission's start.
 
-A floor is met in three ways: the hull collides with it, altimeter and Doppler log see it, and
-dives that are given a `min_altitude_m` turn above it.
+The hull collides with a floor, altimeter and Doppler log measure it, and dives that have a
+`min_altitude_m` turn above it.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Sea floors that are laid out from numbers: flat, rough, and a grid of depths; and their base."""
+"""Sea floors made from numbers (flat, rough, a grid of depths), and their base class."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from twin.water.current.axes import Origin
 from twin.water.floor.lookup import pack
 
 SPEED = 1.5
-"""[m/s] over ground; no vehicle here keeps more over a mission. Sizes the part to lay out."""
+"""[m/s] Speed over ground that no vehicle here exceeds over a mission; it sizes the table."""
 LARGEST = 4_000_000
-"""Nodes of a table at most, 32 MB: they travel in the simulation's model"""
+"""Most nodes of a table (32 MB), because the simulation's model holds a copy."""
 DEEPEST_M = 12_000.0
-"""[m] the deepest sea has 10 935 m"""
+"""[m] Largest depth of a floor; the deepest sea has 10 935 m."""
 HIGHEST_M = 9_000.0
-"""[m] no land is higher"""
+"""[m] Largest height of a floor above the sea; no land is higher."""
 FINEST_M = 0.5
-"""[m] The hull meets the plane through the floor fore and aft and on both sides of it, half a hull
-away: what is smaller than a hull belongs into the vehicle file, as geoms."""
+"""[m] Smallest spacing of nodes. The hull touches the plane through four floor points half a hull
+away, fore, aft and on both sides. Smaller obstacles belong into the vehicle file, as geoms."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,27 +34,27 @@ class Floor:
     kind: ClassVar[str] = ""
     """Name in descriptions."""
     needs_place: ClassVar[bool] = False
-    """True when only a place on Earth says where the start lies on it"""
+    """True: the floor needs the start's latitude and longitude."""
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
-        """The table that `twin.water.floor.lookup` reads, for a mission of that duration [s].
+        """Make the table for `twin.water.floor.lookup` and a mission of this duration [s].
 
         Raises:
-          FloorError: the floor cannot be read, or not there.
+          FloorError: the floor's file is missing or cannot be read.
         """
         raise NotImplementedError
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Self:
-        """The same floor with everything written out that decides its table, so that it can be
-        laid out once more, or refused when a file has changed."""
+        """Return the floor with every setting written out that decides its table.
+        A stored floor is rebuilt from these settings, or refused when its file has changed."""
         return self
 
     def other_sense(self, duration_s: float, origin: Origin | None = None) -> str:
-        """Setting that turns the floor upside down; empty where none does."""
+        """Setting that swaps up and down in the floor's file; empty: there is none."""
         return ""
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able; `spec.floor_from_dict` is the inverse."""
+        """Return the settings as JSON values; `bathymetry.floor_from_dict` is the inverse."""
         values = dataclasses.asdict(self).items()
         plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values}
         return {"kind": self.kind, **plain}
@@ -66,7 +66,7 @@ class Floor:
 
 
 def check_depths(label: str, depth: Array) -> None:
-    """Refuse depths [m] that no sea floor has; raises FloorError."""
+    """Raise FloorError for depths [m] that no sea floor has."""
     lowest, highest = float(depth.max()), float(-depth.min())
     if lowest > DEEPEST_M or highest > HIGHEST_M:
         raise FloorError(
@@ -77,7 +77,7 @@ def check_depths(label: str, depth: Array) -> None:
 
 
 def check_reach(label: str, reach_m: float | None) -> None:
-    """Refuse a half-width [m] that is not above 0 and finite; raises FloorError."""
+    """Raise FloorError for a half-width [m] that is not above 0 and finite."""
     if reach_m is None:
         return
     reach = number(reach_m, f"{label}: reach_m", FloorError)
@@ -87,12 +87,12 @@ def check_reach(label: str, reach_m: float | None) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlatFloor(Floor):
-    """The same depth everywhere."""
+    """A floor of one depth everywhere."""
 
     kind: ClassVar[str] = "flat"
 
     depth_m: float
-    """[m] below the mean sea surface, above 0"""
+    """[m] Depth below the mean sea surface, above 0."""
 
     def __post_init__(self) -> None:
         depth = number(self.depth_m, "flat sea floor: depth_m [m]", FloorError)
@@ -104,22 +104,22 @@ class FlatFloor(Floor):
             )
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
-        """One node."""
+        """Make a table of one node."""
         return pack(np.zeros(1), np.zeros(1), np.full((1, 1), self.depth_m))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridFloor(Floor):
-    """Depths on a rectilinear grid; bilinear between its nodes, its edges held beyond it."""
+    """Depths on a rectilinear grid: bilinear between nodes, constant beyond the edges."""
 
     kind: ClassVar[str] = "grid"
 
     north_m: Any
-    """[m] of the start, ascending, shape (n,), n at least 2"""
+    """[m] Nodes north of the start, ascending, shape (n,), n at least 2."""
     east_m: Any
-    """[m] of the start, ascending, shape (m,), m at least 2"""
+    """[m] Nodes east of the start, ascending, shape (m,), m at least 2."""
     depth_m: Any
-    """[m] positive down, shape (n, m); negative is land"""
+    """[m] Depths, positive down, shape (n, m); negative is land."""
 
     def __post_init__(self) -> None:
         for name in ("north_m", "east_m", "depth_m"):
@@ -145,14 +145,14 @@ class GridFloor(Floor):
         check_depths("grid sea floor", self.depth_m)
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
-        """The grid as it is."""
+        """Make a table of the whole grid."""
         return pack(self.north_m, self.east_m, self.depth_m)
 
 
 WAVES = 64
-"""Plane waves of the relief; more change its look little and cost as much again"""
+"""Number of plane waves in the relief; more cost time and hardly change its look."""
 NODES = 4
-"""Nodes in a correlation length and in the shortest wave"""
+"""Nodes per correlation length and per shortest wave."""
 FIELDS = (
     "depth_m", "height_m", "length_m", "slope", "slope_direction_deg", "shallowest_m", "deepest_m",
 )  # fmt: skip
@@ -165,32 +165,32 @@ class RoughFloor(Floor):
     The relief has the covariance of Goff and Jordan (1988, J. Geophys. Res. 93, 13589) with the
     Hurst exponent 1: H^2 (r/L) K_1(r/L) at a distance r, with K_1 the modified Bessel function. H
     is the standard deviation and L the correlation length; the correlation is 0.60 at L and 0.28
-    at 2 L. It is a sum of plane waves whose wave numbers follow that spectrum, down to waves as
-    long as L, with random directions and phases. Two floors of one seed agree wherever both are
-    laid out.
+    at 2 L. The relief is a sum of plane waves with random directions and phases. Their wave
+    numbers follow that spectrum, down to waves of length L. Floors of one seed agree wherever
+    both have nodes.
     """
 
     kind: ClassVar[str] = "rough"
 
     depth_m: float
-    """[m] mean depth at the mission's start"""
+    """[m] Mean depth at the mission's start."""
     height_m: float = 2.0
-    """[m] standard deviation of the relief; 0: none"""
+    """[m] Standard deviation of the relief; 0: no relief."""
     length_m: float = 400.0
-    """[m] correlation length of the relief"""
+    """[m] Correlation length of the relief."""
     slope: float = 0.0
-    """[1] of the mean depth, at least 0; continental shelves have about 0.002 (Shepard 1963)"""
+    """[1] Slope of the mean depth, at least 0; continental shelves: 0.002 (Shepard 1963)."""
     slope_direction_deg: float = 0.0
-    """[deg true] in which it gets deeper"""
+    """[deg true] Direction in which the floor gets deeper."""
     seed: int = 0
-    """Seed of the relief, from 0 on"""
+    """Seed of the relief, at least 0."""
     shallowest_m: float = 5.0
-    """[m] what would reach higher is cut off here"""
+    """[m] Least depth; higher parts of the relief are cut off."""
     deepest_m: float = DEEPEST_M
-    """[m] what would reach lower is cut off here"""
+    """[m] Greatest depth; lower parts of the relief are cut off."""
     reach_m: float | None = None
-    """[m] half-width of the part that is laid out; None: what the mission can cover in its
-    duration. Beyond it the depth at its edge holds."""
+    """[m] Half-width of the table; None: the distance a mission can cover in its duration. The edge
+    depth holds beyond the table."""
 
     def __post_init__(self) -> None:
         for name in FIELDS:
@@ -221,7 +221,7 @@ class RoughFloor(Floor):
         check_reach("rough sea floor", self.reach_m)
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
-        """The part around the start, nodes NODES to a correlation length."""
+        """Make the table around the start, with NODES nodes per correlation length."""
         reach = SPEED * duration_s if self.reach_m is None else self.reach_m
         spacing = self.length_m / NODES
         nodes = math.ceil(reach / spacing)
@@ -241,17 +241,17 @@ class RoughFloor(Floor):
         return pack(axis, axis, np.clip(depth, self.shallowest_m, self.deepest_m))
 
     def _relief(self, axis: Array) -> Array:
-        """Depth [m] below the slope, shape (n, n), north by east, on the nodes of `axis` [m]."""
+        """Depth [m] relative to the slope, shape (n, n), north by east; `axis`: nodes [m]."""
         rng = np.random.Generator(np.random.PCG64(self.seed))
-        # the spectrum k / (k^2 + 1/L^2)^2, cut off at the shortest wave, one wave in each of
-        # WAVES parts of equal variance
+        # the spectrum k / (k^2 + 1/L^2)^2, cut off at the shortest wave, in WAVES bands of equal
+        # variance with one wave each
         shortest = (2.0 * math.pi) ** 2
         share = (np.arange(WAVES) + rng.random(WAVES)) / WAVES * shortest / (1.0 + shortest)
         number = np.sqrt(share / (1.0 - share)) / self.length_m
         toward, phase = rng.uniform(0.0, 2.0 * math.pi, (2, WAVES))
         relief = np.zeros((axis.size, axis.size))
         part = np.empty_like(relief)
-        # cos(a + b) by parts, so that a wave takes two rows of cosines and no grid of them
+        # cos(a + b) = cos a cos b - sin a sin b: two vectors of cosines instead of a grid of them
         for k, angle, start in zip(number, toward, phase, strict=True):
             along, across = k * math.cos(angle) * axis, k * math.sin(angle) * axis + start
             relief += np.multiply.outer(np.cos(along), np.cos(across), out=part)

@@ -1,8 +1,8 @@
-"""Bathymetry: the sea floor of a file on latitude and longitude; and any floor by its text.
+"""Bathymetry: sea floors from latitude-longitude files, and sea floors from texts.
 
-Files are netCDF or zarr. GEBCO's layout is the pattern: `elevation` in m, positive up, on `lat` and
-`lon`. ETOPO, EMODnet and the static files of ocean models are read too; the standard_name, the
-attribute `positive` or the name marks what counts downward.
+Files are netCDF or zarr. The usual layout is GEBCO's: `elevation` in m, positive up, on `lat` and
+`lon`. ETOPO, EMODnet and the static files of ocean models are read too. The standard_name, the
+attribute `positive` or the name tells which variables count downward.
 """
 
 from __future__ import annotations
@@ -46,32 +46,32 @@ STANDARD_NAMES = {
         "sea_floor_depth_below_reference_ellipsoid",
         "sea_floor_depth_below_geopotential_datum", "sea_floor_depth"), DOWN),
 }  # fmt: skip
-"""CF names of the quantity, and where they count to"""
+"""CF standard names of the sea floor, and the direction in which each counts."""
 NAMES = {
     **dict.fromkeys(("elevation", "z", "topo", "altitude"), UP),
     **dict.fromkeys(("deptho", "bathymetry", "depth", "bathy_metry"), DOWN),
 }
-"""Variables of GEBCO and EMODnet, ETOPO, and of ocean models, when no standard name tells"""
+"""Variable names of GEBCO, EMODnet, ETOPO and ocean models, for files without a standard name."""
 METRES = ("m", "meter", "meters", "metre", "metres", "")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bathymetry(Floor):
-    """Depths of a file around the mission's start, bilinear between its nodes."""
+    """Sea floor from a file around the mission's start, bilinear between the file's nodes."""
 
     kind: ClassVar[str] = "bathymetry"
     needs_place: ClassVar[bool] = True
 
     path: str
-    """netCDF file or zarr store"""
+    """NetCDF file or zarr store."""
     variable: str | None = None
-    """Its variable; None: by standard_name, then by usual names"""
+    """Variable of the file; None: found by standard_name, then by usual names."""
     positive: str | None = None
-    """Where its values count to, "up" or "down"; None: as its attributes or its name say"""
+    """Direction in which values count, "up" or "down"; None: by attributes or name."""
     reach_m: float | None = None
-    """[m] half-width of the part to load; None: what the mission can cover in its duration"""
+    """[m] Half-width of the part to load; None: the distance a mission covers in its duration."""
     sha256: str | None = None
-    """Hash of the part that was used; a file with other content is then refused"""
+    """Hash of the loaded part; a file with other content is refused."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "path", str(self.path))
@@ -82,15 +82,15 @@ class Bathymetry(Floor):
         check_reach("bathymetry", self.reach_m)
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Array:
-        """The part around the start, its axes in metres north and east of it."""
+        """Make the table around the start, with axes in metres north and east of the start."""
         return self._load(duration_s, origin)[0]
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> Bathymetry:
-        """With variable, sense, extent and hash of the part that was used."""
+        """Return a copy with variable, direction, extent and hash of the loaded part."""
         return self._load(duration_s, origin)[1]
 
     def other_sense(self, duration_s: float, origin: Origin | None = None) -> str:
-        """Sense that the file was not read in."""
+        """Setting with the opposite of the direction in which the file was read."""
         used = self.pinned(duration_s, origin).positive
         return f"positive={UP if used == DOWN else DOWN}"
 
@@ -116,7 +116,7 @@ class Bathymetry(Floor):
         return table, used
 
     def _find(self, data: xr.Dataset) -> str:
-        """The variable of the sea floor."""
+        """Find the variable of the sea floor."""
         fields = [str(n) for n, v in data.data_vars.items() if len(_horizontal(data, str(n))) == 2]
         if self.variable is not None:
             if self.variable not in data.data_vars:
@@ -148,7 +148,7 @@ class Bathymetry(Floor):
     def _read(
         self, data: xr.Dataset, name: str, positive: str, reach: float, origin: Origin
     ) -> tuple[Array, str]:
-        """The table of the part within `reach` [m], and the hash of the file's own numbers."""
+        """Read the table within `reach` [m], and the hash of the file's own numbers."""
         units = str(data[name].attrs.get("units", "")).strip().lower()
         if units not in METRES:
             raise FloorError(f"{self.path}: {name!r} is in {units!r}: convert it to metres")
@@ -159,10 +159,10 @@ class Bathymetry(Floor):
                 raise FloorError(f"{self.path}: {axes[kind]!r} must hold two or more {kind}s")
         turned = (lon - origin.longitude_deg + 180.0) % 360.0 - 180.0
         metres = math.radians(1.0) * origin.normal_radius
-        rows, north = _within(
+        rows, north = _enclosing(
             math.radians(1.0) * origin.meridian_radius * (lat - origin.latitude_deg), reach
         )
-        columns, east = _within(
+        columns, east = _enclosing(
             metres * math.cos(math.radians(origin.latitude_deg)) * turned, reach
         )
         if not (_encloses(north, lat) and _encloses(east, lon)):
@@ -181,7 +181,7 @@ class Bathymetry(Floor):
         dimensions = [data[axes[kind]].dims[0] for kind in ("latitude", "longitude")]
         field = field.squeeze([d for d in field.dims if d not in dimensions])
         index = dict(zip(dimensions, (rows, columns), strict=True))
-        # one box in the file's order, then the nodes: picking them in the file is slow
+        # read one contiguous box first: picking single nodes from the file is slow
         spans = {d: slice(int(i.min()), int(i.max()) + 1) for d, i in index.items()}
         values = field.isel(spans).transpose(*dimensions).values
         values = np.asarray(values, np.float64)[np.ix_(rows - rows.min(), columns - columns.min())]
@@ -201,7 +201,7 @@ class Bathymetry(Floor):
 
 
 def _horizontal(data: xr.Dataset, name: str) -> dict[str, str]:
-    """Coordinates of latitude and longitude of a variable; other axes must have length 1."""
+    """Coordinates of latitude and longitude of a variable; {} if another axis is longer than 1."""
     found: dict[str, str] = {}
     for dimension in map(str, data[name].dims):
         kind = _axis(data, dimension) if dimension in data.variables else None
@@ -213,7 +213,7 @@ def _horizontal(data: xr.Dataset, name: str) -> dict[str, str]:
 
 
 def _axis(data: xr.Dataset, dimension: str) -> str | None:
-    """latitude or longitude, by attributes and then by name."""
+    """Tell whether a dimension is latitude or longitude, by attributes, then by name."""
     attributes = data[dimension].attrs
     units = str(attributes.get("units", "")).lower()
     for kind, spellings in (("latitude", LATITUDE_UNITS), ("longitude", LONGITUDE_UNITS)):
@@ -224,11 +224,11 @@ def _axis(data: xr.Dataset, dimension: str) -> str | None:
 
 
 def _sense(data: xr.Dataset, path: str, name: str) -> str:
-    """Where the values of a variable count to."""
+    """Direction in which the values of a variable count: "up" or "down"."""
     attributes = data[name].attrs
-    said = str(attributes.get("positive", "")).lower()
-    if said in (UP, DOWN):
-        return said
+    declared = str(attributes.get("positive", "")).lower()
+    if declared in (UP, DOWN):
+        return declared
     standard = str(attributes.get("standard_name", ""))
     found = STANDARD_NAMES.get(standard) or NAMES.get(name.lower())
     if found is None:
@@ -239,8 +239,8 @@ def _sense(data: xr.Dataset, path: str, name: str) -> str:
     return found
 
 
-def _within(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
-    """Indices of the nodes that enclose +-reach, in ascending order, and where they are [m]."""
+def _enclosing(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
+    """Indices of the nodes that enclose +-reach, in ascending order, and their places [m]."""
     order = np.argsort(metres, kind="stable")
     values = metres[order]
     different = np.concatenate([[True], np.diff(values) > 0.1])  # cyclic files repeat a meridian
@@ -251,9 +251,9 @@ def _within(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
 
 
 def _encloses(metres: Array, degrees: Array) -> bool:
-    """Whether the start lies between two neighbours of an axis, or on its end.
+    """Tell whether the start lies between two neighbours of an axis, or on its end.
 
-    Seen from the other side of the Earth a regional file encloses every start with a wide gap.
+    A start on the other side of the Earth lies in a wide gap of a regional file: False.
     """
     if metres[0] > 0.1 or metres[-1] < -0.1:
         return False
@@ -263,7 +263,7 @@ def _encloses(metres: Array, degrees: Array) -> bool:
 
 
 KINDS: dict[str, type[Floor]] = {c.kind: c for c in (FlatFloor, RoughFloor, GridFloor, Bathymetry)}
-"""Every kind of sea floor by its name in descriptions."""
+"""All kinds of sea floor by their names in descriptions."""
 ROUGH_SETTINGS = {
     "height": "height_m",
     "length": "length_m",
@@ -274,18 +274,18 @@ ROUGH_SETTINGS = {
     "deepest": "deepest_m",
     "reach": "reach_m",
 }
-"""Fields of a rough floor, by their names in a text"""
+"""Fields of a rough floor by their names in a text."""
 TEXTS = ("variable", "positive", "sha256")
 FILE_SETTINGS = {"reach": "reach_m", **{name: name for name in TEXTS}}
-"""Fields of a file, likewise; those of TEXTS are no numbers"""
+"""Fields of a bathymetry file by their names in a text; those in TEXTS hold text."""
 
 
 def parse_floor(text: str) -> Floor | None:
-    """`none`, `depth:200` [m], `rough:60,height=3,length=400,seed=1`, or `FILE.nc,reach=20000`: a
-    bathymetry file with settings.
+    """Parse `none`, `depth:200` [m], `rough:60,height=3,length=400,seed=1`, or a bathymetry file
+    with settings: `FILE.nc,reach=20000`.
 
     Raises:
-      FloorError: what is given is none of these.
+      FloorError: the text has none of these forms.
     """
     text = text.strip()
     if text == "none":
@@ -309,7 +309,7 @@ def parse_floor(text: str) -> Floor | None:
 def _settings(
     text: str, given: Sequence[str], known: Mapping[str, str], noun: str
 ) -> dict[str, Any]:
-    """The fields that items of NAME=VALUE give."""
+    """Convert items of NAME=VALUE to fields."""
     settings: dict[str, Any] = {}
     for item in given:
         name, sign, value = (word.strip() for word in item.partition("="))
@@ -322,10 +322,10 @@ def _settings(
 
 
 def floor_from_dict(data: Mapping[str, Any]) -> Floor:
-    """Rebuild what `describe` wrote.
+    """Rebuild a floor from the settings that `describe` returned.
 
     Raises:
-      FloorError: an unknown kind or setting.
+      FloorError: a kind or setting is unknown.
     """
     kind = str(data.get("kind"))
     if kind not in KINDS:

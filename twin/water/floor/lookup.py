@@ -1,8 +1,8 @@
-"""Lookup: the depth of the sea floor in a compiled table, for native code and for numpy.
+"""Lookup: depth of the sea floor in a compiled table, for native code and for numpy.
 
-A table holds: nodes along north and along east, the meridians' convergence [1/m], the axes north
-and east [m] about the mission's start, and the depths [m] row by row. Between the nodes the depth
-is bilinear; beyond the table's sides the depth at its edge is held.
+A table holds: number of nodes along north and east, the meridians' convergence [1/m], the axes
+north and east [m] about the mission's start, and the depths [m] row by row. Depth is bilinear
+between the nodes, and the edge depth holds beyond the table's sides.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from twin.numbers import Array
 from twin.water.current.sampler import locate
 
 HEADER = 3
-"""nodes along north, nodes along east, meridian convergence [1/m]"""
+"""Length of the header: nodes along north, nodes along east, meridian convergence [1/m]."""
 
 EXACT = 1e-4
-"""[m] of the length of a beam"""
+"""[m] Largest error of a beam's length."""
 
 
 @borrowing
 def floor_depth(table, north, east):  # type: ignore[no-untyped-def]
     """Depth [m] of the sea floor at a point [m] of the mission's tangent plane.
 
-    NaN for a table that cannot be one.
+    NaN for a malformed table.
     """
     if table.size < HEADER:
         return math.nan
@@ -52,7 +52,7 @@ def floor_depth(table, north, east):  # type: ignore[no-untyped-def]
 
 @jit
 def floor_depths(table, north, east):  # type: ignore[no-untyped-def]
-    """`floor_depth` along a track: vectors of equal length, [m]."""
+    """Depths [m] of the sea floor along a track: `floor_depth` of vectors of equal length [m]."""
     out = np.empty(north.shape[0])
     for k in range(out.shape[0]):
         out[k] = floor_depth(table, north[k], east[k])
@@ -61,7 +61,7 @@ def floor_depths(table, north, east):  # type: ignore[no-untyped-def]
 
 @borrowing
 def shallowest_depth(table):  # type: ignore[no-untyped-def]
-    """Least depth [m] of a table's nodes, which the depths between them keep to."""
+    """Least depth [m] of a table's nodes, hence of the whole floor."""
     least = math.inf
     if table.size < HEADER:
         return least
@@ -77,9 +77,9 @@ def beam_length(  # type: ignore[no-untyped-def]
 ):
     """Distance [m] from a point to the sea floor along a unit vector NED; inf beyond `farthest`.
 
-    Steps of `step` [m], from the depth `shallowest` [m] of the whole floor on, find the first
-    crossing, and false position where it is, to 0.1 mm. A point at or below the floor is at
-    distance 0.
+    The search begins at the depth `shallowest` [m] of the whole floor. Steps of `step` [m] find
+    the first crossing, and false position refines it to 0.1 mm. The distance is 0 for a point at
+    or below the floor.
     """
     low, short = 0.0, 0.0
     if depth < shallowest:
@@ -107,9 +107,9 @@ def beam_length(  # type: ignore[no-untyped-def]
 def _crossing(  # type: ignore[no-untyped-def]
     table, north, east, depth, toward, low, short, high, beyond
 ):
-    """Where a beam that is `short` [m] above the floor at `low` and `beyond` it at `high` meets it.
+    """Distance to the floor between `low`, `short` [m] above it, and `high`, `beyond` [m] below it.
 
-    False position in the form called Illinois: an end that stays counts half the next time.
+    False position, Illinois form: an end that stays counts half in the next step.
     """
     kept = 0
     while high - low > EXACT:
@@ -133,7 +133,7 @@ def _crossing(  # type: ignore[no-untyped-def]
 
 @jit
 def beam_lengths(table, north, east, depth, toward, farthest, step):  # type: ignore[no-untyped-def]
-    """`beam_length` of many beams: places (n,) [m], unit vectors (n, 3)."""
+    """Distances [m] of many beams: `beam_length` at places (n,) [m] along unit vectors (n, 3)."""
     out = np.empty(north.shape[0])
     least = shallowest_depth(table)
     for k in range(out.shape[0]):
@@ -142,19 +142,19 @@ def beam_lengths(table, north, east, depth, toward, farthest, step):  # type: ig
 
 
 def pack(north: Array, east: Array, depth: Array, curvature: float = 0.0) -> Array:
-    """The table of a grid: axes [m] ascending, (n,) and (m,), and depths [m] (n, m)."""
+    """Pack a grid into a table: axes [m] ascending, (n,) and (m,), and depths [m] (n, m)."""
     header = np.array([north.size, east.size, curvature], dtype=np.float64)
     return np.concatenate([header, north, east, np.asarray(depth, dtype=np.float64).ravel()])
 
 
 def beyond_floor(table: Array, north: Array, east: Array) -> NDArray[np.bool_]:
-    """Where a track [m], shape (n,), is outside a table's sides, so that edge depths were used."""
+    """Mark points of a track [m], shape (n,), outside a table, where edge depths are used."""
     nn, ne, curvature = int(table[0]), int(table[1]), table[2]
     outside = np.zeros(np.shape(north), bool)
     for count, first, along in (
         (nn, HEADER, north - 0.5 * curvature * east**2),
         (ne, HEADER + nn, east * (1.0 + curvature * north)),
     ):
-        if count > 1:  # one node holds for all the sea
+        if count > 1:  # a single node holds everywhere
             outside |= (along < table[first]) | (along > table[first + count - 1])
     return outside

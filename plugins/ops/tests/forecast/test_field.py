@@ -7,15 +7,16 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
-from logs import LATITUDE, LONGITUDE, START, Flight, write_slocum
+from logs import stored
 
-from factory.importing import import_logs
+from factory.samples import LATITUDE, LONGITUDE, START, Flight
+from factory.samples.gliders import write_slocum
 from glider_twin_ops.forecast import hindcast, walk
 from glider_twin_ops.forecast.hindcast import field_mean
 from twin import Series
 from twin.__main__ import PROGRAM
 from twin.errors import CurrentError
-from twin.records import LogStore, write_store
+from twin.records import LogStore
 from twin.water.current import parse_field
 
 PARTS = ((0.16, 5.3, 0.2, 1.0), (0.14, 9.1, 1.9, -0.7), (0.12, 19.0, 4.0, 0.4))
@@ -60,8 +61,7 @@ class Drifting(Flight):
 def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("drift")
     flight = Drifting(dives=30, depth=500.0, step=20.0, north=0.0, east=0.0, surface=600.0)
-    dataset, _ = import_logs("slocum", write_slocum(folder, flight), period=20.0)
-    return write_store(dataset, folder / "drift.zarr")
+    return stored(folder / "drift.zarr", "slocum", write_slocum(folder, flight), period=20.0)
 
 
 @pytest.fixture(scope="module")

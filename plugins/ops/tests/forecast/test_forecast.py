@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from browser import Browser, needs_browser
-from logs import START, Flight, gps_columns, slocum_columns, write_csv, write_slocum
+from logs import part, stored
 
 import twin
-from factory.importing import import_logs
+from factory.samples import START, Flight
+from factory.samples.gliders import gps_columns, slocum_columns, write_slocum
 from glider_twin_ops.commands.forecast import vehicle_of
 from glider_twin_ops.forecast import (
     MemberFlight,
@@ -400,8 +401,7 @@ def test_the_page_needs_no_network_and_shows_every_surfacing(steps, tmp_path):
 def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
     flight = Flight(dives=8, depth=200.0, north=0.12, east=-0.05, step=10.0)
-    dataset, _ = import_logs("slocum", write_slocum(folder, flight), period=10.0)
-    return write_store(dataset, folder / "real.zarr")
+    return stored(folder / "real.zarr", "slocum", write_slocum(folder, flight), period=10.0)
 
 
 def test_logs_tell_the_place_the_time_and_the_current(store):
@@ -434,11 +434,8 @@ def test_no_surfacing_is_earlier_than_what_the_log_holds(tmp_path):
         for name, values in columns.items()
     }
     whole["time"][flown.sum() :] = longer
-    write_csv(tmp_path / "unit1_flight.csv", whole)
-    before = gps["time"] < begin
-    write_csv(tmp_path / "unit1_gps.csv", {name: one[before] for name, one in gps.items()})
-    dataset, _ = import_logs("slocum", [tmp_path], period=10.0)
-    known = known_from_logs(write_store(dataset, tmp_path / "cut.zarr"))
+    write_slocum(tmp_path, flight, gps=part(gps, gps["time"] < begin), **whole)
+    known = known_from_logs(stored(tmp_path / "cut.zarr", "slocum", [tmp_path], period=10.0))
     assert known.last_seen.time == pytest.approx(seen, abs=20.0)
     depth = columns["m_depth"][flown][-1]
     assert known.last_seen.depth == pytest.approx(depth, abs=0.5)

@@ -7,16 +7,17 @@ import shutil
 
 import numpy as np
 import pytest
-from logs import SHARED, START, Flight, write_slocum
+from logs import SHARED, stored
 
-from factory.importing import import_logs
+from factory.samples import START, Flight
+from factory.samples.gliders import write_slocum
 from glider_twin_ops.forecast import hindcast, legs_of, scores_of, walk
 from glider_twin_ops.forecast.pool import FILTER
 from glider_twin_ops.forecast.walk import METHODS
 from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError
 from twin.navigation.current import Reaches
-from twin.records import LogStore, write_store
+from twin.records import LogStore
 
 TIDE, PERIOD = 0.25, 12.4206012 * 3600.0
 """[m/s] northward, [s]"""
@@ -37,8 +38,7 @@ class TidalFlight(Flight):
 def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tide")
     flight = TidalFlight(dives=24, depth=500.0, step=20.0, north=0.0, east=0.03, surface=900.0)
-    dataset, _ = import_logs("slocum", write_slocum(folder, flight), period=20.0)
-    return write_store(dataset, folder / "tide.zarr")
+    return stored(folder / "tide.zarr", "slocum", write_slocum(folder, flight), period=20.0)
 
 
 @pytest.fixture(scope="module")
@@ -173,8 +173,7 @@ def test_the_same_dives_are_not_scored_twice(store, tmp_path):
 
 
 def test_too_few_dives_are_told_in_a_line(tmp_path, capsys):
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, Flight(dives=1)))
-    write_store(dataset, tmp_path / "one.zarr")
+    stored(tmp_path / "one.zarr", "slocum", write_slocum(tmp_path, Flight(dives=1)))
     assert PROGRAM.main(["hindcast", str(tmp_path / "one.zarr")]) == 0
     said = capsys.readouterr()
     assert said.out == ""
@@ -253,8 +252,7 @@ def test_what_cannot_be_forecast_is_told(tmp_path):
     with pytest.raises(InputError, match="at least one store"):
         hindcast([])
     columns = {"m_pitch": None, "m_water_vx": None, "m_water_vy": None}
-    dataset, _ = import_logs("slocum", write_slocum(tmp_path, Flight(), **columns))
-    write_store(dataset, tmp_path / "mute.zarr")
+    stored(tmp_path / "mute.zarr", "slocum", write_slocum(tmp_path, Flight(), **columns))
     with pytest.raises(StoreError, match="nothing can be forecast"):
         hindcast([tmp_path / "mute.zarr"])
 
@@ -264,8 +262,7 @@ def test_a_satellite_log_of_the_shelf_off_florida(tmp_path):
     pytest.importorskip("dbdreader")
     folder = SHARED / "slocum_seus_2016"
     files = sorted((folder / "ramses-20160909T2028").glob("*.sbd"))
-    dataset, _ = import_logs("slocum", files, cache=folder / "cache", period=20.0)
-    write_store(dataset, tmp_path / "ramses.zarr")
+    stored(tmp_path / "ramses.zarr", "slocum", files, cache=folder / "cache", period=20.0)
     found = hindcast([tmp_path / "ramses.zarr"])
     for scores in (found.surfacing, found.current):
         assert scores.segments >= 100

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import simulated_logs
 import xarray as xr
+from logs import stored
 
 import twin
 from factory.exporting import EXPORTERS
 from factory.generation import open_exportable
-from factory.importing import import_logs
 from glider_twin_ops.forecast import known_from_logs
 from glider_twin_ops.forecast.logged_leg import PITCH, flown_velocities
 from twin.errors import StoreError
@@ -33,8 +33,7 @@ def files(tmp_path_factory):
 
 
 def store(files, folder):
-    dataset, _ = import_logs("og1", files, period=2.0)
-    return write_store(dataset, folder / "log.zarr")
+    return stored(folder / "log.zarr", "og1", files, period=2.0)
 
 
 def test_the_last_deployment_that_came_up_is_taken_and_a_later_one_named(files, tmp_path):

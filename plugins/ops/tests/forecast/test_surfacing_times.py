@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from logs import START, Flight, gps_columns, slocum_columns, write_csv
+from logs import part, stored
 
-from factory.importing import import_logs
+from factory.samples import START, Flight
+from factory.samples.gliders import gps_columns, write_slocum
 from glider_twin_ops.forecast import known_from_logs
 from glider_twin_ops.forecast.expected_dive import Rhythm, SurfacingSchedule
 from glider_twin_ops.forecast.logged_leg import DiveTime, dive_times
 from glider_twin_ops.forecast.member_flights import MemberFlight
-from twin.records import LogStore, write_store
+from twin.records import LogStore
 from twin.records.coordinates import utc_minute
 
 HOUR = 3600.0
@@ -42,14 +43,10 @@ def test_stays_are_those_of_the_log_and_a_gap_is_none():
 
 def silent(folder, begin, end):
     """A store of a log without its samples and fixes between two times [s] unix."""
-    tables = {"flight": slocum_columns(FLIGHT), "gps": gps_columns(FLIGHT)}
-    files = []
-    for name, columns in tables.items():
-        kept = (columns["time"] < begin) | (columns["time"] > end)
-        some = {key: values[kept] for key, values in columns.items()}
-        files.append(write_csv(folder / f"unit1_{name}.csv", some))
-    dataset, _ = import_logs("slocum", files)
-    write_store(dataset, folder / "log.zarr")
+    rows, fixes = FLIGHT.time, gps_columns(FLIGHT)
+    kept, seen = ((time < begin) | (time > end) for time in (rows, fixes["time"]))
+    files = write_slocum(folder, FLIGHT, rows=kept, gps=part(fixes, seen))
+    stored(folder / "log.zarr", "slocum", files)
     return folder / "log.zarr"
 
 

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from logs import Flight, slocum_columns, write_slocum
 
 import twin
 from factory.importing import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import slocum_columns, write_slocum
 from glider_twin_ops.health import CHANNELS, answer_for
 from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.pages import write_health

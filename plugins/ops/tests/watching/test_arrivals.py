@@ -12,18 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from logs import (
-    START,
-    Flight,
-    gps_columns,
-    nmea,
-    slocum_columns,
-    write_basestation,
-    write_csv,
-    write_dbd,
-)
 
 from factory.importing import import_logs
+from factory.samples import START, Flight, write_csv
+from factory.samples.gliders import (
+    gps_columns,
+    gps_sensors,
+    slocum_columns,
+    write_basestation,
+    write_dbd,
+)
 from glider_twin_ops.pages.morning_page import PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass, watch_pass
 from glider_twin_ops.watching.events import EVENTS, noticed, write_events
@@ -57,16 +55,12 @@ def write_segments(folder):
     science = {"sci_water_pressure": deep + 0.035 * draw.standard_normal(len(time))}
     science["sci_water_temp"] = 15.0 - 0.1 * deep
     science["sci_water_cond"] = 3.9 - 0.01 * deep
-    fixes = {
-        "m_gps_lat": nmea(gps["lat"]), "m_gps_lon": nmea(gps["lon"]),
-        "m_gps_status": gps["status"], "m_gps_mag_var": gps["mag_var_rad"],
-    }  # fmt: skip
     found = []
     for dive in range(FLIGHT.dives):
         begin, end = FLIGHT.dive_times(dive)
         inside = (time >= begin - 140.0) & (time < end + 140.0)
         for ending, clock, crc, columns, whole in (
-            ("sbd", "m_present_time", LIST, flown, fixes),
+            ("sbd", "m_present_time", LIST, flown, gps_sensors(gps)),
             ("tbd", "sci_m_present_time", SCIENCE_LIST, science, {}),
         ):
             some = {clock: time[inside]}

@@ -5,8 +5,8 @@ import socket
 import numpy as np
 import pytest
 from erddap_server import Erddap, written_time
-from logs import Flight
 
+from factory.samples import Flight
 from glider_twin_ops.watching.arrived_files import FETCHED
 from glider_twin_ops.watching.log_of_files import LOG, log_of_files
 from glider_twin_ops.watching.sources import NEWEST, fetch_days

@@ -4,8 +4,9 @@ import json
 import shutil
 
 import pytest
-from logs import Flight, write_basestation, write_slocum
 
+from factory.samples import Flight
+from factory.samples.gliders import write_basestation, write_slocum
 from glider_twin_ops.files import read_commands
 from glider_twin_ops.watching import propose_learning
 from glider_twin_ops.watching.log_of_files import log_of_files

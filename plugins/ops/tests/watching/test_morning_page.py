@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
-from logs import Flight, write_slocum
 from matplotlib.text import Annotation
 
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from glider_twin_ops.pages.morning_figures import CLOSE, track_figure
 from glider_twin_ops.pages.morning_page import SHOWN
 from glider_twin_ops.watching import one_pass

@@ -11,17 +11,12 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from logs import (
-    SHARED,
-    Flight,
-    write_basestation,
-    write_dbd,
-    write_mat,
-    write_og1,
-    write_slocum,
-)
+from logs import SHARED
 from PIL import Image
 
+from factory.samples import Flight
+from factory.samples.archives import write_og1
+from factory.samples.gliders import write_basestation, write_dbd, write_slocum
 from glider_twin_ops.commands.watch import _late
 from glider_twin_ops.files import commanded, read_commands, read_science, read_targets
 from glider_twin_ops.forecast import LoggedLeg, NoticeBox, legs_of, mission_to, notice_boxes
@@ -33,6 +28,7 @@ from glider_twin_ops.watching.expected_plan import _onward, proposed_files
 from glider_twin_ops.watching.log_of_files import LOG, content_of, log_of_files
 from glider_twin_ops.watching.morning import Morning, morning
 from glider_twin_ops.watching.watch_pass import BELIEFS, PARTS, alone
+from glider_twin_protocols.auv_samples import write_mat
 from twin import load_vehicle
 from twin.errors import InputError, MissionError, WriteError
 from twin.navigation.current import Leg

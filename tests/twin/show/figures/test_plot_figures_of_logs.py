@@ -1,15 +1,10 @@
 """Every figure of a log: what stands for the truth, and that its labels say so; the command."""
 
-from __future__ import annotations
-
 import dataclasses
 import datetime
-from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
-from logs import Flight, write_slocum
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 from pictures import call, refused
@@ -17,11 +12,13 @@ from PIL import Image
 from simulated_logs import simulated_log
 
 from factory.importing.import_run import import_logs
+from factory.samples import Flight
+from factory.samples.gliders import write_slocum
 from twin.errors import InputError, VehicleError
 from twin.geodesy import offset
 from twin.logs import estimate_flight, logged_trajectory, write_flight
 from twin.records.coordinates import METHOD, METHODS
-from twin.records.logged import LoggedTrajectory, LogStore
+from twin.records.logged import LogStore
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
 from twin.show.figures import FIGURES, figure
@@ -35,18 +32,28 @@ FLIGHT = Flight(dives=3)
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log(tmp_path_factory):
     """Dives of a simulated glider as a real log has them: one row, two fixes."""
     return simulated_log(tmp_path_factory.mktemp("log"), load_vehicle("slocum-200"))
 
 
 @pytest.fixture(scope="module")
-def logged(dives: Path) -> LoggedTrajectory:
+def logged(dives):
     return logged_trajectory(dives, [0, 1, 2])
 
 
 @pytest.fixture(scope="module")
-def flight(dives: Path, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+def first(dives):
+    return logged_trajectory(dives)
+
+
+@pytest.fixture(scope="module")
+def flown(log):
+    return logged_trajectory(log)
+
+
+@pytest.fixture(scope="module")
+def flight(dives, tmp_path_factory):
     """The flight of the dives, read from its file."""
     path = tmp_path_factory.mktemp("flight") / "a.nc"
     write_flight(estimate_flight(dives), path)
@@ -67,9 +74,7 @@ def labels(drawn: Figure) -> str:
     return "\n".join(texts)
 
 
-def test_the_track_goes_through_the_fixes_and_the_sources_say_what_each_signal_is(
-    dives: Path, logged: LoggedTrajectory
-) -> None:
+def test_the_track_goes_through_the_fixes_and_the_sources_say_what_each_signal_is(dives, logged):
     found = estimate_flight(dives)
     one = logged_trajectory(dives, [1])
     np.testing.assert_allclose(
@@ -88,7 +93,7 @@ def test_the_track_goes_through_the_fixes_and_the_sources_say_what_each_signal_i
     assert logged.vehicle == "seaglider"
 
 
-def test_without_a_model_the_track_is_the_stores_own_and_meets_the_fixes(tmp_path: Path) -> None:
+def test_without_a_model_the_track_is_the_stores_own_and_meets_the_fixes(tmp_path):
     data, _ = import_logs("slocum", write_slocum(tmp_path, Flight()))
     lacking = [name for name in data if str(name).endswith(("_pitch", "_pump"))]
     for name in data.variables:
@@ -107,7 +112,7 @@ def test_without_a_model_the_track_is_the_stores_own_and_meets_the_fixes(tmp_pat
     np.testing.assert_allclose(last, logs.fixes(0)[1], atol=1e-6)
 
 
-def test_dives_together_lie_where_the_vehicle_was(dives: Path, logged: LoggedTrajectory) -> None:
+def test_dives_together_lie_where_the_vehicle_was(dives, logged):
     logs = LogStore(dives)
     assert len(logged.starts) == 3
     assert (np.diff(logged.time) > 0.0).all()
@@ -126,12 +131,12 @@ def test_dives_together_lie_where_the_vehicle_was(dives: Path, logged: LoggedTra
 
 
 @pytest.mark.parametrize("name", [name for name in FIGURES if name != "log"])
-def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
-    trajectory = logged_trajectory(dives)
+def test_every_figure_takes_a_log(first, flown, name):
+    trajectory = first
     if name == "sensor":
         with pytest.raises(InputError, match="no truth to compare its sensors with; the log fig"):
             figure(trajectory, name)
-        trajectory = logged_trajectory(log)
+        trajectory = flown
     drawn = figure(trajectory, name)
     drawn.canvas.draw()
     said = labels(drawn) + "\n".join(titles(drawn))
@@ -159,11 +164,10 @@ def test_every_figure_takes_a_log(log: Path, dives: Path, name: str) -> None:
     assert "true" not in said
 
 
-def test_the_lines_are_the_log_s(dives: Path) -> None:
-    one = logged_trajectory(dives)
-    axes = figure(one, "velocity").axes[0]
-    np.testing.assert_allclose(axes.lines[0].get_ydata(), one["true_surge"])
-    line = figure(one, "current").axes[0].lines[0]
+def test_the_lines_are_the_log_s(dives, first):
+    axes = figure(first, "velocity").axes[0]
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), first["true_surge"])
+    line = figure(first, "current").axes[0].lines[0]
     flight = estimate_flight(dives, missions=[0])
     assert flight.currents
     known = line.get_xdata()[np.isfinite(line.get_xdata())]
@@ -171,7 +175,7 @@ def test_the_lines_are_the_log_s(dives: Path) -> None:
     assert np.abs(known[:, None] - values).min(axis=1).max() < 1e-9
 
 
-def test_arrows_of_the_map_are_the_currents_of_the_dives(logged: LoggedTrajectory) -> None:
+def test_arrows_of_the_map_are_the_currents_of_the_dives(logged):
     axes = figure(logged, "map").axes[0]
     (arrows,) = [c for c in axes.collections if isinstance(c, Quiver)]
     assert len(arrows.U) == FLIGHT.dives
@@ -183,7 +187,7 @@ def test_arrows_of_the_map_are_the_currents_of_the_dives(logged: LoggedTrajector
     np.testing.assert_allclose(track.get_xdata(), longitude, equal_nan=True)
 
 
-def test_time_of_a_log_is_told_by_dates(logged: LoggedTrajectory) -> None:
+def test_time_of_a_log_is_told_by_dates(logged):
     axes = figure(logged, "hydrography").axes[1]
     assert axes.get_xlabel() == "time, UTC"
     texts = axes.xaxis.get_major_formatter().format_ticks(axes.get_xticks())
@@ -194,7 +198,7 @@ def test_time_of_a_log_is_told_by_dates(logged: LoggedTrajectory) -> None:
     assert sum(text[:5] >= clock for text in texts) >= 2
 
 
-def test_dates_of_days_and_of_midnight() -> None:
+def test_dates_of_days_and_of_midnight():
     start = datetime.datetime(2023, 12, 31, 22, tzinfo=datetime.UTC).timestamp()
     hours = DateFormatter(start, 3600.0)
     assert hours.format_ticks([0.0, 1.0, 2.0, 3.0]) == [
@@ -206,7 +210,7 @@ def test_dates_of_days_and_of_midnight() -> None:
     assert np.allclose(np.round(ticks) % 3600.0, 0.0)
 
 
-def test_no_mark_of_the_water_lies_above_the_surface(logged: LoggedTrajectory) -> None:
+def test_no_mark_of_the_water_lies_above_the_surface(logged):
     depth = logged["true_depth"].copy()
     depth[:5] = -0.8
     signals = {**logged.signals, "true_depth": depth}
@@ -215,7 +219,7 @@ def test_no_mark_of_the_water_lies_above_the_surface(logged: LoggedTrajectory) -
     assert np.asarray(axes.collections[0].get_offsets())[:, 1].min() == 0.0
 
 
-def test_a_map_with_land_says_how_coarse_its_coast_is(logged: LoggedTrajectory) -> None:
+def test_a_map_with_land_says_how_coarse_its_coast_is(logged):
     def notes(latitude: float, longitude: float) -> bool:
         place = {"start_latitude": latitude, "start_longitude": longitude}
         moved = dataclasses.replace(logged, provenance={**logged.provenance, **place})
@@ -228,7 +232,7 @@ def test_a_map_with_land_says_how_coarse_its_coast_is(logged: LoggedTrajectory) 
     assert not notes(45.0, -35.0)
 
 
-def test_a_transect_counts_the_way_over_ground(logged: LoggedTrajectory) -> None:
+def test_a_transect_counts_the_way_over_ground(logged):
     way = along_track(logged)
     assert (np.diff(way) >= 0.0).all()
     known = np.isfinite(logged["true_north"])
@@ -236,7 +240,7 @@ def test_a_transect_counts_the_way_over_ground(logged: LoggedTrajectory) -> None
     assert way[-1] == pytest.approx(steps.sum())
 
 
-def test_a_log_that_no_model_flies_shows_its_own_track(dives: Path, tmp_path: Path) -> None:
+def test_a_log_that_no_model_flies_shows_its_own_track(dives, tmp_path):
     data = MissionStore(dives).dataset.load().drop_vars("measured_pump")
     plain = write_store(data, tmp_path / "plain.zarr")
     one = logged_trajectory(plain, [0])
@@ -252,18 +256,15 @@ def test_a_log_that_no_model_flies_shows_its_own_track(dives: Path, tmp_path: Pa
         logged_trajectory(dives, [0], "no-such-vehicle")
 
 
-def test_a_log_of_a_simulation_keeps_its_truth(log: Path) -> None:
-    one = logged_trajectory(log)
-    assert one.sources["true_pitch"] == "simulated truth"
-    assert one.sources["true_north"] == "corrected track"
-    axes = figure(one, "velocity").axes[0]
+def test_a_log_of_a_simulation_keeps_its_truth(flown):
+    assert flown.sources["true_pitch"] == "simulated truth"
+    assert flown.sources["true_north"] == "corrected track"
+    axes = figure(flown, "velocity").axes[0]
     assert axes.get_title(loc="left") == "surge, simulated truth"
-    np.testing.assert_allclose(axes.lines[0].get_ydata(), one["true_surge"])
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), flown["true_surge"])
 
 
-def test_the_command_draws_dives_together(
-    dives: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_draws_dives_together(dives, capsys, tmp_path, monkeypatch):
     monkeypatch.setattr("twin.commands.plot.PRINT_DPI", 40)
     words = ("--missions", "all", "--figure", "map", "--out", tmp_path / "map.svg")
     code, _, err = call(capsys, "plot", dives, *words)
@@ -288,9 +289,7 @@ def test_refusals_of_logs_are_one_line(dives, capsys, tmp_path, words, message, 
     assert not list(tmp_path.iterdir())
 
 
-def test_a_flight_is_drawn_from_its_file_and_named_elsewhere(
-    dives: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_flight_is_drawn_from_its_file_and_named_elsewhere(dives, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("twin.commands.plot.PRINT_DPI", 40)
     assert call(capsys, "flight", dives, "--out", "a.nc")[0] == 0
@@ -309,7 +308,7 @@ def test_a_flight_is_drawn_from_its_file_and_named_elsewhere(
     assert "w_section" in told
 
 
-def test_the_flight_s_map_is_the_file_s(flight: xr.Dataset) -> None:
+def test_the_flight_s_map_is_the_file_s(flight):
     axes = FLIGHT_FIGURES["map"](flight).axes[0]
     tracks = [line for line in axes.lines if len(line.get_xdata()) > 20]
     count = int(flight["n_samples"][0])
@@ -322,7 +321,7 @@ def test_the_flight_s_map_is_the_file_s(flight: xr.Dataset) -> None:
     assert bar.get_cmap().name == "balance"
 
 
-def test_dives_without_vertical_velocity_are_seen(flight: xr.Dataset, tmp_path: Path) -> None:
+def test_dives_without_vertical_velocity_are_seen(flight, tmp_path):
     still = 1e-6 * np.sign(flight["w_water"])  # the white of the map
     figure = FLIGHT_FIGURES["w_section"](flight.assign(w_water=still + 0.0 * flight["w_water"]))
     figure.axes[0].collections[-1].set_clim(-0.05, 0.05)

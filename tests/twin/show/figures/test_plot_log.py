@@ -1,9 +1,6 @@
 """The figure of a log: what it leaves out, how it shows gaps, headings and spikes; captions."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,13 +43,13 @@ def titles(figure: Figure) -> list[str]:
     return [axes.get_title(loc="left") for axes in figure.axes]
 
 
-def test_the_wide_panel_says_its_times() -> None:
+def test_the_wide_panel_says_its_times():
     top = log_figure(logged()).axes[0]
     assert top.get_xlabel() == "time [min]"
     assert top.xaxis.get_tick_params()["labelbottom"]
 
 
-def test_only_what_was_logged_has_a_panel() -> None:
+def test_only_what_was_logged_has_a_panel():
     count = len(logged().time)
     assert titles(log_figure(logged())) == [
         *("depth", "vertical speed, down", "pitch", "heading from true north"),
@@ -69,7 +66,7 @@ def test_only_what_was_logged_has_a_panel() -> None:
     assert {"rudder", "temperature", "battery rotation"} <= set(titles(more))
 
 
-def test_gaps_are_shaded_in_every_panel() -> None:
+def test_gaps_are_shaded_in_every_panel():
     gap = np.zeros(len(logged().time))
     gap[100:120] = 1.0
     gap[-5:] = 1.0
@@ -84,7 +81,7 @@ def test_gaps_are_shaded_in_every_panel() -> None:
     assert not log_figure(logged()).axes[0].patches
 
 
-def test_a_heading_about_north_is_one_line() -> None:
+def test_a_heading_about_north_is_one_line():
     heading = logged()["measured_heading"]
     assert np.ptp(heading) > 300.0
     line = centred_line(heading, circular_mean(heading))
@@ -96,7 +93,7 @@ def test_a_heading_about_north_is_one_line() -> None:
     assert np.isnan(circular_mean(np.array([np.nan]))) == 0
 
 
-def test_a_roll_in_the_waves_does_not_flatten_the_dive() -> None:
+def test_a_roll_in_the_waves_does_not_flatten_the_dive():
     depth = logged()["measured_depth"]
     roll = np.where(depth < 1.0, 120.0, 2.0 * np.sin(np.arange(len(depth)) / 9.0))
     low, high = robust_limits(roll, depth, 4.0)
@@ -107,14 +104,14 @@ def test_a_roll_in_the_waves_does_not_flatten_the_dive() -> None:
     assert high - low >= 4.0
 
 
-def test_the_vertical_speed_is_the_depth_rate() -> None:
+def test_the_vertical_speed_is_the_depth_rate():
     figure = log_figure(logged())
     rate = figure.axes[1].lines[0].get_ydata()
     assert np.nanmax(rate) == pytest.approx(100.0 / 15.0)
     assert np.nanmin(rate) == pytest.approx(-100.0 / 15.0)
 
 
-def test_captions_tell_missions_apart(tmp_path: Path) -> None:
+def test_captions_tell_missions_apart(tmp_path):
     def written(name: str, data: xr.Dataset, **attributes: str) -> MissionStore:
         data.attrs = {**CONVENTIONS, READER_VERSION: IMPORT_VERSION, **attributes}
         return MissionStore(write_store(data, tmp_path / name))
@@ -141,7 +138,7 @@ def test_captions_tell_missions_apart(tmp_path: Path) -> None:
     assert place(-12.5, 190.0) == "12.500°S 170.000°W"
 
 
-def test_a_caption_of_dives_tells_the_end_of_the_last(tmp_path: Path) -> None:
+def test_a_caption_of_dives_tells_the_end_of_the_last(tmp_path):
     data = xr.Dataset(
         {
             "deployment": ("mission", np.array(["unit334"] * 2, object)),
@@ -165,7 +162,7 @@ def test_a_caption_of_dives_tells_the_end_of_the_last(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("by_hand", [False, True])
-def test_a_caption_lies_above_everything(by_hand: bool) -> None:
+def test_a_caption_lies_above_everything(by_hand):
     with style.styled():
         figure = style.new_figure(3.5, 3.0)
         if by_hand:
@@ -185,7 +182,7 @@ def test_a_caption_lies_above_everything(by_hand: bool) -> None:
     assert axes.get_window_extent().y1 <= caption.y0
 
 
-def test_the_twin_is_drawn_over_the_log_on_its_clock() -> None:
+def test_the_twin_is_drawn_over_the_log_on_its_clock():
     log = logged(measured_fin=np.zeros(900))
     time = np.arange(100.0, 700.0, 1.0)
     twin = Trajectory(

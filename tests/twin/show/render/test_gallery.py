@@ -1,7 +1,5 @@
 """The gallery's pictures come from the commands above them; docs/howto/render.md runs."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures: what is in them, whichever camera; framing; refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 from types import SimpleNamespace
 

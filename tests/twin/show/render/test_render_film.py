@@ -1,21 +1,17 @@
 """Files that `twin render` writes, with one worker or two; OpenGL found, released or missing."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from patience import HANG_S
 from pictures import call, needs_gl, refused, write_tracks
 from PIL import Image
+from processes import python
 
 from twin.records.store import read_trajectory
 from twin.show.render import context
@@ -119,8 +115,7 @@ def painted_by(backend):
     chosen = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY")
     environment = {k: v for k, v in os.environ.items() if k not in chosen}
     environment["PYTHONPATH"] = str(Path(__file__).parents[3])
-    words = [sys.executable, "-W", "always::ResourceWarning", "-c", PAINT, backend]
-    return subprocess.run(words, env=environment, capture_output=True, text=True, timeout=HANG_S)
+    return python("-W", "always::ResourceWarning", "-c", PAINT, backend, env=environment)
 
 
 @pytest.mark.parametrize("backend", ["egl", "osmesa"])

@@ -1,7 +1,5 @@
 """`twin view`: what it shows, what its keys do, and what it says without a screen."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 from patience import HANG_S
 from pictures import refused, short_scenario
+from processes import python
 
 from twin.show.render.context import DISPLAYS
 from twin.show.render.playback import poses
@@ -34,13 +33,7 @@ def environment(**more: str) -> dict[str, str]:
     ("display", "message"), [({}, "are not set"), ({"DISPLAY": ":4711"}, ":4711 cannot be opened")]
 )
 def test_without_a_screen_it_says_what_to_do(display, message):
-    done = subprocess.run(
-        [sys.executable, "-m", "twin", "view"],
-        env=environment(**display),
-        capture_output=True,
-        text=True,
-        timeout=HANG_S,
-    )
+    done = python("-m", "twin", "view", env=environment(**display))
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert message in line

@@ -1,7 +1,5 @@
 """The page of `twin render --html`: what is in it, how exactly, how large, and what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

@@ -1,7 +1,5 @@
 """The server of the page: who may read, what a question changes; a mission that is flown live."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import re
@@ -12,7 +10,6 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -28,7 +25,7 @@ from twin.vehicle.vehicle import load_vehicle
 
 
 @pytest.fixture
-def server() -> Iterator[PageServer]:
+def server():
     """A server that shows a short page."""
     with PageServer(0) as one:
         one.show("<p>here")

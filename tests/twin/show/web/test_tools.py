@@ -1,7 +1,5 @@
 """Tools of the page: surfacings, links, pictures, places, the depth strip, and detail left out."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import io
