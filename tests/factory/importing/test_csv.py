@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import SENTINEL, SHARED, example, part, refused, sailfish_columns
+from logs import SENTINEL, example, part, refused, sailfish_columns
 
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
@@ -23,7 +23,6 @@ ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "howto" / "import_tables.md").read_text()
 TORPEDO = ROOT / "tests" / "vehicles" / "torpedo.xml"
 FLIGHT = Flight(depth=100.0, surface=600.0)
-SAILFISH = SHARED / "auv_sailfish"
 
 
 def mine(**changes):

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import netCDF4
 import numpy as np
 import pytest
-from logs import SHARED, refused
+from logs import refused
 
 from factory.exporting.og1.missions import export_og1
 from factory.generation.generated_store import GeneratedStore
@@ -21,8 +21,6 @@ from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 FLIGHT = Flight(depth=100.0, variation=17.0, surface=600.0)
-EXPLORER, SHORE = SHARED / "seaexplorer_pyglider", SHARED / "lrauv_shore_2013"
-ONBOARD = SHARED / "lrauv_onboard_sim_2021"
 
 
 @pytest.mark.parametrize("delimiter", [",", ";"])

@@ -5,7 +5,7 @@ import warnings
 import netCDF4
 import numpy as np
 import pytest
-from logs import SHARED, refused
+from logs import refused
 from scipy.io import netcdf_file
 
 from factory.importing import import_logs
@@ -17,7 +17,6 @@ from factory.samples.gliders import write_basestation, write_seaglider
 from twin.errors import InputError
 
 FLIGHT = Flight(depth=150.0, variation=15.0)
-AD2CP, STATION = SHARED / "seaglider_apl_ad2cp", SHARED / "seaglider_apl_basestation3"
 
 
 def write_adcp(path, flight):

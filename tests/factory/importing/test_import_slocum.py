@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from logs import SHARED, refused, slocum
+from logs import refused, slocum
 
 from factory.importing import import_logs, sniff
 from factory.importing.formats.slocum.caches import read_header, vehicle_of
@@ -15,7 +15,6 @@ from twin.errors import InputError
 from twin.records.store import open_store, read_trajectory, write_store
 
 FLIGHT = Flight()
-COMET, UNIT334 = SHARED / "slocum_comet_dvl_2016", SHARED / "slocum_unit334_2023"
 
 
 def seconds(dataset):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from logs import SHARED, part, slocum
+from logs import part, slocum
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table
@@ -19,9 +19,6 @@ from factory.samples.gliders import (
 )
 
 FLIGHT = Flight()
-UNIT334 = SHARED / "slocum_unit334_2023"
-COMET = SHARED / "slocum_comet_dvl_2016"
-EXPLORER = SHARED / "seaexplorer_pyglider"
 METRES = 1.0 / 111_200.0
 """[degree] of latitude in a metre"""
 
