@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from logs import part, slocum
+from logs import part, slocum, why
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table
@@ -21,11 +21,6 @@ from factory.samples.gliders import (
 FLIGHT = Flight()
 METRES = 1.0 / 111_200.0
 """[degree] of latitude in a metre"""
-
-
-def why(report, action, word):
-    """Count of the entries of an action whose detail holds a word."""
-    return sum(e.count for e in report.entries if e.action == action and word in e.detail)
 
 
 def fixes_when(flight, use):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from logs import SHARED, refused
+from logs import SHARED, refused, why
 
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.importing import import_logs
@@ -40,11 +40,6 @@ def sg171():
 def seconds(dataset):
     """Start times as stored, unix seconds."""
     return dataset["start_time"].values.astype(float)
-
-
-def why(report, action, word):
-    """Count of the entries of an action whose detail holds a word."""
-    return sum(e.count for e in report.entries if e.action == action and word in e.detail)
 
 
 def test_unit334_has_the_published_segments(unit334):
