@@ -24,7 +24,7 @@ import numpy as np
 from glider_twin_ops.health.beliefs import FOLLOWED, Beliefs, follow_parameters
 from twin.cli.text_table import format_table
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 from twin.records.logged import LogStore
 
 

@@ -25,7 +25,7 @@ from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.health.deployment_dives import told_by
 from glider_twin_ops.health.judgement import sure, threshold_of
 from twin.cli.text_table import format_number
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 from twin.records.logged import LogStore
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 

@@ -39,7 +39,7 @@ from glider_twin_protocols.mcap_file import export_mcap
 from twin import load_vehicle, parse_current, parse_floor, simulate
 from twin.identify import identify_driven, load_runs
 from twin.identify.calibration import Calibration
-from twin.identify.driven_unknowns import UNSURE, driven_parameters
+from twin.identify.driven_fit import UNSURE, driven_parameters
 from twin.mission import Mission
 from twin.mission.segments import Circle, Transect
 from twin.physics.scenario import Scenario

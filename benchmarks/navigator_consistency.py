@@ -7,7 +7,7 @@ Missions of preset `field`, which `factory generate --preset field --seed NEW` m
 dead-reckons each by steady flight, or by the networks of a run, and its current filter takes the
 fixes after dives; a Doppler log is not used. What the sea is like, and how far the ellipses reach,
 is learned from the fixes of the stores after `--learn`; without them from one half of the missions
-for the other (`twin.navigation.current.consistency`).
+for the other (`twin.navigation.current.tuning`).
 
 With halves the chance by which one holds too few is the one by which the other holds too many, so
 that the parts of both together are nearer to 50 and 90 % than of as many unseen fixes: judge with

@@ -35,7 +35,7 @@ from benchmarks.onboard_step import add_arguments, candidates
 from learn.data.dataset import MissionSequence
 from learn.networks.c_export import c_header, find_compiler, run_c
 from learn.networks.predictor import Ensemble
-from twin.navigation.features.c_steps import c_features
+from twin.navigation.c_math import c_features
 from twin.navigation.settings import sources
 from twin.vehicle.vehicle import Vehicle
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import MissionSequence, Selection
-from twin.identify.start_values import balance
+from twin.identify.speed import balance
 from twin.navigation.flight_filter import (
     CLEAN,
     HULLS,

@@ -21,7 +21,7 @@ from learn.run import ADAPTATION, METRICS, Run, open_run, write_description
 from learn.run_folder import is_run
 from twin.errors import InputError
 from twin.identify.logged_missions import NEEDED
-from twin.navigation.dives import find_dives
+from twin.navigation.dead_reckoning import find_dives
 from twin.navigation.features import channels_of
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import CHANNELS

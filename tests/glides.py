@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from twin.identify.start_values import balance
+from twin.identify.speed import balance
 from twin.navigation.flight_filter_kernels import STANDARD_OCEAN
 from twin.vehicle.vehicle import load_vehicle
 

@@ -22,12 +22,12 @@ from twin.navigation.dead_reckoning import (
     Array,
     AttitudeSeries,
     depth_rate,
+    find_dives,
     horizontal_velocity,
     integrate,
     true_water_path,
     true_water_track,
 )
-from twin.navigation.dives import find_dives
 from twin.records.reader import MissionStore
 
 CHANNELS = (

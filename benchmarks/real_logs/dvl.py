@@ -17,7 +17,7 @@ from benchmarks.real_logs.row import Kind, Method, Row, published_rows, rmse, rm
 from benchmarks.real_logs.source import Deployment, at_times, tables_with
 from benchmarks.real_logs.surge_networks import ZERO_SHOT, Pretrained, level_of
 from twin.identify import Log, density_of, estimate, identify, load_calibration
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 from twin.navigation.dead_reckoning import Array
 
 TASK = "speed through the water"

@@ -12,7 +12,7 @@ from benchmarks.real_logs.public import SteadyModel, fit_steady
 from benchmarks.real_logs.source import Deployment
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 
 BLOCKS = 4
 """Held-out blocks: of 24 segments 6 at a time."""

@@ -34,7 +34,7 @@ from learn.training.optimiser import TrainingConfig
 from learn.training.trainer import Trainer
 from twin.errors import InputError
 from twin.identify import Calibration, Log, identify, load_calibration, load_logs
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 from twin.navigation.dead_reckoning import Array
 from twin.records.attributes import N_SAMPLES, SAMPLE_PERIOD
 from twin.records.schema import MISSION, TIME

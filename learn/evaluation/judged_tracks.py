@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from learn.data.labels import LabelConfig, measured
 from learn.evaluation.score import TARGETS, ReferenceVelocity, TrackError, track_statistics
 from twin.errors import InputError
-from twin.navigation.dead_reckoning import Array, horizontal_error
-from twin.navigation.dives import CurrentKnowledge, ground_track
+from twin.navigation.dead_reckoning import Array, CurrentKnowledge, ground_track, horizontal_error
 from twin.navigation.estimators.base import Estimate
 from twin.records.presence import is_derived
 from twin.records.schema import MISSION, TIME

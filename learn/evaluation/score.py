@@ -8,7 +8,7 @@ the water, without re-initialisation at fixes; the largest error along the track
 - `dr_ground`: the through-water track taken as one over ground, nothing known of the current.
 
 Between GPS fixes, dive by dive, there are three more: no current, the previous dive's
-depth-averaged current, and corrected afterwards (`twin.navigation.dives`).
+depth-averaged current, and corrected afterwards (`twin.navigation.dead_reckoning`).
 """
 
 from __future__ import annotations
@@ -22,26 +22,24 @@ import numpy as np
 
 from learn.data.dataset import MissionSequence
 from twin.navigation.dead_reckoning import (
+    KNOWLEDGE,
+    LEAST_DIVE_S,
     Array,
     AttitudeSeries,
+    CurrentKnowledge,
+    Dive,
+    depth_averaged_current,
     depth_rate,
+    dive_track,
+    find_dives,
     finite_channel,
+    gps_fixes,
     horizontal_error,
     horizontal_velocity,
     integrate,
     true_ground_track,
     true_water_path,
     true_water_track,
-)
-from twin.navigation.dives import (
-    KNOWLEDGE,
-    LEAST_DIVE_S,
-    CurrentKnowledge,
-    Dive,
-    depth_averaged_current,
-    dive_track,
-    find_dives,
-    gps_fixes,
 )
 from twin.navigation.estimators.base import Estimate
 

@@ -30,10 +30,8 @@ from learn.networks.onnx_export import TOLERANCE, Parity
 from learn.networks.predictor import Ensemble, Predictor
 from twin.errors import InputError, StoreError
 from twin.navigation import c_math
-from twin.navigation.c_math import number, table
+from twin.navigation.c_math import CFeatures, c_features, number, table
 from twin.navigation.channel_guard import C_PRELUDE, ChannelGuard
-from twin.navigation.features import c_steps
-from twin.navigation.features.c_steps import CFeatures, c_features
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_c import NUMBERS, c_flight
 from twin.navigation.flight_filter_kernels import OUTPUTS
@@ -147,7 +145,7 @@ typedef struct {{
 }} glider_state;
 
 {c_math.PRELUDE}
-{c_steps.PRELUDE}
+{c_math.FEATURES_PRELUDE}
 {c_step.PRELUDE}
 {C_PRELUDE}
 {flight}{read.functions}

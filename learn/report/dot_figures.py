@@ -12,8 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from learn.evaluation.evaluation import Evaluation
 from learn.report.contents import KNOWLEDGE_TITLES, colour_of, title_of
-from twin.navigation.dead_reckoning import Array
-from twin.navigation.dives import KNOWLEDGE
+from twin.navigation.dead_reckoning import KNOWLEDGE, Array
 from twin.show import style
 
 FEW_DECADES = 2.0

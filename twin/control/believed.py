@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.identify.start_values import net_mass
+from twin.identify.speed import net_mass
 from twin.navigation.navigator import NavigationState
 from twin.navigation.settings import Navigation
 from twin.numbers import Array

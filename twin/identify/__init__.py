@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from twin.identify.answer import confused as confused
     from twin.identify.answer import provenance_of as provenance_of
     from twin.identify.calibration import Calibration as Calibration
+    from twin.identify.calibration import driven as driven
     from twin.identify.calibration import load_calibration as load_calibration
     from twin.identify.comparison import ResidualNoise as ResidualNoise
     from twin.identify.conventions import read_figures as read_figures
     from twin.identify.conventions import write_figures as write_figures
+    from twin.identify.driven_fit import UNSURE as UNSURE
     from twin.identify.driven_fit import DrivenErrors as DrivenErrors
     from twin.identify.driven_fit import cruise_of as cruise_of
     from twin.identify.driven_fit import identify_driven as identify_driven
     from twin.identify.driven_fit import judge as judge
     from twin.identify.driven_runs import DrivenRun as DrivenRun
     from twin.identify.driven_runs import load_runs as load_runs
-    from twin.identify.driven_unknowns import UNSURE as UNSURE
-    from twin.identify.driven_unknowns import driven as driven
     from twin.identify.fit import ALWAYS as ALWAYS
     from twin.identify.fit import centred as centred
     from twin.identify.fit import identify as identify
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from twin.identify.logged_missions import gliding as gliding
     from twin.identify.logged_missions import load_logs as load_logs
     from twin.identify.logged_missions import log_of as log_of
+    from twin.identify.logged_missions import other_kind as other_kind
+    from twin.identify.logged_missions import start_vehicle as start_vehicle
     from twin.identify.proof import driven_failures as driven_failures
     from twin.identify.residuals import FIRST_DEVIATION as FIRST_DEVIATION
     from twin.identify.residuals import DepthRates as DepthRates
@@ -52,14 +54,12 @@ if TYPE_CHECKING:
     from twin.identify.rollout import Refinement as Refinement
     from twin.identify.rollout import refine as refine
     from twin.identify.speed import SpeedEstimate as SpeedEstimate
+    from twin.identify.speed import balance as balance
     from twin.identify.speed import density_of as density_of
     from twin.identify.speed import estimate as estimate
     from twin.identify.speed import estimate_speed as estimate_speed
     from twin.identify.speed import horizontal as horizontal
     from twin.identify.speed import motion_of as motion_of
-    from twin.identify.start_values import balance as balance
-    from twin.identify.start_values import other_kind as other_kind
-    from twin.identify.start_values import start_vehicle as start_vehicle
     from twin.identify.translation import AttitudeFlight as AttitudeFlight
     from twin.identify.translation import Translation as Translation
     from twin.identify.translation import fly as fly

@@ -7,10 +7,15 @@ records about the identification that made it.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from twin.identify.calibration import Array, Calibration
+from twin.identify.comparison import Comparison, ResidualNoise, rms
+from twin.identify.logged_missions import Record
 from twin.identify.pitch import PITCHING
 from twin.identify.unknowns import NAMES, UnknownParameter
 from twin.records.storage.checksums import store_hash
@@ -38,22 +43,25 @@ class IdentifiedParameter:
     def of(
         cls,
         parameter: UnknownParameter,
-        *,
-        nominal: float,
-        value: float,
+        nominal: Calibration,
+        calibration: Calibration,
         deviation: float,
         determined: bool,
         note: str = "",
     ) -> IdentifiedParameter:
-        """Estimate of `parameter`, whose `deviation` is in its spreads."""
+        """Estimate of `parameter` by a calibration; its `deviation` is in the parameter's spreads.
+
+        `nominal` is where the fit began.
+        """
+        began, value = float(parameter.get(nominal)), float(parameter.get(calibration))
         return cls(
             name=parameter.name,
             unit=parameter.unit,
             meaning=parameter.meaning,
-            nominal=nominal,
+            nominal=began,
             value=value,
             deviation=parameter.deviation(value, deviation),
-            spread=parameter.deviation(nominal, 1.0),
+            spread=parameter.deviation(began, 1.0),
             determined=determined,
             note=note,
         )
@@ -114,6 +122,95 @@ class Identification:
 
     def __getitem__(self, name: str) -> IdentifiedParameter:
         return next(e for e in self.estimates if e.name == name)
+
+    def with_estimates(
+        self, calibration: Calibration, estimates: Sequence[IdentifiedParameter], covariance: Array
+    ) -> Identification:
+        """Add the estimates of a later fit, or put them in place of those of their names.
+
+        `covariance` is theirs, in spreads: they are not correlated with the others.
+        """
+        own, before = [e.name for e in estimates], self.determined
+        every = {e.name: e for e in (*self.estimates, *estimates)}
+        known = [e.name for e in every.values() if e.determined]
+        whole = np.eye(len(known))
+        for names, matrix in ((before, self.correlation), (own, correlated(covariance))):
+            mine = [k for k, name in enumerate(known) if name in names]
+            mine = [k for k in mine if names is own or known[k] not in own]
+            places = [names.index(known[k]) for k in mine]
+            whole[np.ix_(mine, mine)] = matrix[np.ix_(places, places)]
+        return dataclasses.replace(
+            self, calibration=calibration, estimates=tuple(every.values()), correlation=whole
+        )
+
+
+def correlated(covariance: Array) -> Array:
+    """Correlation matrix of a covariance."""
+    deviation = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / np.outer(deviation, deviation))
+
+
+def answer_of(
+    problem: Comparison,
+    x: Array,
+    logs: Sequence[Record],
+    wanted: Sequence[UnknownParameter],
+    notes: Mapping[str, str],
+    before: Mapping[str, float],
+    covariance: Array,
+    said: Sequence[tuple[bool, str]],
+    noise: ResidualNoise,
+    model: str,
+) -> Identification:
+    """Identification by a fit of depth rates that ended at `x`.
+
+    Args:
+      logs: that were fitted.
+      notes: of each parameter that was left at nominal, why; `before`, its deviation in a fit with
+        it, in spreads.
+      covariance: of the fitted parameters, in spreads.
+      said: whether the logs determine each of them, and a note.
+      noise: of the depth rate.
+    """
+    calibration, nominal = problem.calibration(x), problem.nominal
+    deviation = np.sqrt(np.diag(covariance))
+    names = [p.name for p in problem.parameters]
+    estimates = []
+    for parameter in wanted:
+        name, source = parameter.name, nominal
+        off, sure = before.get(name, np.nan), (False, notes.get(name, ""))
+        if name in names:
+            k, source = names.index(name), calibration
+            off, sure = deviation[k], said[k]
+        estimates.append(IdentifiedParameter.of(parameter, nominal, source, float(off), *sure))
+    told = [k for k, (determined, _) in enumerate(said) if determined]
+    rates, changes = _unweighted(problem, x)
+    rates0, changes0 = _unweighted(problem, np.zeros_like(x))
+    samples, period = len(rates), logs[0].period
+    return Identification(
+        calibration=calibration,
+        nominal=nominal,
+        model=model,
+        estimates=tuple(estimates),
+        correlation=correlated(covariance)[np.ix_(told, told)],
+        depth_rate_rmse=rms(rates),
+        nominal_depth_rate_rmse=rms(rates0),
+        robust_deviation=noise.deviation,
+        correlation_time=noise.samples * period,
+        samples=samples,
+        hours=samples * period / 3600.0,
+        missions=len(logs),
+        current_change=changes,
+        nominal_current_change=changes0,
+    )
+
+
+def _unweighted(problem: Comparison, x: Array) -> tuple[Array, float | None]:
+    """Residuals of the depth rate [m/s], and the median change of the current where one shows."""
+    missed = problem.missed(x)
+    changes = np.reshape(missed.get("current", ()), (-1, 2))
+    median = float(np.median(np.hypot(*changes.T))) if len(changes) else None
+    return np.concatenate(missed["depth_rate"]), median
 
 
 DRIVEN = "driven"

@@ -114,6 +114,11 @@ class Calibration:
         return self.replace(vehicle=self.vehicle.replace(**changes))
 
 
+def driven(vehicle: Vehicle) -> bool:
+    """Whether a propeller drives it: it is identified by its runs, not by a glider's dives."""
+    return vehicle.steered("speed") is not None
+
+
 def require_glider(vehicle: Vehicle) -> None:
     """Refuse a vehicle that the flight model of gliders does not fly; raises VehicleError."""
     needs = {

@@ -17,9 +17,8 @@ from __future__ import annotations
 
 import abc
 import copy
-import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +50,7 @@ LEAST_DEVIATIONS = 2.0
 """Standard deviations that the gain must lie above zero."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ComparedQuantity:
+class ComparedQuantity(NamedTuple):
     """One quantity that is compared."""
 
     unit: str
@@ -64,8 +62,7 @@ class ComparedQuantity:
     """Residuals up to which autocorrelation is summed"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ResidualNoise:
+class ResidualNoise(NamedTuple):
     """Deviation of a channel's residuals, and how many of them make an independent one."""
 
     deviation: float
@@ -74,8 +71,7 @@ class ResidualNoise:
     """integrated autocorrelation time"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Residuals:
+class Residuals(NamedTuple):
     """A channel of dives near a calibration: model less log, each (residuals, ...)."""
 
     unit: str
@@ -227,13 +223,22 @@ class Comparison(abc.ABC):
             if not sum(map(len, series)):
                 self.weights[name] = [np.ones(0) for _ in series]
                 continue
-            noise = (known or {}).get(name)
-            found[name] = noise or noise_of(series, self.channels[name])
+            found[name] = noise = (known or {}).get(name) or self._noise(name, series)
             self.weights[name] = [
-                np.sqrt(share / found[name].samples) / found[name].deviation
-                for share in shares(series, found[name].deviation)
+                np.sqrt(share / noise.samples) / noise.deviation
+                for share in shares(series, noise.deviation)
             ]
         return found
+
+    def _noise(self, name: str, series: Sequence[Array]) -> ResidualNoise:
+        """Deviation and autocorrelation of a channel's residuals, outliers weighted down."""
+        channel, together = self.channels[name], np.concatenate(list(series))
+        kept = shares(series, max(robust_scale(together), channel.least))
+        share = np.concatenate(kept)
+        deviation = float(np.sqrt(np.sum(share * together**2) / np.sum(share)))
+        weighted = [np.sqrt(s) * r for s, r in zip(kept, series, strict=True)]
+        samples = channel.samples or correlation_samples(weighted, channel.longest)
+        return ResidualNoise(deviation=max(deviation, channel.least), samples=samples)
 
     def fit(
         self,
@@ -266,16 +271,11 @@ class Comparison(abc.ABC):
             centres=self.centres,
             offsets=x,
             covariance=bootstrap(self.jacobian(x), self.residual(x), self.blocks),
-            deviation={
-                name: rms(np.concatenate(series))
-                for name, series in self.missed(x).items()
-                if series
-            },
+            deviation={n: rms(np.concatenate(s)) for n, s in self.missed(x).items() if s},
         )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Fitted:
+class Fitted(NamedTuple):
     """Where the fit of a comparison ended, and how sure it is."""
 
     calibration: Calibration
@@ -292,19 +292,6 @@ class Fitted:
 def shares(series: Sequence[Array], scale: float) -> list[Array]:
     """Part of its weight that each residual keeps: half of it OUTLIER deviations off."""
     return [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in series]
-
-
-def noise_of(series: Sequence[Array], channel: ComparedQuantity) -> ResidualNoise:
-    """Deviation and autocorrelation of a channel's residuals, outliers weighted down."""
-    together = np.concatenate(list(series))
-    scale = max(robust_scale(together), channel.least)
-    kept = shares(series, scale)
-    share = np.concatenate(kept)
-    deviation = float(np.sqrt(np.sum(share * together**2) / np.sum(share)))
-    samples = channel.samples or correlation_samples(
-        [np.sqrt(s) * r for s, r in zip(kept, series, strict=True)], channel.longest
-    )
-    return ResidualNoise(deviation=max(deviation, channel.least), samples=samples)
 
 
 def rms(values: Array) -> float:
@@ -365,8 +352,7 @@ def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
         rows = blocks == number
         curve[k] = jacobian[rows].T @ jacobian[rows]
         slope[k] = jacobian[rows].T @ residual[rows]
-    known = jacobian[blocks == PRIOR]
-    kept = residual[blocks == PRIOR]
+    known, kept = jacobian[blocks == PRIOR], residual[blocks == PRIOR]
     rng = np.random.default_rng(SEED)
     offsets = np.empty((DRAWS, size))
     for draw in range(DRAWS):
@@ -380,8 +366,7 @@ def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
     return np.asarray(covariance * len(numbers) / max(len(numbers) - 1, 1), np.float64)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Gain:
+class Gain(NamedTuple):
     """Loss of squared error of left-out dives by one more parameter."""
 
     share: float

@@ -88,17 +88,10 @@ def from_basestation(figures: Mapping[str, float], calibration: Calibration) -> 
     warmer = 1.0 + mine["therm_expan"] * (mine["temp_ref"] - REFERENCE_TEMPERATURE)
     pump = pump_of(calibration)
     volume = (mine["volmax"] - mine["vbd_at_volmax"] - mine["vbdbias"]) / warmer + pump.neutral
-    return _with(
-        calibration,
-        mass=mine["mass"],
-        volume=volume * CUBIC_CM,
-        drag=(
-            mine["hd_b"] * size * pressure ** mine["hd_s"],
-            mine["hd_c"] * size / DEGREE**2,
-        ),
-        lift=mine["hd_a"] * size / DEGREE,
-        compressibility=mine["abs_compress"] / DBAR,
-    ).replace(thermal_expansion=mine["therm_expan"])
+    drag = mine["hd_b"] * size * pressure ** mine["hd_s"], mine["hd_c"] * size / DEGREE**2
+    lift, compressibility = mine["hd_a"] * size / DEGREE, mine["abs_compress"] / DBAR
+    made = _with(calibration, mine["mass"], volume * CUBIC_CM, drag, lift, compressibility)
+    return made.replace(thermal_expansion=mine["therm_expan"])
 
 
 def to_gliderflight(calibration: Calibration) -> Figures:
@@ -124,27 +117,15 @@ def from_gliderflight(figures: Mapping[str, float], calibration: Calibration) ->
     mine = {**to_gliderflight(calibration), **figures}
     volume = mine["Vg"] + CUBIC_CM * pump_of(calibration).neutral
     size = 0.5 * (mine["mg"] / volume) * mine["S"]
-    return _with(
-        calibration,
-        mass=mine["mg"],
-        volume=volume,
-        drag=(mine["Cd0"] * size, mine["Cd1"] * size),
-        lift=(mine["aw"] + mine["ah"]) * size,
-        compressibility=1e-10 * mine["epsilon"],
-    )
+    drag, lift = (mine["Cd0"] * size, mine["Cd1"] * size), (mine["aw"] + mine["ah"]) * size
+    return _with(calibration, mine["mg"], volume, drag, lift, 1e-10 * mine["epsilon"])
 
 
 def _with(
-    calibration: Calibration,
-    *,
-    mass: float,
-    volume: float,
-    drag: tuple[float, float],
-    lift: float,
+    calibration: Calibration, mass: float, volume: float, drag: tuple[float, float], lift: float,
     compressibility: float,
-) -> Calibration:
-    (of_mass,) = choose(["mass"])
-    (of_drag,) = choose(["drag"])
+) -> Calibration:  # fmt: skip
+    of_mass, of_drag = (choose([name])[0] for name in ("mass", "drag"))
     if mass != calibration.vehicle.mass:
         calibration = of_mass.set(calibration, mass)
     calibration = of_drag.set(calibration, drag[0])

@@ -4,26 +4,221 @@ vehicle = load_vehicle("remus")
 runs = load_runs("bag.zarr", vehicle)
 found = identify_driven(runs[:-1], vehicle)
 judge(runs[-1:], found.calibration), judge(runs[-1:], found.nominal)
+
+Coefficients are factors on those of the vehicle file that a fit starts from, and have the file's
+own names: a derivative of the hull law such as Xuu, the lift slope of a fin, the thrust of the
+screw. Spreads are those by which published sets of one vehicle differ: Prestero's thesis has two
+values for the drag of REMUS 100 (table 8.2: adjusted by a factor of 2.4) and MBARI two for the
+fins, the cross flow and the damping of Tethys (`assets/tethys.xml`).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from twin.errors import InputError
-from twin.identify.answer import DRIVEN, Identification
+from twin.identify.answer import DRIVEN, Identification, answer_of
 from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ResidualNoise, rms
-from twin.identify.driven_flights import CHANNELS, DrivenFlights, ahead
+from twin.identify.driven_flights import CHANNELS, DrivenFlights
 from twin.identify.driven_runs import DrivenRun
-from twin.identify.driven_unknowns import driven_parameters
-from twin.identify.fit import UNDETERMINED, answer_of, free_of
+from twin.identify.fit import UNDETERMINED, free_of
 from twin.identify.unknowns import UnknownParameter, choose, with_known
-from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.laws import BodyAxes
+from twin.vehicle.laws.body_axes import added_mass_coupling
+from twin.vehicle.parts import Fin, Part, Propeller
+from twin.vehicle.vehicle import Vehicle, parse_vehicle
+
+DEGREE = math.pi / 180.0
+DERIVATIVES = {
+    "Xuu": ("drag straight ahead", 0.3),
+    "Yuv": ("side force of sideslip, hull and fins at rest", 0.3),
+    "Zuw": ("lift of the angle of attack, hull and fins at rest", 0.3),
+    "Nuv": ("yaw moment of sideslip, Munk's and that of the fins at rest", 0.3),
+    "Muw": ("pitch moment of the angle of attack, likewise", 0.3),
+    "Nur": ("yaw damping that grows with the speed", 0.5),
+    "Muq": ("pitch damping that grows with the speed", 0.5),
+    "Yvv": ("drag of the cross flow, sideways", 0.5),
+    "Zww": ("drag of the cross flow, downwards", 0.5),
+    "Nrr": ("yaw damping by the cross flow", 0.5),
+    "Mqq": ("pitch damping by the cross flow", 0.5),
+    "Yur": ("side force of turning at speed", 0.3),
+    "Zuq": ("lift of pitching at speed", 0.3),
+    "Nvv": ("yaw moment of the cross flow", 0.3),
+    "Mww": ("pitch moment of the cross flow", 0.3),
+    "Xvv": ("drag of sideslip", 0.1),
+    "Xww": ("drag of the angle of attack", 0.1),
+    "Xvr": ("added mass sideways in a turn, along the hull", 0.1),
+    "Xwq": ("added mass downwards while pitching, along the hull", 0.1),
+}
+"""Of the law in body axes: what it is, and the spread of its factor's logarithm. Runs hardly tell
+the last eight; held at a file's wrong numbers they would make thrust and drag wrong, and too sure,
+for what they take off the speed in a turn"""
+ADDED_MASSES = (
+    (0, "surge", "mass along the hull", 0.3),
+    (1, "sway", "mass sideways", 0.1),
+    (2, "heave", "mass downwards", 0.1),
+    (4, "pitch", "inertia in pitch", 0.1),
+    (5, "yaw", "inertia in yaw", 0.1),
+)
+"""Place in the matrix, name, meaning, and the spread of the factor's logarithm: strip theory and an
+ellipsoid of a hull's size differ by a tenth across, by more along it"""
+THRUST_SPREAD, LIFT_SPREAD = 0.2, 0.3
+"""Of the factors' logarithms"""
+NEUTRAL_SPREAD = 2.0
+"""[deg] by which fins sit askew"""
+PLACE_SPREAD = 3.0
+"""[mm] along the hull of a centre of gravity after trimming"""
+ARM_SPREAD = 0.3
+"""of the righting arm's logarithm"""
+UNSURE = 3.0
+"""Times as much is open of a vehicle that was made of its dimensions alone"""
+
+
+def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownParameter, ...]:
+    """Parameters that can be estimated of a vehicle: the numbers that its file has.
+
+    Args:
+      vehicle: to start from.
+      unsure: times the usual spreads, but that of the trim.
+
+    Raises:
+      InputError: no propeller, or another hull law than that in body axes, by name.
+    """
+    driving, law = vehicle.steered("speed"), vehicle.law
+    if not isinstance(driving, Propeller):
+        raise InputError(
+            f"vehicle {vehicle.name!r} has no propeller (parts: {', '.join(vehicle.part_names)}): "
+            "a buoyancy glider is identified by its depth rate"
+        )
+    if not isinstance(law, BodyAxes):
+        raise InputError(
+            f"vehicle {vehicle.name!r} has the hull law {law.kind!r}: under a propeller only "
+            f"{BodyAxes.kind!r} is identified; start from remus or tethys (--vehicle)"
+        )
+    known = _derivatives(vehicle)
+    factors = [
+        _factor(name, what, spread, partial(_derivative, name), partial(_with_derivative, name))
+        for name, (what, spread) in DERIVATIVES.items()
+        if known.get(name)
+    ]
+    for k, name, what, spread in ADDED_MASSES:
+        if vehicle.added_mass[k, k] > 0.0:
+            own = partial(_added_mass, k), partial(_with_added_mass, k)
+            factors.append(_factor(f"added_mass_{name}", f"added {what}", spread, *own))
+    factors.append(_of_part(driving, "thrust_coefficient", "thrust at rest", THRUST_SPREAD))
+    if unsure > 1.0 and driving.zero_thrust_advance > 0.0:
+        what = "advance without thrust"
+        factors.append(_of_part(driving, "zero_thrust_advance", what, THRUST_SPREAD))
+    for control in ("heading", "pitch"):
+        part = vehicle.steered(control)
+        if isinstance(part, Fin):
+            factors.append(_of_part(part, "lift_slope", "lift of a deflection", LIFT_SPREAD))
+            factors.append(_neutral(part.name))
+    factors.append(CG_X)
+    if vehicle.metacentric_height > 0.0:
+        factors.append(RIGHTING_ARM)
+    (trim,) = choose(["neutral_density"])  # a glider's, as well known
+    return (trim, *(dataclasses.replace(p, spread=unsure * p.spread) for p in factors))
+
+
+def _factor(
+    name: str,
+    what: str,
+    spread: float,
+    get: Callable[[Vehicle], float],
+    put: Callable[[Calibration, float], Calibration],
+) -> UnknownParameter:
+    """A factor on a number of the vehicle file."""
+
+    def own(calibration: Calibration) -> float:
+        return get(parse_vehicle(calibration.vehicle.xml, calibration.vehicle.path))
+
+    return UnknownParameter(
+        name, "1", f"{what}, over the vehicle file's", spread,
+        lambda c: get(c.vehicle) / own(c), lambda c, x: put(c, x * own(c)), logarithmic=True,
+    )  # fmt: skip
+
+
+def _derivatives(vehicle: Vehicle) -> dict[str, float]:
+    assert isinstance(vehicle.law, BodyAxes)
+    return dict(vehicle.law.derivatives)
+
+
+def _derivative(name: str, vehicle: Vehicle) -> float:
+    return _derivatives(vehicle)[name]
+
+
+def _with_derivative(name: str, calibration: Calibration, value: float) -> Calibration:
+    numbers = _derivatives(calibration.vehicle) | {name: value}
+    return calibration.with_vehicle(derivatives=tuple(numbers.items()))
+
+
+def _added_mass(k: int, vehicle: Vehicle) -> float:
+    return float(vehicle.added_mass[k, k])
+
+
+def _with_added_mass(k: int, calibration: Calibration, value: float) -> Calibration:
+    matrix, law = calibration.vehicle.added_mass.copy(), calibration.vehicle.law
+    matrix[k, k] = value
+    assert isinstance(law, BodyAxes)
+    coupled = {"coupling": added_mass_coupling(matrix)} if law.coupling else {}
+    return calibration.with_vehicle(added_mass=matrix, **coupled)
+
+
+def _number(part: str, field: str, vehicle: Vehicle) -> float:
+    return float(getattr(vehicle.part(part), field))
+
+
+def _of_part(part: Part, field: str, what: str, spread: float) -> UnknownParameter:
+    name = part.name
+    return _factor(
+        f"{name}.{field}", f"{what} of the {name}", spread,
+        partial(_number, name, field),
+        lambda c, x: c.with_vehicle(**{name: {field: x}}),
+    )  # fmt: skip
+
+
+def _neutral(name: str) -> UnknownParameter:
+    """Reading of a fin in line with the hull."""
+    return UnknownParameter(
+        f"{name}.neutral", "degree", f"reading of the {name} in line with the hull", NEUTRAL_SPREAD,
+        lambda c: _number(name, "neutral", c.vehicle) / DEGREE,
+        lambda c, x: c.with_vehicle(**{name: {"neutral": x * DEGREE}}),
+    )  # fmt: skip
+
+
+def _first_moment(vehicle: Vehicle) -> float:
+    """[kg m] of all masses along the hull, parts at 0."""
+    moved = sum(m.mass * m.neutral_x for m in vehicle.masses)
+    return vehicle.static_mass * float(vehicle.static_cg[0]) + moved
+
+
+def _moved(calibration: Calibration, axis: int, moment: float) -> Calibration:
+    """The hull's centre of gravity moved along an axis by a moment [kg m]."""
+    place = calibration.vehicle.static_cg.copy()
+    place[axis] += moment / calibration.vehicle.static_mass
+    return calibration.with_vehicle(static_cg=place)
+
+
+# fmt: off
+CG_X = UnknownParameter(
+    "cg_x", "mm", "centre of gravity ahead of the centre of buoyancy, parts at rest", PLACE_SPREAD,
+    lambda c: 1e3 * _first_moment(c.vehicle) / c.vehicle.mass,
+    lambda c, x: _moved(c, 0, 1e-3 * x * c.vehicle.mass - _first_moment(c.vehicle)))
+RIGHTING_ARM = UnknownParameter(
+    "righting_arm", "mm", "centre of gravity below the centre of buoyancy", ARM_SPREAD,
+    lambda c: 1e3 * c.vehicle.metacentric_height,
+    lambda c, x: _moved(c, 2, (1e-3 * x - c.vehicle.metacentric_height) * c.vehicle.mass),
+    logarithmic=True)
+# fmt: on
+
 
 LEAST_PIECES = 6
 """Pieces of 20 s below which nothing is fitted: two minutes"""
@@ -116,7 +311,10 @@ def identify_driven(
     if kept != free:
         rows = [k for k, p in enumerate(free) if p in kept]
         covariance = covariance[np.ix_(rows, rows)]  # what is not known makes the rest less sure
-        problem, x = _without(problem, x, kept)
+        x, started = x[[*rows, *range(len(free), len(x))]], problem.started
+        problem = DrivenFlights(runs, nominal, kept)
+        problem.started = started
+        x, _ = problem.fit(x, 1, max_nfev=LOOKS[-1], **ENDS)
     progress(1.0)
     covariance = covariance[: len(kept), : len(kept)]
     determined = (np.sqrt(np.diag(covariance)) <= UNDETERMINED).tolist()
@@ -163,18 +361,6 @@ def _alike(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
     }
 
 
-def _without(
-    problem: DrivenFlights, x: Array, kept: tuple[UnknownParameter, ...]
-) -> tuple[DrivenFlights, Array]:
-    """The fit gone on from `x` with fewer parameters, the others at the vehicle file's."""
-    stays = [k for k, p in enumerate(problem.parameters) if p in kept]
-    fewer = DrivenFlights(problem.runs, problem.nominal, kept)
-    fewer.started = problem.started
-    x = x[[*stays, *range(len(problem.parameters), len(x))]]
-    x, _ = fewer.fit(x, 1, max_nfev=LOOKS[-1], **ENDS)
-    return fewer, x
-
-
 def cruise_of(runs: Sequence[DrivenRun], vehicle: Vehicle) -> float:
     """Median surge [m/s] of runs by their Doppler logs; the vehicle file's without any."""
     known = [run.velocity[0][run.use & np.isfinite(run.velocity[0])] for run in runs]
@@ -197,35 +383,29 @@ def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
     for looks in LOOKS:
         x, _ = problem.fit(x, 1, max_nfev=looks, **ENDS)
         problem.started = problem.currents(x)
-    speeds, turns, depths = [], [], []
-    motions = problem.flown(x)
+    speeds, motions, missed = [], problem.flown(x), problem.missed(x)
     for number, rows in problem.pieces:
-        run, motion = runs[number], motions[number]
+        run, part = runs[number], rows["depth_rate"]
         surge = (
             run.velocity[0] - problem.turned[number][:, 0] @ problem.started[number] * run.ground
         )
         if true and run.true_velocity is not None:
             surge = run.true_velocity[0]
-        part = rows["depth_rate"]
         seen = part[np.isfinite(surge[part])]
         if seen.size:
-            speeds.append((motion.velocity.surge[seen].mean(), surge[seen].mean()))
-        lead = rows["yaw_rate"]
-        turns.append((ahead(run, motion, 2)[lead], run.rates[2, lead]))
-        depths.append((motion.depth_rate[part] - run.depth_rate[part], run.depth_rate[part]))
+            speeds.append((motions[number].velocity.surge[seen].mean(), surge[seen].mean()))
     if not speeds:
         raise InputError("these runs have no velocity by a Doppler log to judge a vehicle by")
     model, real = np.array(speeds).T
     known = np.abs(real) > SLOWEST
-    (turn_off, turn), (depth_off, depth) = (
-        [rms(np.concatenate(part)) for part in zip(*pairs, strict=True)]
-        for pairs in (turns, depths)
-    )
     off = np.abs(model - real)[known]
+    turn_off, depth_off = (rms(np.concatenate(missed[n])) for n in ("yaw_rate", "depth_rate"))
+    turns = [runs[k].rates[2, rows["yaw_rate"]] for k, rows in problem.pieces]
+    depths = [runs[k].depth_rate[rows["depth_rate"]] for k, rows in problem.pieces]
     return DrivenErrors(
         speed=float(np.mean(off / np.abs(real[known]))),
-        turn_rate=turn_off / turn,
-        depth_rate=depth_off / depth,
+        turn_rate=turn_off / rms(np.concatenate(turns)),
+        depth_rate=depth_off / rms(np.concatenate(depths)),
         speed_m_s=float(np.mean(off)),
         turn_rate_rad_s=turn_off,
         depth_rate_m_s=depth_off,

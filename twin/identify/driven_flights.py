@@ -16,10 +16,9 @@ mount.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +74,7 @@ FASTEST = 20.0
 """[m/s] that no such vehicle reaches"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class DrivenMotion:
+class DrivenMotion(NamedTuple):
     """Motion of a vehicle in a run; arrays are (time,)."""
 
     velocity: Translation
@@ -282,14 +280,13 @@ class DrivenFlights(Comparison):
 
     def flown(self, x: Array) -> list[DrivenMotion]:
         """Motion in all runs at these offsets; a run that nothing has changed for is kept."""
-        count = len(self.parameters)
+        count, calibration = len(self.parameters), self.calibration(x)
         found = []
         for k, run in enumerate(self.runs):
             offset = x[count + k]
             key = x[:count].tobytes() + offset.tobytes() + self.started[k].tobytes()
             kept = self._kept[k]
             if kept is None or kept[0] != key:
-                calibration = self.calibration(x)
                 motion = fly_run(run, calibration, self.started[k], PITCH * float(offset))
                 kept = self._kept[k] = (key, motion)
             found.append(kept[1])

@@ -10,12 +10,12 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
 from twin.errors import StoreError
 from twin.fossen.equations import part_after
+from twin.identify.calibration import Array, Mask
 from twin.identify.logged_missions import (
     Record,
     body_rates,
@@ -29,9 +29,6 @@ from twin.records.storage.store_path import StorePath
 from twin.sensors.dvl import MODES
 from twin.vehicle.parts import Part
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 RATES = tuple(f"measured_{name}_rate" for name in ("roll", "pitch", "yaw"))
 NEEDED = ("measured_depth", "measured_roll", "measured_pitch", "measured_heading", *RATES)

@@ -15,18 +15,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from twin.errors import InputError
-from twin.identify.answer import Identification, IdentifiedParameter
+from twin.identify.answer import Identification, answer_of
 from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import (
     LEAST_DEVIATIONS,
     LEAST_DIVES,
     LEAST_GAIN,
-    Comparison,
-    ResidualNoise,
     gain_of,
     rms,
 )
-from twin.identify.logged_missions import Log, Record, gliding
+from twin.identify.logged_missions import Log, gliding
 from twin.identify.residuals import LEAST_PAIRS, DepthRates
 from twin.identify.speed import FlightModel
 from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
@@ -104,10 +102,9 @@ def identify(
             f"{len(logs)} missions; identification needs at least {LEAST_SAMPLES}"
         )
     for parameter in wanted:
-        lacking = "given as known"
-        if parameter.name not in known:
-            lacking = _lacking(parameter, logs, problem, asked=parameters is not None)
-        if lacking:
+        if parameter.name in known:
+            notes[parameter.name] = "given as known"
+        elif lacking := _lacking(parameter, logs, problem, asked=parameters is not None):
             notes[parameter.name] = lacking
     free = free_of(wanted, notes)
     judged = tuple(p for p in free if p.channel == "dives" and parameters is None)
@@ -283,80 +280,5 @@ def _start(
             f"vehicle {nominal.vehicle.name!r} does not fly as this log does with any drag near "
             "its own; is it the right vehicle, and is the pump in cm3 with + = lighter?"
         )
-    out = np.zeros(len(free))
-    for parameter, value in zip(pair, best, strict=True):
-        out[free.index(parameter)] = value
-    return out
-
-
-def answer_of(
-    problem: Comparison,
-    x: Array,
-    logs: Sequence[Record],
-    wanted: Sequence[UnknownParameter],
-    notes: Mapping[str, str],
-    before: Mapping[str, float],
-    covariance: Array,
-    said: Sequence[tuple[bool, str]],
-    noise: ResidualNoise,
-    model: str,
-) -> Identification:
-    """Identification by a fit of depth rates that ended at `x`.
-
-    Args:
-      logs: that were fitted.
-      notes: of each parameter that was left at nominal, why; `before`, its deviation in a fit with
-        it, in spreads.
-      covariance: of the fitted parameters, in spreads.
-      said: whether the logs determine each of them, and a note.
-      noise: of the depth rate.
-    """
-    calibration, nominal = problem.calibration(x), problem.nominal
-    deviation = np.sqrt(np.diag(covariance))
-    names = [p.name for p in problem.parameters]
-    estimates = []
-    for parameter in wanted:
-        name, source = parameter.name, nominal
-        off, (determined, note) = before.get(name, np.nan), (False, notes.get(name, ""))
-        if name in names:
-            k, source = names.index(name), calibration
-            off, (determined, note) = deviation[k], said[k]
-        estimates.append(
-            IdentifiedParameter.of(
-                parameter,
-                nominal=parameter.get(nominal),
-                value=parameter.get(source),
-                deviation=float(off),
-                determined=determined,
-                note=note,
-            )
-        )
-    told = [k for k, (determined, _) in enumerate(said) if determined]
-    correlation = covariance / np.outer(deviation, deviation)
-    rates, changes = _unweighted(problem, x)
-    rates0, changes0 = _unweighted(problem, np.zeros_like(x))
-    samples, period = len(rates), logs[0].period
-    return Identification(
-        calibration=calibration,
-        nominal=nominal,
-        model=model,
-        estimates=tuple(estimates),
-        correlation=correlation[np.ix_(told, told)],
-        depth_rate_rmse=rms(rates),
-        nominal_depth_rate_rmse=rms(rates0),
-        robust_deviation=noise.deviation,
-        correlation_time=noise.samples * period,
-        samples=samples,
-        hours=samples * period / 3600.0,
-        missions=len(logs),
-        current_change=changes,
-        nominal_current_change=changes0,
-    )
-
-
-def _unweighted(problem: Comparison, x: Array) -> tuple[Array, float | None]:
-    """Residuals of the depth rate [m/s], and the median change of the current where one shows."""
-    missed = problem.missed(x)
-    changes = np.reshape(missed.get("current", ()), (-1, 2))
-    median = float(np.median(np.hypot(*changes.T))) if len(changes) else None
-    return np.concatenate(missed["depth_rate"]), median
+    offsets = dict(zip(pair, best, strict=True))
+    return np.array([offsets.get(parameter, 0.0) for parameter in free])

@@ -13,9 +13,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from twin.errors import InputError, MissionError, NoSteadyState
 from twin.identify.answer import Identification, IdentifiedParameter
@@ -26,8 +26,8 @@ from twin.identify.linear_motion import Phase, with_gains
 from twin.identify.logged_missions import Log, gliding
 from twin.identify.pitch import PITCHING, balanced, pump_of
 from twin.identify.proof import failures
-from twin.identify.turning_fit import channel_of, turned
-from twin.identify.turning_windows import windows_of
+from twin.identify.turning_fit import turned
+from twin.identify.turning_windows import channel_of, windows_of
 from twin.mission.glide_balance import steady_glide
 from twin.vehicle.vehicle import Vehicle
 
@@ -42,8 +42,7 @@ FLATTER = math.radians(0.5)
 """[rad] by which the usual glide is made flatter until the battery holds it"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Handling:
+class Handling(NamedTuple):
     """A vehicle that pitches, turns and is steered as its log, and whether it flies."""
 
     identification: Identification
@@ -227,26 +226,12 @@ def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
 
 def _with(identification: Identification, fitted: Fitted) -> Identification:
     """The identification with the estimates of a fit that came after."""
-    deviation = np.sqrt(np.diag(fitted.covariance))
+    deviation, start = np.sqrt(np.diag(fitted.covariance)), identification.calibration
     estimates = []
-    for k, parameter in enumerate(fitted.parameters):
-        off, moved = float(deviation[k]), abs(float(fitted.offsets[k]))
-        determined = math.isfinite(off) and (off <= UNDETERMINED or moved > FAR * off)
+    for parameter, moved, off in zip(fitted.parameters, fitted.offsets, deviation, strict=False):
+        sure = bool(np.isfinite(off) and (off <= UNDETERMINED or abs(moved) > FAR * off))
+        note = "" if sure else "with the others only: the log does not determine it"
         estimates.append(
-            IdentifiedParameter.of(
-                parameter,
-                nominal=float(fitted.centres[k]),
-                value=parameter.get(fitted.calibration),
-                deviation=off,
-                determined=determined,
-                note="" if determined else "with the others only: the log does not determine it",
-            )
+            IdentifiedParameter.of(parameter, start, fitted.calibration, float(off), sure, note)
         )
-    known = [k for k, estimate in enumerate(estimates) if estimate.determined]
-    mine = (fitted.covariance / np.outer(deviation, deviation))[np.ix_(known, known)]
-    return dataclasses.replace(
-        identification,
-        calibration=fitted.calibration,
-        estimates=(*identification.estimates, *estimates),
-        correlation=block_diag(identification.correlation, mine),
-    )
+    return identification.with_estimates(fitted.calibration, estimates, fitted.covariance)

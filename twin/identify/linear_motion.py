@@ -19,12 +19,12 @@ swing at its own.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from twin.fossen.equations import mass_distribution, rigid_body_mass
 from twin.fossen.forces import ForceParameters, parameters_of
@@ -39,8 +39,6 @@ from twin.vehicle.vehicle import Vehicle
 SWAY, ROLL_RATE, YAW_RATE, ROLL = 1, 3, 5, 6
 """Places in the state of `SteadyProblem.rate`: (u, v, w, p, q, r, roll, pitch)."""
 LATERAL = (SWAY, ROLL_RATE, YAW_RATE, ROLL)
-TERMS = 10
-"""Of the series, at a norm below 1/8: the rest is below 1e-17"""
 STEP = 1e-4
 """[SI] of the central differences of rates, roll and part's position."""
 LONGITUDINAL = (0, 2, 4, 7)
@@ -72,8 +70,7 @@ class Glide(NamedTuple):
     """[kg], + = heavy"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Lateral:
+class Lateral(NamedTuple):
     """d(v, p, r, roll)/dt = matrix @ (v, p, r, roll) + drive * position + yaw * yaw moment."""
 
     matrix: Array
@@ -120,25 +117,8 @@ def _discrete(a: Array, b: Array, period: float) -> tuple[Array, Array]:
     n, m = b.shape
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = a * period, b * period
-    whole = exponential(block)
+    whole = expm(block)
     return whole[:n, :n], whole[:n, n:]
-
-
-def exponential(matrix: Array) -> Array:
-    """exp of a small square matrix: Taylor's series of a small part of it, squared again.
-
-    The matrices of one fit are many and small: scipy's takes a hundred times as long on them.
-    """
-    norm = float(np.max(np.sum(np.abs(matrix), axis=1), initial=0.0))
-    halvings = max(0, math.ceil(math.log2(max(norm, 1e-300))) + 3)
-    part = matrix / 2.0**halvings
-    unit = np.eye(len(matrix))
-    out = unit
-    for order in range(TERMS, 0, -1):
-        out = unit + part @ out / order
-    for _ in range(halvings):
-        out = out @ out
-    return out
 
 
 def turning_part(vehicle: Vehicle) -> BatteryHinge | Fin | None:
@@ -223,8 +203,7 @@ def _inertia(vehicle: Vehicle, positions: Array) -> Array:
     return np.asarray(whole[np.ix_(keep, keep)])
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Phase:
+class Phase(NamedTuple):
     """A steady dive or climb of the log."""
 
     pitch: float
@@ -233,8 +212,7 @@ class Phase:
     """[kg] at the vehicle's reference density, + = heavy"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Plane:
+class Plane(NamedTuple):
     """One plane of a trimmed glide with its steering part."""
 
     matrix: Array
@@ -303,7 +281,7 @@ def loop_modes(plane: Plane, pid: Sequence[float], lag: float, period: float) ->
     if plane.heading:
         whole[n, :n] = plane.angle
     whole[n + 1, n + 1], whole[n + 1, size] = -1.0 / lag, 1.0 / lag
-    step = exponential(whole * period)
+    step = expm(whole * period)
     transition, command = step[:size, :size], step[:size, size]
     sees, damps = np.zeros(size), np.append(plane.rate, np.zeros(size - n))
     if plane.heading:

@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,8 +50,7 @@ HEADING_LIMIT = 2.0
 """[deg] of the twin's heading about its target"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class PhaseComparison:
+class PhaseComparison(NamedTuple):
     """Log beside twin in one phase."""
 
     log: PhaseFigures
@@ -67,17 +66,19 @@ class PhaseComparison:
         log, twin = self.log.describe(), {} if self.twin is None else self.twin.describe()
         twin = {name: twin.get(name) for name in log}
         cycles = {"log": self.log.oscillation, "twin": self.twin and self.twin.oscillation}
-        ratio: dict[str, float | None] = {}
-        for name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator"):
-            mine, theirs = twin[name], log[name]
-            ratio[name] = None if mine is None or not theirs else mine / theirs
+        pairs = {name: (twin[name], log[name]) for name in log}
+        ratio = {
+            name: mine / theirs if mine is not None and theirs else None
+            for name, (mine, theirs) in pairs.items()
+            if name in ("depth_rate_m_s", "speed_m_s", "turn_per_actuator")
+        }
+        deviation = {
+            name: None if mine is None or theirs is None else mine - theirs
+            for name, (mine, theirs) in pairs.items()
+            if name.endswith("_deg") and (name != "turning_deg" or self.same_part)
+        }
         if not self.same_part:
             ratio["turn_per_actuator"] = None
-        deviation: dict[str, float | None] = {}
-        for name in ("pitch_deg", "turning_deg", "heading_sd_deg", "heading_bias_deg"):
-            if name != "turning_deg" or self.same_part:
-                mine, theirs = twin[name], log[name]
-                deviation[name] = None if mine is None or theirs is None else mine - theirs
         return {
             "log": {**log, "parts": dict(self.log.parts)},
             "twin": {**twin, "parts": {} if self.twin is None else dict(self.twin.parts)},
@@ -88,8 +89,7 @@ class PhaseComparison:
         }
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LogCheck:
+class LogCheck(NamedTuple):
     """A vehicle file's twin on the targets of a store of logs."""
 
     vehicle: Vehicle
@@ -210,7 +210,6 @@ def check_logs(
         flown = flown.replace(
             hull_thermal_expansion=hull.thermal_expansion, hull_thermal_lag=hull.thermal_lag
         )
-    _check_vehicle(flown)
     with MissionStore(store) as found:
         if not found.logged:
             raise StoreError(
@@ -257,17 +256,6 @@ def check_logs(
     )
 
 
-def _hull(vehicle: str | Path | Vehicle | Calibration) -> Calibration:
-    """The vehicle with what its file says of its sensors, where it is of a kind that can."""
-    if not isinstance(vehicle, str | Path):
-        return _exact(vehicle) if isinstance(vehicle, Vehicle) else vehicle
-    loaded = load_vehicle(vehicle)
-    _check_vehicle(loaded)
-    if not isinstance(loaded.law, FlowFrame):
-        return _exact(loaded)
-    return load_calibration(vehicle)
-
-
 class _OneDensity(Calibration):
     """Of a vehicle whose file says nothing of the water that made a log."""
 
@@ -276,18 +264,16 @@ class _OneDensity(Calibration):
         return np.full(np.shape(depth), self.vehicle.reference_density)
 
 
-def _exact(vehicle: Vehicle) -> Calibration:
-    """A vehicle whose sensors are taken as exact and whose hull does not swell."""
-    return _OneDensity(
-        vehicle=vehicle,
-        water_density=vehicle.reference_density,
-        thermal_expansion=0.0,
-        thermal_lag=1.0,
-    )
+def _hull(given: str | Path | Vehicle | Calibration) -> Calibration:
+    """The vehicle with what its file says of its sensors, where it is of a kind that can.
 
+    Sensors of a vehicle without a file are taken as exact, and its hull as one that does not swell.
 
-def _check_vehicle(vehicle: Vehicle) -> None:
-    """Refuse vehicles that a glider's log says nothing about."""
+    Raises:
+      VehicleError: a glider's log says nothing about such a vehicle.
+    """
+    vehicle = given.vehicle if isinstance(given, Calibration) else given
+    vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     for control, what in (("buoyancy", "pump"), ("pitch", "part that pitches it")):
         if vehicle.steered(control) is None:
             raise VehicleError(
@@ -295,6 +281,12 @@ def _check_vehicle(vehicle: Vehicle) -> None:
                 f"{', '.join(vehicle.part_names) or 'none'}): logs are compared with the flight of "
                 "a glider; give a glider's file"
             )
+    if isinstance(given, Calibration):
+        return given
+    if isinstance(given, str | Path) and isinstance(vehicle.law, FlowFrame):
+        return load_calibration(vehicle)
+    water = vehicle.reference_density
+    return _OneDensity(vehicle=vehicle, water_density=water, thermal_expansion=0.0, thermal_lag=1.0)
 
 
 class _Present:

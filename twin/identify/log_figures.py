@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import detrend, lfilter, savgol_filter
+from scipy.signal import detrend, savgol_filter
 
+from twin.identify.calibration import Array, Mask
 from twin.identify.comparison import rms
+from twin.identify.logged_missions import lagging
 from twin.identify.replayed_dive import PUMP_REST, Phase, ReplayedDive, Target, Turning
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 UNDER_WATER = 3.0
 """[m] above this a hull is in the waves or partly out of the water"""
@@ -53,8 +52,7 @@ LASTING = 0.7
 """Amplitude in the second half over that in the first; less, and it dies out"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FigureSamples:
+class FigureSamples(NamedTuple):
     """One leg of a flight, equally spaced; arrays are (time,)."""
 
     period: float
@@ -287,8 +285,8 @@ def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
         if use.sum() < LEAST_SAMPLES:
             continue
         rate = savgol_filter(heading, window, 2, deriv=1, delta=leg.period)[use]
-        behind = np.array([_lagging(turning, lag / leg.period) for lag in TURN_LAGS])
-        behind = savgol_filter(behind, window, 2)[:, use]
+        behind = [lagging(turning, lag / leg.period) if lag else turning for lag in TURN_LAGS]
+        behind = savgol_filter(np.array(behind), window, 2)[:, use]
         rates.append(rate - rate.mean())
         positions.append(behind - behind.mean(axis=1, keepdims=True))
     if not rates:
@@ -296,16 +294,6 @@ def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
     fits = [_fit(np.concatenate(rates), one) for one in np.concatenate(positions, axis=1)]
     slope, correlation = max(fits, key=lambda fit: abs(fit[1]))
     return slope if abs(correlation) >= LEAST_CORRELATION else None
-
-
-def _lagging(position: Array, lag: float) -> Array:
-    """A position through a first-order lag of so many samples, which begins settled."""
-    if lag == 0.0:
-        return position
-    share = 1.0 - np.exp(-1.0 / lag)
-    begin = [position[0] * (1.0 - share)]
-    behind, _ = lfilter([share], [1.0, share - 1.0], position, zi=begin)
-    return np.asarray(behind)
 
 
 def _fit(rate: Array, position: Array) -> tuple[float, float]:

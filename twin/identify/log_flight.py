@@ -11,9 +11,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError, SimulationUnstable
+from twin.identify.calibration import Array
+from twin.identify.logged_missions import layers
 from twin.identify.replayed_dive import DivePiece, ReplayedDive, Target, Turning
 from twin.mission import Mission
 from twin.mission.controller import (
@@ -37,8 +38,6 @@ from twin.physics.stiffness import file_timestep
 from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
-
-Array = NDArray[np.float64]
 
 SHALLOWEST = 2.0
 """[m] where a twin starts and where its climbs end: nearer the surface its hull breaks it"""
@@ -190,14 +189,15 @@ def legs_flown(dive: ReplayedDive, trajectory: Trajectory) -> Array:
 
 def water_of(dive: ReplayedDive) -> DensityProfile:
     """The water over depth: medians of the log's in bins of depth."""
-    bins = np.maximum(np.round(dive.depth / BIN), 0).astype(int)
-    used = np.unique(bins[dive.measured]) if dive.measured.any() else np.unique(bins)
-    columns = [np.array([np.median(one[bins == k]) for k in used]) for one in dive.water]
-    density, temperature, salinity = (*columns, None, None)[:3]
-    assert density is not None
-    return DensityProfile(
-        depth=used * BIN, values=density, temperature=temperature, salinity=salinity
-    )
+    depths, density = layers(dive.depth, dive.water[0], BIN)
+    columns = [density, *(layers(dive.depth, one, BIN)[1] for one in dive.water[1:])]
+    if dive.measured.any():
+        there = np.isin(
+            depths, layers(dive.depth[dive.measured], dive.depth[dive.measured], BIN)[0]
+        )
+        depths, columns = depths[there], [one[there] for one in columns]
+    names = ("values", "temperature", "salinity")
+    return DensityProfile(depth=depths, **dict(zip(names, columns, strict=False)))
 
 
 FlownTurn = tuple[ReplayedDive, Trajectory, Array]

@@ -1,4 +1,7 @@
-"""Logged missions: what identification reads of each mission of a store, checked and filtered."""
+"""Logged missions: what identification reads of each mission of a store, checked and filtered.
+
+A store also says which shipped vehicle suits it.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,12 @@ from scipy.signal import lfilter, savgol_filter
 
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import REFERENCE_TEMPERATURE, Array, Mask
+from twin.records.attributes import PLATFORM, SOURCE_FORMAT
 from twin.records.logged import log_rows
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
+from twin.vehicle.presets import vehicle_names
+from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 
 NEEDED = ("measured_depth", "measured_pitch", "measured_roll", "measured_heading", "measured_pump")
 OPTIONAL = (
@@ -34,6 +40,12 @@ DIVE_DEPTH = 8.0
 """[m] a mission that stays above this holds no dive."""
 MAX_PITCH = 80.0
 """[degree] beyond which no glide is."""
+
+SHALLOW_SLOCUM = {"measured_depth": 230.0, "measured_pump": 245.0}
+"""[m], [cm3] beyond which a 200 m Slocum with its ballast pump does not go; deep ones have an oil
+pump of 260 cm3 either way."""
+KINDS = ("seaglider", "seaexplorer", "spray", "slocum")
+"""Kinds of glider, as formats and platforms of logs call them."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,10 +110,7 @@ class Log(Record):
         """Temperature of the hull above the reference [K], `lag` [s] behind the water's."""
         if self.temperature is None:
             return np.zeros_like(self.depth)
-        share = 1.0 - np.exp(-self.period / lag)
-        start = [self.temperature[0] * (1.0 - share)]
-        hull, _ = lfilter([share], [1.0, share - 1.0], self.temperature, zi=start)
-        return hull - REFERENCE_TEMPERATURE
+        return lagging(self.temperature, lag / self.period) - REFERENCE_TEMPERATURE
 
 
 def check_channels(store: MissionStore, task: str = "identification") -> None:
@@ -272,6 +281,13 @@ def log_of(
     )
 
 
+def lagging(values: Array, samples: float) -> Array:
+    """Values (time,) through a first-order lag of so many samples, which begins settled."""
+    share = 1.0 - np.exp(-1.0 / samples)
+    start = [values[0] * (1.0 - share)]
+    return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
+
+
 def layers(depth: Array, values: Array, thickness: float) -> tuple[Array, Array]:
     """Depths [m] of the layers that a record passes, and the medians of its values in each."""
     numbers = np.maximum(np.round(depth / thickness), 0).astype(int)
@@ -311,3 +327,82 @@ def body_rates(roll: Array, pitch: Array, d_roll: Array, d_pitch: Array, d_headi
             -np.sin(roll) * d_pitch + np.cos(roll) * np.cos(pitch) * d_heading,
         ]
     )
+
+
+def start_vehicle(store: str | StorePath) -> Vehicle:
+    """The vehicle file that suits a store: a simulated one's own, else that of the log's kind.
+
+    Raises:
+      StoreError: no such store, or a log of an unknown kind that no flight model can read.
+      InputError: the log does not say which kind of glider it is of.
+    """
+    with MissionStore(store) as found:
+        driven = any(f"{said}_propeller" in found for said in ("measured", "commanded"))
+        if driven and not found.says_vehicle:
+            raise InputError(
+                f"store {store} is of a vehicle under a propeller and does not say which: give "
+                "--vehicle, such as remus or tethys, or the path of its own file"
+            )
+        if not found.logged:
+            flown = found.vehicle
+            return parse_vehicle(flown.xml, flown.path)
+        kind = _kind(found)
+        if kind is None:
+            check_channels(found, "a flight model")  # no --vehicle helps a log without them
+            source, platform = _said(found)
+            raise InputError(
+                f"store {store} does not say which glider it is of "
+                f"(source_format {source!r}, platform {platform!r}); give --vehicle, such as "
+                f"{', '.join(KINDS[:2])} or slocum-200"
+            )
+        return load_vehicle(_slocum(found) if kind == "slocum" else kind)
+
+
+def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
+    """A warning if a vehicle is of another kind than the log, both as they say; empty if not.
+
+    A vehicle made from a shipped file still has its model's name; of other names nothing is known.
+
+    Args:
+      kind: of the logs in `store`, as `factory import` calls it, where that is no store yet.
+
+    Raises:
+      StoreError: no such store.
+    """
+    flown = _glider(kind)
+    if not kind:
+        with MissionStore(store) as found:
+            flown = _kind(found) if found.logged else None
+    model = vehicle.model
+    if flown is None or model not in vehicle_names() or flown in model:
+        return ""
+    return (
+        f"vehicle {vehicle.name} ({model}) is of another kind than that of the log {store} "
+        f"({flown}): it did not fly these dives; give --vehicle of the log's kind"
+    )
+
+
+def _said(store: MissionStore) -> list[str]:
+    """Format and platform of a log."""
+    return [str(store.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
+
+
+def _kind(store: MissionStore) -> str | None:
+    """Kind of the glider, as a log says; None where it does not."""
+    return _glider(*_said(store))
+
+
+def _glider(*said: str) -> str | None:
+    return next((k for text in said for k in KINDS if k in text.lower()), None)
+
+
+def _slocum(store: MissionStore) -> str:
+    """The shallow one with a ballast pump, or the deep one with an oil pump."""
+    largest = 0.0
+    for name, limit in SHALLOW_SLOCUM.items():
+        if name in store:
+            values = np.abs(store.rows(name, range(len(store))))
+            known = values[np.isfinite(values)]
+            if known.size:
+                largest = max(largest, float(np.percentile(known, 99.5)) / limit)
+    return "slocum-1000" if largest > 1.0 else "slocum-200"

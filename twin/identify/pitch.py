@@ -83,43 +83,28 @@ def _with_pump(calibration: Calibration, x: float) -> Calibration:
     return calibration.with_vehicle(**{pump.name: {"position": (x, *pump.position[1:])}})
 
 
+# fmt: off
 PITCHING = (
+    # encoders are zeroed in the workshop: in effect free
     UnknownParameter(
-        name="shift_offset",
-        unit="mm",
-        meaning="battery position less the vehicle file's, at encoder zero",
-        spread=100.0,  # encoders are zeroed in the workshop: in effect free
-        get=lambda c: c.vehicle.battery.neutral_x / MILLI,
-        set=lambda c, x: c.with_vehicle(battery={"neutral_x": MILLI * x}),
-    ),
+        "shift_offset", "mm", "battery position less the vehicle file's, at encoder zero",
+        100.0, lambda c: c.vehicle.battery.neutral_x / MILLI,
+        lambda c, x: c.with_vehicle(battery={"neutral_x": MILLI * x})),
+    # trimmed with lead: 3 to 8 mm
     UnknownParameter(
-        name="righting_arm",
-        unit="mm",
-        meaning="centre of gravity below the centre of buoyancy",
-        spread=0.5,  # trimmed with lead: 3 to 8 mm
-        logarithmic=True,
-        get=lambda c: righting_arm(c) / MILLI,
-        set=lambda c, x: with_righting_arm(c, MILLI * x),
-    ),
+        "righting_arm", "mm", "centre of gravity below the centre of buoyancy",
+        0.5, lambda c: righting_arm(c) / MILLI,
+        lambda c, x: with_righting_arm(c, MILLI * x), logarithmic=True),
+    # nose of a Slocum 0.6 m forward, bladder of a Seaglider as far aft
     UnknownParameter(
-        name="pump_position",
-        unit="m",
-        meaning="pumped volume forward of the centre of buoyancy",
-        spread=0.5,  # nose of a Slocum 0.6 m forward, bladder of a Seaglider as far aft
-        get=lambda c: pump_of(c).position[0],
-        set=_with_pump,
-    ),
+        "pump_position", "m", "pumped volume forward of the centre of buoyancy",
+        0.5, lambda c: pump_of(c).position[0], _with_pump),
     of_law(
-        field="pitch_moment",
-        place=1,
-        scale=munk_pitch,
-        name="pitch_moment",
-        unit="1",
-        meaning="pitch moment of angle of attack, K_M, over the Munk moment: -1 cancels it",
-        spread=0.5,
-        channel="density",
-    ),
+        "pitch_moment", "1",
+        "pitch moment of angle of attack, K_M, over the Munk moment: -1 cancels it",
+        0.5, "pitch_moment", 1, munk_pitch, channel="density"),
 )
+# fmt: on
 """Parameters that a twin needs to pitch as the log does."""
 NAMES = tuple(p.name for p in PITCHING)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Container
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -41,8 +41,7 @@ PUMP_STILL = 6
 """samples around one that a pump at rest stays within as much"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class HeadingLeg:
+class HeadingLeg(NamedTuple):
     """A descent or a climb: samples `first` to `last`."""
 
     first: int
@@ -147,8 +146,7 @@ def turning_of(vehicle: Vehicle, names: Container[str]) -> Turning | None:
     )
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class DivePiece:
+class DivePiece(NamedTuple):
     """A part of a leg with one heading target and one position of the pump."""
 
     last: int
@@ -159,8 +157,7 @@ class DivePiece:
     """[cm3]"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Target:
+class Target(NamedTuple):
     """Pitch, pump, turning depth and headings that a leg was flown by."""
 
     leg: HeadingLeg
@@ -173,8 +170,7 @@ class Target:
     pieces: tuple[DivePiece, ...]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ReplayedDive:
+class ReplayedDive(NamedTuple):
     """One row of a store of logs; arrays are (time,)."""
 
     row: int

@@ -15,8 +15,8 @@ and the glide that turns are linearised about.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,8 @@ from twin.identify.logged_missions import Log
 from twin.identify.pitch import Pitches
 from twin.identify.speed import FlightModel, horizontal, motions_of, steady_parts
 from twin.identify.translation import ABREAST, Translation
-from twin.identify.turning_fit import Turns, biases_beside, channel_of
-from twin.identify.turning_windows import groups_of, windows_of
+from twin.identify.turning_fit import Turns, biases_beside
+from twin.identify.turning_windows import channel_of, groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
 
 LEAST_PAIRS = 6
@@ -123,8 +123,7 @@ class DepthRates(Comparison):
         return [current[k] - current[k - 1] for k in self.pairs]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class DiveResiduals:
+class DiveResiduals(NamedTuple):
     """Residuals of dives near a calibration, and their slopes."""
 
     unknowns: tuple[str, ...]
@@ -175,7 +174,7 @@ def dive_residuals(
             if len(one.values):
                 jacobian = np.zeros((len(one.values), len(unknowns)))
                 jacobian[:, own] = one.jacobian
-                channels[name] = dataclasses.replace(one, jacobian=jacobian)
+                channels[name] = one._replace(jacobian=jacobian)
     return DiveResiduals(unknowns=unknowns, channels=channels)
 
 

@@ -23,7 +23,7 @@ from twin.identify.comparison import correlation_samples, rms, robust_scale
 from twin.identify.logged_missions import Log, gliding, layers
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.speed import density_of, motion_of
-from twin.identify.turning_fit import channel_of
+from twin.identify.turning_windows import channel_of
 from twin.identify.unknowns import UnknownParameter, choose
 from twin.mission.controller import Schedule
 from twin.physics.fleet import Fleet
@@ -60,8 +60,7 @@ DENSITY_STEP = 2.0
 """[m] of the density profile taken from the log."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Refinement:
+class Refinement(NamedTuple):
     """The identification with the twin's answers in place of the flight model's."""
 
     identification: Identification
@@ -147,10 +146,15 @@ def refine(
             "with any place of battery, pump and centre of gravity near those of vehicle "
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
+    covariance = np.asarray(np.linalg.inv(hessian), float)
+    refined = [
+        IdentifiedParameter.of(p, flight.nominal, final, float(off), True)
+        for p, off in zip(parameters, np.sqrt(np.diag(covariance)), strict=True)
+    ]
+    # correlations of the flight model's fit are not those of the twin
+    alone = dataclasses.replace(flight, model="twin", correlation=np.eye(len(flight.determined)))
     return Refinement(
-        identification=_merged(
-            flight, final, parameters, np.asarray(np.linalg.inv(hessian), float)
-        ),
+        identification=alone.with_estimates(final, refined, covariance),
         flight=flight,
         depth_rate_rmse=rms(np.concatenate(rates)),
         pitch_rmse=pitch_rmse,
@@ -284,40 +288,3 @@ def _scale(series: list[Array], period: float, least: float) -> float:
     samples = correlation_samples(series, round(WINDOWS_S[0] / period))
     length = float(np.mean([len(s) for s in series]))
     return float(max(scale * np.sqrt(samples), least * np.sqrt(length)))
-
-
-def _merged(
-    flight: Identification,
-    calibration: Calibration,
-    parameters: tuple[UnknownParameter, ...],
-    covariance: Array,
-) -> Identification:
-    """The flight model's identification with the refined estimates in their places."""
-    deviation = np.sqrt(np.diag(covariance))
-    refined = {
-        p.name: IdentifiedParameter.of(
-            p,
-            nominal=float(p.get(flight.nominal)),
-            value=p.get(calibration),
-            deviation=float(off),
-            determined=True,
-        )
-        for p, off in zip(parameters, deviation, strict=True)
-    }
-    kept = {e.name: refined.get(e.name, e) for e in flight.estimates}
-    estimates = tuple((kept | refined).values())
-    names = list(refined)
-    known = [e.name for e in estimates if e.determined]
-    both = [k for k, name in enumerate(known) if name in names]
-    mine = [names.index(known[k]) for k in both]
-    correlation = np.eye(len(known))
-    correlation[np.ix_(both, both)] = (covariance / np.outer(deviation, deviation))[
-        np.ix_(mine, mine)
-    ]
-    return dataclasses.replace(
-        flight,
-        calibration=calibration,
-        model="twin",
-        estimates=estimates,
-        correlation=correlation,
-    )

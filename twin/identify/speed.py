@@ -1,8 +1,12 @@
-"""Speed: the velocity through the water that a calibrated vehicle had in a log."""
+"""Speed: the velocity through the water that a calibrated vehicle had in a log.
+
+In steady flight the forces are in balance at every sample.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -10,11 +14,13 @@ from typing import Literal
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
+from twin.compiled import jit
 from twin.errors import InputError, unknown_name
 from twin.identify.calibration import Array, Calibration, Mask, load_calibration
 from twin.identify.logged_missions import AFLOAT, Log, load_logs
-from twin.identify.start_values import balance
 from twin.identify.translation import AttitudeFlight, Translation, Velocity, fly
+from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.vehicle import Vehicle
 
 FlightModel = Literal["flight", "steady"]
 MODELS: tuple[FlightModel, ...] = ("flight", "steady")
@@ -235,3 +241,90 @@ def estimate_speed(
     """
     calibration = vehicle if isinstance(vehicle, Calibration) else load_calibration(vehicle)
     return estimate(load_logs(store, [row])[0], calibration, model)
+
+
+ITERATIONS = 30
+"""of the fixed point, whose error shrinks by 2 K_D alpha / (K_alpha tan(path angle)) each, below
+0.3 for paths steeper than 15 deg."""
+
+
+def net_mass(vehicle: Vehicle, pump: Array, depth: Array) -> Array:
+    """Net buoyancy mass [kg], + = heavy, that the nominal vehicle has; pump in cm3, depth in m."""
+    pressure = vehicle.reference_density * vehicle.gravity * depth
+    volume = (vehicle.neutral_volume + CUBIC_CM * pump) * (
+        1.0 - vehicle.hull_compressibility * pressure
+    )
+    return vehicle.mass - vehicle.reference_density * volume
+
+
+def balance(
+    vehicle: Vehicle, net: Array, roll: Array, pitch: Array, rates: Array
+) -> tuple[Array, Array, Array, Mask]:
+    """The steady motion at each sample.
+
+    Args:
+      net: net buoyancy mass [kg], (time,).
+      roll, pitch: [rad], (time,).
+      rates: roll, pitch and yaw rate [rad/s], body FRD, (3, time).
+
+    Returns:
+      Speed [m/s], angle of attack and sideslip [rad], and where there is such a motion (bool):
+      elsewhere the weight does not pull along the hull, as at an inflection. Each (time,).
+    """
+    law = vehicle.flow_frame
+    inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
+    speed, alpha, beta = (np.zeros(len(pitch)) for _ in range(3))
+    gliding: Mask = np.zeros(len(pitch), bool)
+    coefficients = np.array([*law.drag[:2], *law.lift[:2], law.side_force[0], law.blend_angle])
+    _balance(
+        vehicle.gravity * np.asarray(net, float), np.asarray(roll, float), np.asarray(pitch, float),
+        np.asarray(rates, float), inertia, coefficients, speed, alpha, beta, gliding,
+    )  # fmt: skip
+    return speed, alpha, beta, gliding
+
+
+@jit
+def _balance(  # type: ignore[no-untyped-def]
+    pull, roll, pitch, rates, inertia, coefficients, speed, alpha, beta, gliding
+):
+    """The fixed point of each sample, into the last four; `pull` [N] is gravity's on the net mass.
+
+    coefficients: K_D0, K_D, K_L0, K_alpha, K_beta and the largest angle [rad].
+    """
+    drag_0, drag = coefficients[0], coefficients[1]
+    lift_0, lift = coefficients[2], coefficients[3]
+    side_force, limit = coefficients[4], coefficients[5]
+    momentum, velocity = np.empty(3), np.empty(3)
+    for k in range(len(pitch)):
+        down_x = -math.sin(pitch[k])
+        down_y = math.cos(pitch[k]) * math.sin(roll[k])
+        down_z = math.cos(pitch[k]) * math.cos(roll[k])
+        p, q, r = rates[0, k], rates[1, k], rates[2, k]
+        v, a, b, pulled = 0.0, 0.0, 0.0, False
+        for _ in range(ITERATIONS):
+            c_a, s_a, c_b, s_b = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
+            velocity[0], velocity[1], velocity[2] = v * c_a * c_b, v * s_b, v * s_a * c_b
+            for i in range(3):
+                momentum[i] = 0.0
+                for j in range(3):
+                    momentum[i] += inertia[i, j] * velocity[j]
+            x = pull[k] * down_x + momentum[1] * r - momentum[2] * q
+            y = pull[k] * down_y + momentum[2] * p - momentum[0] * r
+            z = pull[k] * down_z + momentum[0] * q - momentum[1] * p
+            # Rows of R_BC^T (Zhang et al. 2013).
+            along = c_a * c_b * x + s_b * y + s_a * c_b * z
+            side = -c_a * s_b * x + c_b * y - s_a * s_b * z
+            normal = -s_a * x + c_a * z
+            before = v, a, b
+            pulled = along > 0.0
+            if pulled:
+                square = along / (drag_0 + drag * a * a)
+                v = math.sqrt(square)
+                a = min(max((normal / square - lift_0) / lift, -limit), limit)
+                b = min(max(-side / square / side_force, -limit), limit)
+            else:
+                v, a, b = 0.0, 0.0, 0.0
+            if (v, a, b) == before:
+                break
+        speed[k], alpha[k], beta[k] = v, a, b
+        gliding[k] = pulled and abs(a) < limit and abs(b) < limit

@@ -11,23 +11,31 @@ fitted coefficients are numbers of the vehicle's own size.
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from twin.compiled import jit
 from twin.identify.calibration import Array, Calibration
 from twin.identify.comparison import ComparedQuantity, Comparison, Fitted
 from twin.identify.linear_motion import Lateral, linearised, turning_part
 from twin.identify.logged_missions import Log
 from twin.identify.pitch import battery_moment, righting_arm, with_righting_arm
-from twin.identify.turning_windows import Group, TurningWindow, averaged, groups_of, windows_of
+from twin.identify.turning_windows import (
+    Group,
+    TurningWindow,
+    averaged,
+    channel_of,
+    felt,
+    groups_of,
+    rolls,
+    windows_of,
+    yaw_rates,
+)
 from twin.identify.unknowns import UnknownParameter, of_law
-from twin.vehicle.parts import BatteryHinge, Fin
 
 LEAST_WINDOWS = 3
 """of a phase: with fewer its turns are not known"""
@@ -81,88 +89,50 @@ def _with_lift_slope(calibration: Calibration, value: float) -> Calibration:
     return calibration.with_vehicle(**{part.name: {"lift_slope": value}})
 
 
+# fmt: off
 TURNING = (
+    # hulls with and without a large fin
     of_law(
-        field="side_force",
-        scale=lambda c: -1.0,
-        name="side_force",
-        unit="kg m-1 rad-1",
-        meaning="side force of sideslip, -K_beta",
-        spread=0.4,  # hulls with and without a large fin
-        logarithmic=True,
-    ),
+        "side_force", "kg m-1 rad-1", "side force of sideslip, -K_beta",
+        0.4, "side_force", scale=lambda c: -1.0, logarithmic=True),
     of_law(
-        field="yaw_moment",
-        scale=munk_moment,
-        name="yaw_moment",
-        unit="1",
-        meaning="yaw moment of sideslip, K_MY, over the Munk moment: above 1 the fin wins",
-        spread=0.5,
-    ),
+        "yaw_moment", "1",
+        "yaw moment of sideslip, K_MY, over the Munk moment: above 1 the fin wins",
+        0.5, "yaw_moment", scale=munk_moment),
+    # 0.2 of the Munk moment at 3 deg
     of_law(
-        field="yaw_moment_lift",
-        scale=munk_moment,
-        name="yaw_moment_lift",
-        unit="rad-1",
-        meaning="part of the yaw moment of sideslip that is odd in lift, over the Munk moment",
-        spread=4.0,  # 0.2 of the Munk moment at 3 deg
-    ),
+        "yaw_moment_lift", "rad-1",
+        "part of the yaw moment of sideslip that is odd in lift, over the Munk moment",
+        4.0, "yaw_moment_lift", scale=munk_moment),
     of_law(
-        field="yaw_moment",
-        place=1,
-        scale=lambda c: -1.0,
-        name="yaw_damping",
-        unit="kg s rad-1",
-        meaning="yaw moment of yaw rate, -K_r",
-        spread=0.6,
-        logarithmic=True,
-    ),
+        "yaw_damping", "kg s rad-1", "yaw moment of yaw rate, -K_r",
+        0.6, "yaw_moment", 1, lambda c: -1.0, logarithmic=True),
     of_law(
-        field="roll_moment",
-        scale=_side_scale,
-        name="roll_moment",
-        unit="1",
-        meaning="roll moment of sideslip, K_MR, over that of its side force half a diameter up",
-        spread=3.0,
-    ),
+        "roll_moment", "1",
+        "roll moment of sideslip, K_MR, over that of its side force half a diameter up",
+        3.0, "roll_moment", scale=_side_scale),
     of_law(
-        field="roll_moment_lift",
-        scale=_side_scale,
-        name="roll_moment_lift",
-        unit="rad-1",
-        meaning="part of the roll moment of sideslip that is odd in lift, over the same",
-        spread=10.0,
-    ),
+        "roll_moment_lift", "rad-1",
+        "part of the roll moment of sideslip that is odd in lift, over the same",
+        10.0, "roll_moment_lift", scale=_side_scale),
+    # a rudder's neutral position says the same
     UnknownParameter(
-        name="yaw_moment_offset",
-        unit="degree",
-        meaning="yaw moment of the hull without sideslip, as the sideslip with such a Munk moment",
-        spread=3.0,
-        channel="rotation",  # a rudder's neutral position says the same
-        get=lambda c: math.degrees(own_sideslip(c)),
-        set=lambda c, x: c.with_vehicle(yaw_moment_offset=(math.radians(x) * munk_moment(c),)),
-    ),
+        "yaw_moment_offset", "degree",
+        "yaw moment of the hull without sideslip, as the sideslip with such a Munk moment",
+        3.0, lambda c: math.degrees(own_sideslip(c)),
+        lambda c, x: c.with_vehicle(yaw_moment_offset=(math.radians(x) * munk_moment(c),)),
+        channel="rotation"),
     UnknownParameter(
-        name="roll_authority",
-        unit="1",
-        meaning="first moment of the turning battery over that which rights the vehicle",
-        spread=0.7,
-        logarithmic=True,
-        channel="rotation",
-        get=lambda c: battery_moment(c) / (c.vehicle.mass * righting_arm(c)),
-        set=_with_authority,
-    ),
+        "roll_authority", "1",
+        "first moment of the turning battery over that which rights the vehicle",
+        0.7, lambda c: battery_moment(c) / (c.vehicle.mass * righting_arm(c)), _with_authority,
+        logarithmic=True, channel="rotation"),
     UnknownParameter(
-        name="rudder",
-        unit="rad-1",
-        meaning="lift slope of the rudder",
-        spread=0.5,
-        logarithmic=True,
-        channel="fin",
-        get=lambda c: getattr(turning_part(c.vehicle), "lift_slope", math.nan),
-        set=_with_lift_slope,
-    ),
+        "rudder", "rad-1", "lift slope of the rudder",
+        0.5, lambda c: getattr(turning_part(c.vehicle), "lift_slope", math.nan), _with_lift_slope,
+        logarithmic=True, channel="fin"),
 )
+# fmt: on
 """Parameters that a twin needs to turn as the log does."""
 
 BIASES = ("yaw_bias", "roll_offset")
@@ -177,74 +147,6 @@ BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 def biases_beside(names: Collection[str]) -> tuple[str, ...]:
     """Members of BIASES that are fitted beside parameters of these names."""
     return BIASES[1:] if "yaw_moment_offset" in names else BIASES
-
-
-def channel_of(calibration: Calibration) -> str | None:
-    """The log's channel of the turning part: "rotation", "fin", or None."""
-    part = turning_part(calibration.vehicle)
-    if isinstance(part, BatteryHinge):
-        return "rotation"
-    return "fin" if isinstance(part, Fin) else None
-
-
-def yaw_rates(
-    group: Group, lateral: Lateral, position: Array, yaw: float, roll_offset: float
-) -> Array:
-    """Yaw rate [rad/s] that the group's rolls and turning part give, (samples, windows).
-
-    Args:
-      position: of the turning part, as a linear model feels it.
-      yaw: constant yaw moment [N m]. roll_offset: the roll sensor's zero [rad].
-    """
-    step, response = lateral.turned_by_roll(group.period)
-    roll = np.sin(group.roll - roll_offset)
-    inputs = np.stack([roll, group.slope, position, np.full_like(roll, yaw)], axis=-1)
-    driven = 0.5 * (inputs[1:] + inputs[:-1]) @ response.T
-    state = np.linalg.solve(np.eye(2) - step, response @ inputs[0].T).T
-    return _march(step, np.ascontiguousarray(driven), np.ascontiguousarray(state), 1)
-
-
-def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
-    """Roll [rad] that the battery's positions give, (samples, windows)."""
-    step, response = lateral.rolled_by_part(group.period)
-    driven = 0.5 * (position[1:] + position[:-1])[..., None] * response[:, 0]
-    state = np.linalg.solve(np.eye(4) - step, response[:, :1] * position[0]).T
-    return np.arctan(_march(step, driven, np.ascontiguousarray(state), 3))
-
-
-@jit
-def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
-    """One state of x(k + 1) = step x(k) + driven(k), (samples, windows).
-
-    Number by number: numba takes seconds to compile what puts one array into another.
-    """
-    samples, windows, n = driven.shape
-    out = np.empty((samples + 1, windows))
-    x, y = np.empty(n), np.empty(n)
-    for w in range(windows):
-        for i in range(n):
-            x[i] = state[w, i]
-        out[0, w] = x[which]
-        for k in range(samples):
-            for i in range(n):
-                y[i] = driven[k, w, i]
-                for j in range(n):
-                    y[i] += step[i, j] * x[j]
-            for i in range(n):
-                x[i] = y[i]
-            out[k + 1, w] = x[which]
-    return out
-
-
-def felt(calibration: Calibration, position: Array) -> Array:
-    """The position as the linear model feels it: of a hinge, the rotation whose small rolls would
-    be the tangent of the true ones, (a + b cos x) tan(roll) = -b sin x; of a rudder, itself."""
-    if channel_of(calibration) != "rotation":
-        return position
-    vehicle = calibration.vehicle
-    whole = vehicle.mass * righting_arm(calibration)
-    raised = battery_moment(calibration) * (1.0 - np.cos(position))
-    return whole * np.sin(position) / (whole - raised)
 
 
 class Turns(Comparison):
@@ -392,8 +294,7 @@ def _windows(group: Group, values: Array) -> list[Array]:
     return [values[group.used[:, k], k] for k in range(len(group.windows))]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class TurningFit:
+class TurningFit(NamedTuple):
     """Result of a fit of a log's turns."""
 
     fitted: Fitted
@@ -466,7 +367,7 @@ def _turned(
         groups = groups_of(windows, channel, neutral)
         calibration = _resting(calibration, part.name, neutral)
         flown = _resting(fitted.calibration, part.name, neutral)
-        fitted = dataclasses.replace(fitted, calibration=flown)
+        fitted = fitted._replace(calibration=flown)
     sure = all(turns.worse_without(x, k, bounds) > SURE for k in own)
     return TurningFit(
         fitted=fitted,

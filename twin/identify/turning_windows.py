@@ -1,4 +1,7 @@
-"""Windows: the steady parts of a log in which its turns are compared, by phase and speed."""
+"""Windows: the steady parts of a log in which its turns are compared, by phase and speed.
+
+The lateral motion about a glide turns and rolls the vehicle in each of them.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.compiled import jit
 from twin.identify.calibration import Array, Calibration
-from twin.identify.linear_motion import Glide
+from twin.identify.linear_motion import Glide, Lateral, turning_part
 from twin.identify.logged_missions import Log
+from twin.identify.pitch import battery_moment, righting_arm
 from twin.identify.speed import motion_of, net_mass_of, steady_parts
 from twin.identify.translation import Translation
+from twin.vehicle.parts import BatteryHinge, Fin
 
 LONGEST, SHORTEST = 900.0, 100.0
 """[s] of one window: longer ones are cut, shorter ones left out."""
@@ -191,3 +197,71 @@ def averaged(values: Array, n: int) -> Array:
     """Means of `n` samples, (averages, windows), of (samples, windows); a rest at the end goes."""
     whole = len(values) // n * n
     return values[:whole].reshape(-1, n, values.shape[1]).mean(axis=1)
+
+
+def channel_of(calibration: Calibration) -> str | None:
+    """The log's channel of the turning part: "rotation", "fin", or None."""
+    part = turning_part(calibration.vehicle)
+    if isinstance(part, BatteryHinge):
+        return "rotation"
+    return "fin" if isinstance(part, Fin) else None
+
+
+def yaw_rates(
+    group: Group, lateral: Lateral, position: Array, yaw: float, roll_offset: float
+) -> Array:
+    """Yaw rate [rad/s] that the group's rolls and turning part give, (samples, windows).
+
+    Args:
+      position: of the turning part, as a linear model feels it.
+      yaw: constant yaw moment [N m]. roll_offset: the roll sensor's zero [rad].
+    """
+    step, response = lateral.turned_by_roll(group.period)
+    roll = np.sin(group.roll - roll_offset)
+    inputs = np.stack([roll, group.slope, position, np.full_like(roll, yaw)], axis=-1)
+    driven = 0.5 * (inputs[1:] + inputs[:-1]) @ response.T
+    state = np.linalg.solve(np.eye(2) - step, response @ inputs[0].T).T
+    return _march(step, np.ascontiguousarray(driven), np.ascontiguousarray(state), 1)
+
+
+def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
+    """Roll [rad] that the battery's positions give, (samples, windows)."""
+    step, response = lateral.rolled_by_part(group.period)
+    driven = 0.5 * (position[1:] + position[:-1])[..., None] * response[:, 0]
+    state = np.linalg.solve(np.eye(4) - step, response[:, :1] * position[0]).T
+    return np.arctan(_march(step, driven, np.ascontiguousarray(state), 3))
+
+
+@jit
+def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
+    """One state of x(k + 1) = step x(k) + driven(k), (samples, windows).
+
+    Number by number: numba takes seconds to compile what puts one array into another.
+    """
+    samples, windows, n = driven.shape
+    out = np.empty((samples + 1, windows))
+    x, y = np.empty(n), np.empty(n)
+    for w in range(windows):
+        for i in range(n):
+            x[i] = state[w, i]
+        out[0, w] = x[which]
+        for k in range(samples):
+            for i in range(n):
+                y[i] = driven[k, w, i]
+                for j in range(n):
+                    y[i] += step[i, j] * x[j]
+            for i in range(n):
+                x[i] = y[i]
+            out[k + 1, w] = x[which]
+    return out
+
+
+def felt(calibration: Calibration, position: Array) -> Array:
+    """The position as the linear model feels it: of a hinge, the rotation whose small rolls would
+    be the tangent of the true ones, (a + b cos x) tan(roll) = -b sin x; of a rudder, itself."""
+    if channel_of(calibration) != "rotation":
+        return position
+    vehicle = calibration.vehicle
+    whole = vehicle.mass * righting_arm(calibration)
+    raised = battery_moment(calibration) * (1.0 - np.cos(position))
+    return whole * np.sin(position) / (whole - raised)

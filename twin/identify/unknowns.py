@@ -27,7 +27,7 @@ from twin.vehicle.vehicle import Vehicle
 DEGREE = math.pi / 180.0
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class UnknownParameter:
     """One quantity that identification can estimate."""
 
@@ -36,6 +36,8 @@ class UnknownParameter:
     meaning: str
     spread: float
     """Standard deviation known beforehand, in `unit`; of the logarithm where `logarithmic`."""
+    get: Callable[[Calibration], float]
+    set: Callable[[Calibration, float], Calibration]
     logarithmic: bool = False
     """Positive, known up to a factor."""
     least: float | None = None
@@ -48,8 +50,6 @@ class UnknownParameter:
     between fixes lift can be told; left-out dives tell a pitch offset. They do not tell lift and
     induced drag: what predicts depth rates better made the speed worse where a Doppler log told it
     (docs/howto/identify.md)."""
-    get: Callable[[Calibration], float]
-    set: Callable[[Calibration, float], Calibration]
 
     def at(self, calibration: Calibration, nominal: float, offset: float) -> Calibration:
         """The calibration with this parameter `offset` spreads away from `nominal`."""
@@ -67,18 +67,30 @@ class UnknownParameter:
 
 
 def of_law(
-    field: str, place: int = 0, scale: Callable[[Calibration], float] = lambda c: 1.0, **about: Any
-) -> UnknownParameter:
+    name: str, unit: str, meaning: str, spread: float, field: str, place: int = 0,
+    scale: Callable[[Calibration], float] = lambda c: 1.0, **about: Any,
+) -> UnknownParameter:  # fmt: skip
     """A coefficient of a glider's hull law, `field`[place], over a scale of the vehicle's own."""
+
+    def get(calibration: Calibration) -> float:
+        return float(getattr(calibration.vehicle.flow_frame, field)[place]) / scale(calibration)
 
     def put(calibration: Calibration, value: float) -> Calibration:
         numbers = list(getattr(calibration.vehicle.flow_frame, field))
         numbers[place] = value * scale(calibration)
         return calibration.with_vehicle(**{field: tuple(numbers)})
 
+    return UnknownParameter(name, unit, meaning, spread, get, put, **about)
+
+
+def of_sensor(
+    name: str, unit: str, meaning: str, spread: float, scale: float = 1.0, **about: Any
+) -> UnknownParameter:
+    """The calibration's own figure of this name, `scale` of whose units make one of `unit`."""
     return UnknownParameter(
-        get=lambda c: getattr(c.vehicle.flow_frame, field)[place] / scale(c), set=put, **about
-    )
+        name, unit, meaning, spread, lambda c: getattr(c, name) / scale,
+        lambda c, x: c.replace(**{name: x * scale}), **about,
+    )  # fmt: skip
 
 
 def _drag(calibration: Calibration) -> float:
@@ -116,130 +128,64 @@ def _cycle(index: int, text: str) -> UnknownParameter:
         return calibration.replace(heading_cycles=tuple(cycles))
 
     return UnknownParameter(
-        name=CYCLES[index],
-        unit="degree",
-        meaning=f"compass deviation with the {text}",
-        spread=_COMPASS_SPREAD,
-        channel="fixes",
-        get=lambda c: c.heading_cycles[index] / DEGREE,
-        set=put,
-    )
+        CYCLES[index], "degree", f"compass deviation with the {text}", _COMPASS_SPREAD,
+        lambda c: c.heading_cycles[index] / DEGREE, put, channel="fixes",
+    )  # fmt: skip
 
 
 _COMPASS_SPREAD = 3.0
 """[deg] deviation of a glider's compass after its own calibration, with 10 deg not unheard of."""
 
+# fmt: off
 PARAMETERS: tuple[UnknownParameter, ...] = (
+    # 0.5 % of the volume, more than the pump of any glider: in effect free
     UnknownParameter(
-        name="neutral_density",
-        unit="kg m-3",
-        meaning="density in which the vehicle is neutral at pump 0: the trim",
-        spread=5.0,  # 0.5 % of the volume, more than the pump of any glider: in effect free
-        get=lambda c: c.vehicle.reference_density,
-        set=lambda c, x: c.with_vehicle(reference_density=x),
-    ),
+        "neutral_density", "kg m-3", "density in which the vehicle is neutral at pump 0: the trim",
+        5.0, lambda c: c.vehicle.reference_density,
+        lambda c, x: c.with_vehicle(reference_density=x)),
+    # a factor of 2.7 either way: in effect free
     UnknownParameter(
-        name="drag",
-        unit="kg m-1",
-        meaning="parasite drag K_D0; lift, side force and induced drag keep their ratios to it",
-        spread=1.0,  # a factor of 2.7 either way: in effect free
-        logarithmic=True,
-        get=_drag,
-        set=_set_drag,
-    ),
+        "drag", "kg m-1",
+        "parasite drag K_D0; lift, side force and induced drag keep their ratios to it",
+        1.0, _drag, _set_drag, logarithmic=True),
+    # one vehicle file stands for hulls of 50 to 75 kg
     UnknownParameter(
-        name="mass",
-        unit="kg",
-        meaning="mass, and with it the volume whose buoyancy follows the water's density",
-        spread=0.3,  # one vehicle file stands for hulls of 50 to 75 kg
-        logarithmic=True,
-        channel="request",
-        get=lambda c: c.vehicle.mass,
-        set=_set_mass,
-    ),
+        "mass", "kg", "mass, and with it the volume whose buoyancy follows the water's density",
+        0.3, lambda c: c.vehicle.mass, _set_mass, logarithmic=True, channel="request"),
+    # published Slocum models: 48 and 62
     of_law(
-        field="lift",
-        place=1,
-        scale=_drag,
-        name="lift_ratio",
-        unit="rad-1",
-        meaning="lift slope over parasite drag, K_alpha / K_D0: the angle of attack",
-        spread=0.25,  # published Slocum models: 48 and 62
-        logarithmic=True,
-        channel="fixes",
-    ),
+        "lift_ratio", "rad-1", "lift slope over parasite drag, K_alpha / K_D0: the angle of attack",
+        0.25, "lift", 1, _drag, logarithmic=True, channel="fixes"),
+    # published Slocum models: 12 and 70
     of_law(
-        field="drag",
-        place=1,
-        scale=_drag,
-        name="induced_ratio",
-        unit="rad-2",
-        meaning="induced over parasite drag, K_D / K_D0",
-        spread=0.7,  # published Slocum models: 12 and 70
-        logarithmic=True,
-        channel="request",
-    ),
+        "induced_ratio", "rad-2", "induced over parasite drag, K_D / K_D0",
+        0.7, "drag", 1, _drag, logarithmic=True, channel="request"),
+    # metal hulls: 4 to 7
     UnknownParameter(
-        name="compressibility",
-        unit="1e-10 Pa-1",
-        meaning="relative volume that the hull loses per pressure",
-        spread=6.0,  # metal hulls: 4 to 7
-        least=0.0,
-        channel="pressure",
-        get=lambda c: 1e10 * c.vehicle.hull_compressibility,
-        set=lambda c, x: c.with_vehicle(hull_compressibility=1e-10 * x),
-    ),
-    UnknownParameter(
-        name="thermal_expansion",
-        unit="1e-6 K-1",
-        meaning="relative volume that the hull gains per temperature",
-        spread=20.0,  # aluminium 71, composites less
-        channel="temperature",
-        get=lambda c: 1e6 * c.thermal_expansion,
-        set=lambda c, x: c.replace(thermal_expansion=1e-6 * x),
-    ),
-    UnknownParameter(
-        name="thermal_lag",
-        unit="s",
-        meaning="time in which the hull follows the temperature of the water",
-        spread=0.7,
-        logarithmic=True,
-        channel="temperature",
-        get=lambda c: c.thermal_lag,
-        set=lambda c, x: c.replace(thermal_lag=x),
-    ),
-    UnknownParameter(
-        name="pitch_offset",
-        unit="degree",
-        meaning="true pitch less the sensor's",
-        spread=1.0,  # alignment of an attitude sensor in the hull
-        channel="dives",
-        get=lambda c: c.pitch_offset / DEGREE,
-        set=lambda c, x: c.replace(pitch_offset=x * DEGREE),
-    ),
-    UnknownParameter(
-        name="pitch_scale",
-        unit="1",
-        meaning="true pitch over the sensor's",
-        spread=0.1,  # a Slocum's sensor read 1.16 times its pitch (Merckelbach et al. 2019)
-        channel="dives",
-        get=lambda c: c.pitch_scale,
-        set=lambda c, x: c.replace(pitch_scale=x),
-    ),
-    UnknownParameter(
-        name="heading_offset",
-        unit="degree",
-        meaning="true heading less the compass', mean over all headings",
-        spread=_COMPASS_SPREAD,
-        channel="fixes",
-        get=lambda c: c.heading_offset / DEGREE,
-        set=lambda c, x: c.replace(heading_offset=x * DEGREE),
-    ),
+        "compressibility", "1e-10 Pa-1", "relative volume that the hull loses per pressure",
+        6.0, lambda c: 1e10 * c.vehicle.hull_compressibility,
+        lambda c, x: c.with_vehicle(hull_compressibility=1e-10 * x), least=0.0, channel="pressure"),
+    # aluminium 71, composites less
+    of_sensor(
+        "thermal_expansion", "1e-6 K-1", "relative volume that the hull gains per temperature",
+        20.0, 1e-6, channel="temperature"),
+    of_sensor(
+        "thermal_lag", "s", "time in which the hull follows the temperature of the water",
+        0.7, logarithmic=True, channel="temperature"),
+    # alignment of an attitude sensor in the hull
+    of_sensor(
+        "pitch_offset", "degree", "true pitch less the sensor's", 1.0, DEGREE, channel="dives"),
+    # a Slocum's sensor read 1.16 times its pitch (Merckelbach et al. 2019)
+    of_sensor("pitch_scale", "1", "true pitch over the sensor's", 0.1, channel="dives"),
+    of_sensor(
+        "heading_offset", "degree", "true heading less the compass', mean over all headings",
+        _COMPASS_SPREAD, DEGREE, channel="fixes"),
     _cycle(0, "cosine of the heading"),
     _cycle(1, "sine of the heading"),
     _cycle(2, "cosine of twice the heading"),
     _cycle(3, "sine of twice the heading"),
 )
+# fmt: on
 
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
 

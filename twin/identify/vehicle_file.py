@@ -29,8 +29,8 @@ from twin.identify.calibration import (
     REFERENCE_TEMPERATURE,
     SENSOR_NUMERIC,
     Calibration,
+    driven,
 )
-from twin.identify.driven_unknowns import driven
 from twin.physics.stiffness import file_timestep, stiffness_of
 from twin.records.storage.whole import whole_file
 from twin.vehicle.consumption import Consumption

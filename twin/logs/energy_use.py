@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.errors import InputError
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 from twin.logs.energy_timeline import (
     CHARGE,
     COULOMBS,

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.identify.calibration import Array, Calibration, load_calibration
-from twin.identify.logged_missions import check_channels, load_logs
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import check_channels, load_logs, start_vehicle
 from twin.logs.corrected_track import (
     SMOOTHER,
     DiveCurrent,

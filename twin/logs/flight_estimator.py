@@ -1,6 +1,6 @@
 """Flight estimators, an extension point, and the dives that they say were flown.
 
-The steady model has its forces in balance at every sample (`twin.identify.start_values`); the
+The steady model has its forces in balance at every sample (`twin.identify.speed`); the
 flight model integrates the three equations of translation (`twin.identify.translation`).
 """
 

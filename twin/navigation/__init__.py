@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
-    from twin.navigation.dead_reckoning import Ellipse as Ellipse
-    from twin.navigation.dead_reckoning import chi_squared as chi_squared
-    from twin.navigation.dead_reckoning import outline as outline
+    from twin.navigation.current.modes import Ellipse as Ellipse
+    from twin.navigation.current.modes import chi_squared as chi_squared
+    from twin.navigation.current.modes import outline as outline
     from twin.navigation.settings import sources as sources
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -2,13 +2,21 @@
 
 The paper's equations (2) and (3), with two repairs: heave is solved from the vertical row with the
 given surge and sway instead of from the depth rate alone, and the east row has its heave term.
-Integration is trapezoidal. What comes out is the track THROUGH THE WATER; the current is another
-matter, see `twin.navigation.dives`.
+Integration is trapezoidal. What comes out is the track THROUGH THE WATER. Angles are radians here;
+stores hold degrees, `AttitudeSeries.of` converts. Beside it stand averages, gaps and stays at the
+surface in measured channels, which several methods share.
 
-Angles are radians here; stores hold degrees, `AttitudeSeries.of` converts.
+A steady uniform current leaves no trace in relative sensors, so a track over ground is a track
+through the water plus an assumption about the current:
 
-Beside it stand averages, gaps and stays at the surface in measured channels, which several methods
-share, and the ellipse that a covariance of north and east is on a map.
+- `none`: the water stands still;
+- `previous`: the depth-averaged current of the dive before, as gliders fly;
+- `corrected`: the current of the dive itself, known after its end. The misclosure at the first fix
+  after the dive is spread linearly in time over the dive (a linear ramp; Tethys' post-processing
+  nudges its track to the fixes in the same way).
+
+The depth-averaged current of a dive is its misclosure over its duration: fix at the end, minus fix
+at the start, minus the track through the water in between (Eriksen et al. 2001).
 """
 
 from __future__ import annotations
@@ -16,12 +24,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
-from typing import Literal
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import InputError, StoreError
+from twin.errors import InputError, StoreError, unknown_name
 from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.vehicle.vehicle import Vehicle
 
@@ -272,52 +280,113 @@ def horizontal_error(track: Array, truth: Array) -> Array:
     return np.hypot(*(np.asarray(track) - np.asarray(truth)).T)
 
 
-def chi_squared(part: float) -> float:
-    """Squared Mahalanobis distance within which a part of the normal points of a plane lies.
+CurrentKnowledge = Literal["none", "previous", "corrected"]
+KNOWLEDGE: tuple[CurrentKnowledge, ...] = get_args(CurrentKnowledge)
 
-    The quantile of chi-squared with two degrees of freedom, -2 ln(1 - part).
+LEAST_DIVE_S = 300.0
+"""[s] without a fix that make a dive, as the vehicle's own software has it (twin.sensors.onboard);
+shorter gaps are missed fixes at the surface."""
+
+
+class Dive(NamedTuple):
+    """The time between two fixes that bracket a dive."""
+
+    start: int
+    """Sample of the last fix before it."""
+    end: int
+    """Sample of the first fix after it."""
+    start_fix: Array
+    """[m] north, east, (2,)"""
+    end_fix: Array
+    """[m] north, east, (2,)"""
+
+    @property
+    def span(self) -> slice:
+        """Its samples, both fixes included."""
+        return slice(self.start, self.end + 1)
+
+    def seconds(self, period: float) -> float:
+        """Duration [s]."""
+        return (self.end - self.start) * period
+
+
+def gps_fixes(signals: Signals) -> tuple[NDArray[np.intp], Array]:
+    """Samples with a fix, (n,), and the fixes north, east [m], (n, 2); empty without a GPS."""
+    names = ("measured_gps_north", "measured_gps_east")
+    if any(name not in signals for name in names):
+        return np.zeros(0, np.intp), np.zeros((0, 2))
+    fixes = np.stack([np.asarray(signals[name], np.float64) for name in names], axis=1)
+    index = np.flatnonzero(np.isfinite(fixes).all(axis=1))
+    return index, fixes[index]
+
+
+def find_dives(signals: Signals, period: float) -> list[Dive]:
+    """The dives of a mission that have a fix before and after, in order of time."""
+    index, fixes = gps_fixes(signals)
+    gaps = np.flatnonzero(np.diff(index) * period >= LEAST_DIVE_S)
+    return [
+        Dive(start=int(index[k]), end=int(index[k + 1]), start_fix=fixes[k], end_fix=fixes[k + 1])
+        for k in gaps
+    ]
+
+
+def depth_averaged_current(dive: Dive, water_track: Array, period: float) -> Array:
+    """North, east [m/s], (2,), of one dive.
 
     Args:
-      part: [1] from 0 to below 1.
+      water_track: estimated track through the water [m], (time, 2), of the whole mission.
     """
-    return -2.0 * math.log1p(-part)
+    moved = water_track[dive.end] - water_track[dive.start]
+    return (dive.end_fix - dive.start_fix - moved) / dive.seconds(period)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Ellipse:
-    """An ellipse on a map; semi-axes go from the middle to the edge."""
+def dive_track(dive: Dive, water_track: Array, current: Array, period: float) -> Array:
+    """Track over ground [m] from the dive's first fix on, (samples of the dive, 2).
 
-    semi_major_m: float
-    """[m] half of the longer axis"""
-    semi_minor_m: float
-    """[m] half of the shorter axis"""
-    bearing_deg: float
-    """[degree] of the longer axis, clockwise from north, 0 to 180"""
-
-    @classmethod
-    def of(cls, squares: Array) -> Ellipse:
-        """The ellipse x^T squares^-1 x = 1 of north and east; `squares` [m2], (2, 2)."""
-        (minor, major), axes = _axes(squares)
-        return cls(
-            semi_major_m=float(major),
-            semi_minor_m=float(minor),
-            bearing_deg=math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180.0,
-        )
-
-
-def outline(squares: Array, points: int) -> Array:
-    """North, east [m] around `Ellipse.of(squares)`, (points, 2), closed.
-
-    Counterclockwise seen from above, from north over west, as GeoJSON has it.
+    Args:
+      water_track: estimated track through the water [m], (time, 2), of the whole mission.
+      current: north, east [m/s], (2,), that is taken for the whole dive.
     """
-    angles = np.linspace(0.0, 2.0 * math.pi, points)
-    lengths, axes = _axes(squares)
-    if np.linalg.det(axes) > 0.0:
-        axes = axes * [1.0, -1.0]
-    return np.asarray(((axes * lengths) @ np.stack([np.cos(angles), np.sin(angles)])).T)
+    time = period * np.arange(dive.end - dive.start + 1)
+    moved = water_track[dive.span] - water_track[dive.start]
+    return dive.start_fix + moved + time[:, None] * current
 
 
-def _axes(squares: Array) -> tuple[Array, Array]:
-    """Lengths, the shorter first, (2,), and directions, (2, 2), in columns."""
-    values, vectors = np.linalg.eigh(squares)
-    return np.sqrt(np.maximum(values, 0.0)), vectors
+def ground_track(
+    water_track: Array,
+    signals: Signals,
+    period: float,
+    *,
+    knowledge: CurrentKnowledge = "previous",
+    start: Array | None = None,
+) -> Array:
+    """Track over ground [m], (time, 2), re-initialised at every GPS fix.
+
+    Args:
+      water_track: estimated track through the water [m], (time, 2).
+      knowledge: what is known about the current, see the module's text. With `corrected` the
+        samples after the last fix use that dive's current.
+      start: north, east [m] of the first sample, (2,); default the origin.
+
+    Raises:
+      InputError: unknown `knowledge`.
+    """
+    if knowledge not in KNOWLEDGE:
+        raise InputError(unknown_name("knowledge of the current", knowledge, KNOWLEDGE))
+    samples = len(water_track)
+    index, fixes = gps_fixes(signals)
+    dives = find_dives(signals, period)
+    currents = [depth_averaged_current(dive, water_track, period) for dive in dives]
+    known = np.zeros((samples, 2))
+    if knowledge != "none":
+        for dive, current in zip(dives, currents, strict=True):
+            # "previous" learns it at the dive's end; "corrected" knows it from the dive's start on.
+            known[dive.end if knowledge == "previous" else dive.start :] = current
+    moved = np.array(water_track)
+    moved[1:] += np.cumsum(known[:-1] * period, axis=0)  # each holds to the next sample
+    anchors = np.zeros((samples, 2))
+    anchors[:] = (np.zeros(2) if start is None else np.asarray(start)) - moved[0]
+    for k, (sample, fix) in enumerate(zip(index, fixes, strict=True)):
+        last = index[k + 1] if k + 1 < len(index) else samples
+        anchors[sample:last] = fix - moved[sample]
+    return moved + anchors

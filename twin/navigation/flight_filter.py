@@ -2,7 +2,7 @@
 
 The hull's equation of motion, with its added mass and the law of its file, goes along with what the
 vehicle measures, and gives speed and flow angles: in glides, in turns, stalled, tail first, and as
-it coasts at the surface. In steady glides the balance of forces (`twin.identify.start_values`) says
+it coasts at the surface. In steady glides the balance of forces (`twin.identify.speed`) says
 how fast the depth must change. What it changes in truth corrects seven constants of the mission:
 
     (ln of the factors on K_D0 and K_alpha, pitch error of the forward and of the downward

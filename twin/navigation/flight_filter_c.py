@@ -21,7 +21,7 @@ import numpy as np
 
 from twin.navigation import flight_filter_kernels as kernels
 from twin.navigation.c_math import braced, number
-from twin.navigation.dead_reckoning import SHALLOW_DEPTH, SURFACE_DEPTH, Array
+from twin.navigation.dead_reckoning import Array
 from twin.navigation.flight_filter import FlightFilter
 from twin.vehicle.laws import flow_frame
 
@@ -30,18 +30,16 @@ NUMBERS = kernels.CARRIED
 for constants in prior deviations, the root of their covariance, and times in samples."""
 
 
-_LAW = (
-    "K_D0", "K_D", "K_L0", "K_ALPHA", "K_BETA", "K_BETA_LIFT", "ZERO_LIFT", "LINEAR",
-)  # fmt: skip
-"""Numbers of the hull that the text has by their names in `flow_frame`"""
-
-
 def c_flight(*flights: FlightFilter) -> str:
     """`gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample, float
     *estimated)`: OUTPUTS of a sample, for the filters' one vehicle and period; `gt_begins` has
     what each of them begins with."""
     law, inertia, hull, prior, _, period, inverse = flights[0].model
-    mass, volume, gravity, reference, squeeze = map(float, hull)
+    mass, volume, gravity, reference, _ = map(float, hull)
+    names = "VOLUME GRAVITY REFERENCE SQUEEZE OCEAN DEEPER SHALLOW SURFACE"
+    sea = (*hull[1:], *kernels.STANDARD_OCEAN, kernels.SHALLOW_DEPTH, kernels.SURFACE_DEPTH)
+    coefficients = "K_D0 K_D K_L0 K_ALPHA K_BETA K_BETA_LIFT ZERO_LIFT LINEAR"
+    means = {"FUSED": "FUSED_S", "BRIEF": "SMOOTHED_S", "PROMPT": "PROMPT_S", "QUIET": "QUIET_S"}
     begins = []
     for flight in flights:
         constants, covariance = flight.begins
@@ -52,38 +50,24 @@ def c_flight(*flights: FlightFilter) -> str:
     steps = math.ceil(period / kernels.STEP_S)
     cross = law[flow_frame.CROSS_FLOW]
     own: dict[str, str | int | float | Array] = {
-        **{name: law[getattr(flow_frame, name)] for name in _LAW},
-        "INERTIA": inertia,
-        "INVERSE": inverse,
-        "PRIOR": prior,
+        "INERTIA": inertia, "INVERSE": inverse, "PRIOR": prior,
+        "STEPS": steps, "STEP": period / steps, "PERIOD": period,
+        **dict(zip(names.split(), map(float, sea), strict=True)),
+        **{name: law[getattr(flow_frame, name)] for name in coefficients.split()},
+        **{name: -math.expm1(-period / getattr(kernels, time)) for name, time in means.items()},
         "GROWTH": np.expm1(kernels.NUDGE * prior),
         "BEGINS": "{" + ",\n".join(begins) + "}",
-        "STEPS": steps,
-        "STEP": period / steps,
         "CROSS": "induced" if cross == law[flow_frame.K_D] else cross,
         "BLENDS": 1.0 / (law[flow_frame.BLEND] - law[flow_frame.LINEAR]),
         "AFLOAT": float(samples_beyond(kernels.AFLOAT_S, period)),
         "EVERY": float(samples_beyond(kernels.EVERY_S, period)),
-        "FUSED": -math.expm1(-period / kernels.FUSED_S),
-        "BRIEF": -math.expm1(-period / kernels.SMOOTHED_S),
-        "PROMPT": -math.expm1(-period / kernels.PROMPT_S),
-        "QUIET": -math.expm1(-period / kernels.QUIET_S),
         "MOST_SINE": math.sin(kernels.MOST_OFFSET),
         "DEGREE": math.radians(1.0),
         "NEUTRAL": mass - reference * volume,
-        "VOLUME": volume,
-        "GRAVITY": gravity,
-        "REFERENCE": reference,
         "HEAVIER": reference * gravity,
-        "SQUEEZE": squeeze,
-        "PERIOD": period,
-        "OCEAN": kernels.STANDARD_OCEAN[0],
-        "DEEPER": kernels.STANDARD_OCEAN[1],
         "FLAT2": kernels.FLAT_SINE**2,
         "HALF_WIDEST": 0.5 * kernels.WIDEST,
-        "SHALLOW": SHALLOW_DEPTH,
-        "SURFACE": SURFACE_DEPTH,
-    }
+    }  # fmt: skip
 
     def written(name: re.Match[str]) -> str:
         value = own[name[1]] if name[1] in own else getattr(kernels, name[1])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,17 @@ LEAST_LOCK = 0.5
 """of the samples between two steps of the filter, for it to be taken"""
 START_DEVIATION = 1.0
 """[m] north and east each, of a place that is told as the start"""
+KEPT: Mapping[str, Callable[[Any], Any]] = {
+    "count": int,
+    "depth": float,
+    "waited": float,
+    "placed": bool,
+    "dived": bool,
+    **dict.fromkeys(("body", "velocity", "moved", "left", "swum", "spread"), np.array),
+    **dict.fromkeys(("bent", "astray", "iron"), np.array),
+    "drifts": list,
+}
+"""Attributes on which the next step depends, and their types"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
@@ -305,19 +316,12 @@ class Navigator:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Arrays by name on which the next step depends."""
-        flags = [self._count, self._depth, self._waited, self._placed, self._dived]
-        vectors = self._body, self._velocity, self._moved, self._left, self._swum
-        return {
-            **{
-                f"{part}:{name}": value
-                for part, one in self._parts.items()
-                for name, value in one.state().items()
-            },
-            "own": np.concatenate([flags, *vectors]),
-            "spread": self._spread.copy(),
-            "compass": np.stack([*self._bent, *self._astray, self._iron]),
-            "drifts": np.array(self._drifts).reshape(-1, 2),
+        parts = {
+            f"{part}:{name}": value
+            for part, one in self._parts.items()
+            for name, value in one.state().items()
         }
+        return parts | {name: np.array(getattr(self, f"_{name}"), np.float64) for name in KEPT}
 
     def restore(self, state: State) -> None:
         """Go on from where `state` was called, with a navigator that was made in the same way.
@@ -327,18 +331,11 @@ class Navigator:
         for part, one in self._parts.items():
             begins = f"{part}:"
             one.restore({k.removeprefix(begins): state[k] for k in state if k.startswith(begins)})
-        own = np.array(state["own"], np.float64)
         self.legs.clear()
         self.innovations.clear()
         self._hold()
-        self._count, self._depth = int(own[0]), float(own[1])
-        self._waited, self._placed, self._dived = float(own[2]), bool(own[3]), bool(own[4])
-        self._body, self._velocity, self._moved = own[5:8], own[8:10], own[10:12]
-        self._left, self._swum = own[12:15], own[15:17]
-        self._spread = np.array(state["spread"], np.float64)
-        compass = np.array(state["compass"], np.float64)
-        self._bent, self._astray, self._iron = compass[:2], compass[2:4], compass[4]
-        self._drifts = list(np.array(state["drifts"], np.float64))
+        for name, kind in KEPT.items():
+            setattr(self, f"_{name}", kind(state[name]))
 
 
 def _level(velocity: Array, roll: float, pitch: float, heading: float) -> Array:

@@ -8,7 +8,7 @@ from logs import refused
 from factory.importing import import_logs, sniff
 from factory.samples import Flight, add_variables
 from factory.samples.archives import write_ngdac, write_og1, write_spray
-from twin.identify.start_values import start_vehicle
+from twin.identify.logged_missions import start_vehicle
 from twin.records.store import write_store
 
 FLIGHT = Flight(dives=4, depth=400.0, speed=0.3, surface=900.0)

@@ -23,8 +23,8 @@ from learn.networks.onnx_export import TOLERANCE
 from learn.networks.predictor import Adapted, Ensemble, Predictor
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
+from twin.navigation.c_math import c_features
 from twin.navigation.features import FEATURES, FLIGHT, Feature, Term, channels_of
-from twin.navigation.features.c_steps import c_features
 from twin.navigation.flight_filter import FlightSpread, FlightStart
 from twin.navigation.settings import estimate, sources
 from twin.vehicle.vehicle import load_vehicle

@@ -26,7 +26,7 @@ from twin.identify import (
 )
 from twin.identify.logged_missions import gliding
 from twin.identify.pitch import PITCHING, righting_arm
-from twin.identify.start_values import balance
+from twin.identify.speed import balance
 from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import PARAMETERS, choose, with_known
 from twin.identify.vehicle_file import vehicle_xml, write_vehicle

@@ -11,9 +11,9 @@ from twin.__main__ import PROGRAM
 from twin.errors import InputError, StoreError
 from twin.identify import identify_driven, judge, load_runs
 from twin.identify.calibration import Calibration
+from twin.identify.driven_fit import driven_parameters
 from twin.identify.driven_flights import DOPPLER_TURN, DrivenFlights, fly_run, settled
 from twin.identify.driven_runs import NEEDED, RATES, _run
-from twin.identify.driven_unknowns import driven_parameters
 from twin.mission import Mission
 from twin.mission.segments import Circle, Transect
 from twin.physics.scenario import Scenario

@@ -22,17 +22,15 @@ from twin.identify.handling import handle, with_travel, with_usual_glide
 from twin.identify.linear_motion import (
     Glide,
     Phase,
-    exponential,
     linearised,
     loop_modes,
     plane_of,
     trimmed,
     with_gains,
 )
-from twin.identify.logged_missions import ATTITUDE_WINDOW, _rates
+from twin.identify.logged_missions import ATTITUDE_WINDOW, _rates, start_vehicle
 from twin.identify.pitch import with_righting_arm
 from twin.identify.proof import failures
-from twin.identify.start_values import start_vehicle
 from twin.identify.turning_fit import munk_moment
 from twin.identify.vehicle_file import largest_step, vehicle_xml
 from twin.mission import Mission
@@ -313,15 +311,6 @@ def test_a_loop_grows_when_its_gain_does(truth):
 
     assert growth(1.0) < 0.0 < growth(1000.0)
     assert growth(-1.0) > 0.0
-
-
-def test_exponential_of_small_matrices():
-    from scipy.linalg import expm
-
-    rng = np.random.default_rng(1)
-    for scale in (1e-3, 1.0, 30.0):
-        matrix = scale * rng.normal(size=(6, 6)) - scale * 3.0 * np.eye(6)
-        np.testing.assert_allclose(exponential(matrix), expm(matrix), rtol=1e-9, atol=1e-12)
 
 
 def test_block_bootstrap_knows_of_days_that_differ():

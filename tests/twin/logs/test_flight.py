@@ -268,7 +268,7 @@ UNIT334 = SHARED / "slocum_unit334_2023"
 def test_the_water_over_a_slocum_rises_as_often_as_it_sinks(tmp_path):
     """Identified on the same log without options: the pitch sensor's offset is found."""
     from twin.identify import identify, load_calibration, load_logs
-    from twin.identify.start_values import start_vehicle
+    from twin.identify.logged_missions import start_vehicle
 
     pytest.importorskip("pyarrow")
     path = stored(tmp_path / "unit334.zarr", "slocum", [UNIT334])

@@ -12,7 +12,12 @@ from twin.frames import euler_to_matrix
 from twin.navigation.dead_reckoning import (
     LEAST_COSINE,
     AttitudeSeries,
+    depth_averaged_current,
     depth_rate,
+    dive_track,
+    find_dives,
+    gps_fixes,
+    ground_track,
     heave_from_depth_rate,
     horizontal_error,
     integrate,
@@ -21,13 +26,6 @@ from twin.navigation.dead_reckoning import (
     true_water_path,
     true_water_track,
     water_track,
-)
-from twin.navigation.dives import (
-    depth_averaged_current,
-    dive_track,
-    find_dives,
-    gps_fixes,
-    ground_track,
 )
 from twin.navigation.estimators.dvl import (
     SHORT_LOSS_S,

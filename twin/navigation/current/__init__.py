@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
-    from twin.navigation.current.consistency import Consistency as Consistency
-    from twin.navigation.current.consistency import Reaches as Reaches
-    from twin.navigation.current.consistency import consistency_of as consistency_of
     from twin.navigation.current.current_parameters import CALIBRATION as CALIBRATION
     from twin.navigation.current.current_parameters import CONSTITUENTS as CONSTITUENTS
     from twin.navigation.current.current_parameters import DIVE as DIVE
@@ -25,9 +22,12 @@ if TYPE_CHECKING:
     from twin.navigation.current.modes import Innovation as Innovation
     from twin.navigation.current.modes import SmoothedTrack as SmoothedTrack
     from twin.navigation.current.modes import passage as passage
+    from twin.navigation.current.tuning import Consistency as Consistency
     from twin.navigation.current.tuning import Leg as Leg
+    from twin.navigation.current.tuning import Reaches as Reaches
     from twin.navigation.current.tuning import Tuned as Tuned
     from twin.navigation.current.tuning import begin_leg as begin_leg
+    from twin.navigation.current.tuning import consistency_of as consistency_of
     from twin.navigation.current.tuning import pass_leg as pass_leg
     from twin.navigation.current.tuning import replay as replay
     from twin.navigation.current.tuning import tune as tune

@@ -45,7 +45,6 @@ from twin.navigation.current.modes import (
     Innovation,
     Modes,
     Node,
-    Passage,
     SmoothedTrack,
     modes_of,
     passage,
@@ -63,8 +62,6 @@ KEPT = 0.9
 """[1] part of the degrees beyond the prior's that stays until the next fix: 25 at most"""
 LEAST_LEG = 600.0
 """[s] between two fixes that count for both: shorter, the fixes' noise decides"""
-_CACHED = 256
-"""Passages that are kept: equal steps repeat"""
 
 
 class CurrentFilter:
@@ -104,8 +101,7 @@ class CurrentFilter:
         self.parameters = CurrentParameters() if parameters is None else parameters
         self.latitude, self.memory = float(latitude), float(memory)
         self.modes: Modes = modes_of(self.parameters, latitude)
-        self.outlier = float(outlier)
-        self.time = float(time)
+        self.outlier, self.time = float(outlier), float(time)
         self.degrees = DEGREES
         """[1] of freedom of Student's t, as which forecasts and fixes are distributed"""
         self.inflation = DEGREES / (DEGREES - 2.0)
@@ -116,14 +112,10 @@ class CurrentFilter:
         variance = [0.0, 0.0, own.speed_scale**2, math.radians(own.compass) ** 2]
         variance += [own.dive**2] * 2
         self._covariance = np.diag([*variance, *np.repeat(self.modes.variance, 2)])
-        self._lost = True
-        self._since = 0.0
+        self._lost, self._since = True, 0.0
         self._velocity: Array | None = None
-        self._passages: dict[float, Passage] = {}
         self._nodes: list[Node] | None = [] if record else None
         self._note(np.eye(self.size))
-
-    # -- prediction ---------------------------------------------------------------------------
 
     def step(
         self,
@@ -150,36 +142,25 @@ class CurrentFilter:
         spread = np.zeros((2, 2)) if covariance is None else square(covariance, "covariance")
         pieces = max(1, math.ceil(dt / LONGEST))
         for _ in range(pieces if dt > 0.0 else 0):
-            self._pass(dt / pieces, through, spread, carried)
-
-    def _pass(self, dt: float, through: Array | None, spread: Array, field: Array) -> None:
-        carry, noise = transition(self._passage(dt), dt, through, spread, self.memory)
-        self._mean = carry @ self._mean
-        if through is None:
-            self._lost = True
-        else:
-            self._mean[POSITION] += dt * (through + field)
-        self._covariance = even(carry @ self._covariance @ carry.T + noise)
-        self.time += dt
-        self._since += dt
-        self._velocity = through
-        self._note(carry)
+            part = dt / pieces
+            gone = passage(self.modes, round(part, 9))
+            carry, noise = transition(gone, part, through, spread, self.memory)
+            self._mean = carry @ self._mean
+            if through is None:
+                self._lost = True
+            else:
+                self._mean[POSITION] += part * (through + carried)
+            self._covariance = even(carry @ self._covariance @ carry.T + noise)
+            self.time += part
+            self._since += part
+            self._velocity = through
+            self._note(carry)
 
     def displace(self, metres: ArrayLike) -> None:
         """Move the position by what is now known of the way before, north and east [m], (2,)."""
         self._mean = self._mean.copy()
         self._mean[POSITION] += pair(metres, "displacement")
         self._note(np.eye(self.size))
-
-    def _passage(self, dt: float) -> Passage:
-        key = round(dt, 9)
-        if key not in self._passages:
-            if len(self._passages) >= _CACHED:
-                self._passages.clear()
-            self._passages[key] = passage(self.modes, key)
-        return self._passages[key]
-
-    # -- measurements -------------------------------------------------------------------------
 
     def fix(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> Innovation | None:
         """A position from GPS.
@@ -204,14 +185,7 @@ class CurrentFilter:
 
     def locate(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> None:
         """Begin a dive at a position, as `fix` takes it, which says nothing of the current."""
-        place = pair(position, "position")
-        carry = np.eye(self.size)
-        carry[POSITION, POSITION] = 0.0
-        self._mean = carry @ self._mean
-        self._mean[POSITION] = place
-        self._covariance = carry @ self._covariance @ carry.T
-        self._covariance[POSITION, POSITION] = sigma**2 * np.eye(2)
-        self._note(carry)
+        self._forget(POSITION, pair(position, "position"), sigma)
         self._begin_dive()
 
     def _update_by_fix(self, place: Array, sigma: float) -> Innovation:
@@ -303,14 +277,17 @@ class CurrentFilter:
     def _begin_dive(self) -> None:
         """The next dive adds something else."""
         self._lost, self._since = False, 0.0
-        carry = np.eye(self.size)
-        carry[DIVE, DIVE] = 0.0
-        self._mean = carry @ self._mean
-        self._covariance = carry @ self._covariance @ carry.T
-        self._covariance[DIVE, DIVE] = self.parameters.dive**2 * np.eye(2)
-        self._note(carry)
+        self._forget(DIVE, np.zeros(2), self.parameters.dive)
 
-    # -- answers ------------------------------------------------------------------------------
+    def _forget(self, part: slice, values: Array, deviation: float) -> None:
+        """Put a pair of the state in place of what was known of it."""
+        carry = np.eye(self.size)
+        carry[part, part] = 0.0
+        self._mean = carry @ self._mean
+        self._mean[part] = values
+        self._covariance = carry @ self._covariance @ carry.T
+        self._covariance[part, part] = deviation**2 * np.eye(2)
+        self._note(carry)
 
     @property
     def position(self) -> tuple[Array, Array]:
@@ -369,7 +346,7 @@ class CurrentFilter:
         probe = CurrentFilter(
             self.parameters, latitude=self.latitude, time=self.time, memory=self.memory
         )
-        probe._passages, passed = self._passages, 0.0
+        probe.modes, passed = self.modes, 0.0
         probe._mean, probe._covariance = self._mean.copy(), self._covariance.copy()
         probe._mean[POSITION] = 0.0
         probe._covariance[POSITION] = probe._covariance[:, POSITION] = 0.0
@@ -383,8 +360,6 @@ class CurrentFilter:
             found.displacement[index] = place - passed * through
             found.displacement_covariance[index] = self.inflation * scattered
         return found
-
-    # -- keeping ------------------------------------------------------------------------------
 
     def state(self) -> dict[str, Array]:
         """The filter's knowledge as arrays, for `restore`; the record is not in it."""

@@ -9,12 +9,14 @@ both ways: together they make any ellipse.
 The transition is the change of a filter's state and covariance over a time step; the innovation is
 the difference of a fix from what the filter expected. A filter's answers stand here too: a
 forecast, and the smoothed track, which goes backwards over recorded steps (Rauch, Tung and Striebel
-1965, AIAA J. 3(8)), so that all measurements have a say in each of them.
+1965, AIAA J. 3(8)), so that all measurements have a say in each of them. A covariance of north and
+east is an ellipse on a map.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -45,7 +47,7 @@ LONGEST = 6.0 * HOUR
 """[s] of a step whose noise the quadrature integrates to rounding; longer ones are parted"""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Modes:
     """Several modes side by side, each (mode,). Variances are of north and of east each."""
 
@@ -62,8 +64,7 @@ class Modes:
         return len(self.rate)
 
 
-@dataclasses.dataclass(frozen=True)
-class Passage:
+class Passage(NamedTuple):
     """Change of modes and of the displacement by them over a time, each (mode,)."""
 
     kept: Complex
@@ -107,11 +108,13 @@ def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
     return Modes(np.array(rate, complex), np.array(density), np.array(variance), names)
 
 
+@functools.lru_cache(256)
 def passage(modes: Modes, duration: float) -> Passage:
     """Change of modes over a time [s] of at most `LONGEST`.
 
     The noise of a mode at time s before the end reaches the mode as e^(lambda s) and the
     displacement as the integral of that; their products are integrated by Gauss and Legendre.
+    Passages are kept: equal steps repeat.
     """
     rate = modes.rate
     still = np.abs(rate) * duration < 1e-7
@@ -180,8 +183,7 @@ def transition(
     return carry, noise
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Innovation:
+class Innovation(NamedTuple):
     """Difference of a fix from what the filter expected."""
 
     residual: Array
@@ -217,8 +219,7 @@ class Node(NamedTuple):
     covariance: Array
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class CurrentForecast:
+class CurrentForecast(NamedTuple):
     """The current at later times and the displacement by it, with their covariances."""
 
     times: Array
@@ -233,8 +234,7 @@ class CurrentForecast:
     """[m2], (time, 2, 2)"""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SmoothedTrack:
+class SmoothedTrack(NamedTuple):
     """Positions and currents at the end of each recorded step; several may share a time."""
 
     times: Array
@@ -284,3 +284,54 @@ def smoothed(
         current_covariance=current @ spreads @ current.T,
         dive=states[:, dive],
     )
+
+
+def chi_squared(part: float) -> float:
+    """Squared Mahalanobis distance within which a part of the normal points of a plane lies.
+
+    The quantile of chi-squared with two degrees of freedom, -2 ln(1 - part).
+
+    Args:
+      part: [1] from 0 to below 1.
+    """
+    return -2.0 * math.log1p(-part)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Ellipse:
+    """An ellipse on a map; semi-axes go from the middle to the edge."""
+
+    semi_major_m: float
+    """[m] half of the longer axis"""
+    semi_minor_m: float
+    """[m] half of the shorter axis"""
+    bearing_deg: float
+    """[degree] of the longer axis, clockwise from north, 0 to 180"""
+
+    @classmethod
+    def of(cls, squares: Array) -> Ellipse:
+        """The ellipse x^T squares^-1 x = 1 of north and east; `squares` [m2], (2, 2)."""
+        (minor, major), axes = _axes(squares)
+        return cls(
+            semi_major_m=float(major),
+            semi_minor_m=float(minor),
+            bearing_deg=math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180.0,
+        )
+
+
+def outline(squares: Array, points: int) -> Array:
+    """North, east [m] around `Ellipse.of(squares)`, (points, 2), closed.
+
+    Counterclockwise seen from above, from north over west, as GeoJSON has it.
+    """
+    angles = np.linspace(0.0, 2.0 * math.pi, points)
+    lengths, axes = _axes(squares)
+    if np.linalg.det(axes) > 0.0:
+        axes = axes * [1.0, -1.0]
+    return np.asarray(((axes * lengths) @ np.stack([np.cos(angles), np.sin(angles)])).T)
+
+
+def _axes(squares: Array) -> tuple[Array, Array]:
+    """Lengths, the shorter first, (2,), and directions, (2, 2), in columns."""
+    values, vectors = np.linalg.eigh(squares)
+    return np.sqrt(np.maximum(values, 0.0)), vectors

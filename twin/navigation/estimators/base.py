@@ -123,6 +123,8 @@ class VelocityEstimator(abc.ABC):
     """Schema variables that a sample must hold: measured or commanded, never true."""
     period: float
     """[s] between samples"""
+    _memory: Any = None
+    """Object with `reset`, `state` and `restore` on which the next step depends"""
 
     def __init__(self, vehicle: Vehicle, period: float):
         """Begin before the first sample.
@@ -167,8 +169,10 @@ class VelocityEstimator(abc.ABC):
             raise InputError(f"estimator {cls.kind!r}: {why}")
         return cls(vehicle, period)
 
-    def reset(self) -> None:  # noqa: B027 - a method without memory needs none
+    def reset(self) -> None:
         """Begin before the first sample."""
+        if self._memory is not None:
+            self._memory.reset()
 
     @abc.abstractmethod
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
@@ -196,10 +200,12 @@ class VelocityEstimator(abc.ABC):
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Arrays on which the next step depends."""
-        return {}
+        return {} if self._memory is None else dict(self._memory.state())
 
-    def restore(self, state: State) -> None:  # noqa: B027
+    def restore(self, state: State) -> None:
         """Go on from where `state` was called, here or in another process."""
+        if self._memory is not None:
+            self._memory.restore(state)
 
     @classmethod
     def flaw(cls, name: str) -> str:
@@ -269,15 +275,11 @@ class WindowedEstimator(VelocityEstimator):
     def __init__(self, vehicle: Vehicle, period: float):
         """Begin before the first sample; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
-        self.recent = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
+        self.recent = self._memory = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
 
     @abc.abstractmethod
     def batch(self, signals: Signals) -> Estimate:
         """See `VelocityEstimator`; averages may reach beyond a sample."""
-
-    def reset(self) -> None:
-        """See `VelocityEstimator`."""
-        self.recent.reset()
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
         """See `VelocityEstimator`; at rest at the first sample."""
@@ -303,14 +305,6 @@ class WindowedEstimator(VelocityEstimator):
             forward, starboard = found.surge_sd[-1], found.sway_sd[-1]
             covariance = np.diag(np.square((forward, starboard, max(forward, 0.0))))
         return BodyVelocity(surge=surge, sway=sway, covariance=covariance)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """See `VelocityEstimator`."""
-        return self.recent.state()
-
-    def restore(self, state: State) -> None:
-        """See `VelocityEstimator`."""
-        self.recent.restore(state)
 
 
 VELOCITY_ESTIMATORS: Registry[type[VelocityEstimator]] = seams.VELOCITY_ESTIMATORS

@@ -27,7 +27,7 @@ from twin.compiled import jit
 from twin.errors import InputError
 from twin.fossen.equations import skew
 from twin.fossen.forces import ForceParameters, damping_wrench, parameters_of
-from twin.identify.start_values import net_mass
+from twin.identify.speed import net_mass
 from twin.navigation.dead_reckoning import (
     RESTING_WINDOW_S,
     SHALLOW_DEPTH,
@@ -37,7 +37,6 @@ from twin.navigation.dead_reckoning import (
     Signals,
     afloat,
     finite_channel,
-    no_glider,
     values_of,
 )
 from twin.navigation.estimators.base import (
@@ -45,10 +44,8 @@ from twin.navigation.estimators.base import (
     Estimate,
     Recent,
     State,
-    VelocityDeviation,
-    VelocityEstimator,
 )
-from twin.navigation.estimators.flight import glide_deviation
+from twin.navigation.estimators.flight import GlideModel
 from twin.vehicle.vehicle import Vehicle
 
 STATES = 5
@@ -117,7 +114,7 @@ class EkfModel(NamedTuple):
     depth_variance: float
 
 
-class Ekf(VelocityEstimator):
+class Ekf(GlideModel):
     """Model-based observer with the nominal parameters; on board with the last seconds' depths."""
 
     kind = "ekf"
@@ -137,25 +134,22 @@ class Ekf(VelocityEstimator):
         """Begin before the first sample; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
         self.noise = EkfNoise() if noise is None else noise
-        self.recent = Recent(("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2))
+        self.recent = self._memory = Recent(
+            ("measured_depth",), max(2, round(RESTING_WINDOW_S / period) + 2)
+        )
         self.reset()
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
         """It needs a glider with one moving mass."""
-        why = no_glider(vehicle)
+        why = super().unsuited(vehicle)
         if not why and len(vehicle.masses) != 1:
             why = f"vehicle {vehicle.name!r} has {len(vehicle.masses)} moving masses, not one"
         return why
 
-    @property
-    def deviation(self) -> VelocityDeviation:
-        """See `VelocityEstimator`."""
-        return glide_deviation(self.vehicle)
-
     def reset(self) -> None:
         """See `VelocityEstimator`."""
-        self.recent.reset()
+        super().reset()
         self._carried = np.zeros(0)
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
@@ -215,11 +209,11 @@ class Ekf(VelocityEstimator):
 
     def state(self) -> dict[str, NDArray[Any]]:
         """See `VelocityEstimator`."""
-        return {**self.recent.state(), "carried": self._carried.copy()}
+        return {**super().state(), "carried": self._carried.copy()}
 
     def restore(self, state: State) -> None:
         """See `VelocityEstimator`."""
-        self.recent.restore(state)
+        super().restore(state)
         self._carried = np.array(state["carried"], np.float64)
 
     @functools.cached_property

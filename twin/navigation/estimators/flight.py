@@ -5,7 +5,7 @@ water is |z'| / sin(|pitch| + a) and its horizontal speed |z'| / tan(|pitch| + a
 measured heading. Slocum gliders navigate so, Spray with a = 3 deg (OceanGliders, depth-averaged
 current procedure). The vehicle's own logged track is one over ground.
 
-The steady balance itself is `twin.identify.start_values`. Its angles follow from ratios of forces,
+The steady balance itself is `twin.identify.speed`. Its angles follow from ratios of forces,
 so the buoyancy hardly matters to them. The speed is the buoyancy's where the path is flat; where it
 is steep the depth rate fixes it, which a wrong drag coefficient or ballast cannot spoil. The
 learned flight corrects drag, lift, ballast, compressibility and the accelerometers' pitch errors by
@@ -21,13 +21,12 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import InputError
-from twin.identify.start_values import balance, net_mass
+from twin.identify.speed import balance, net_mass
 from twin.identify.unknowns import draw_vehicles
 from twin.navigation.dead_reckoning import (
     Array,
@@ -45,7 +44,6 @@ from twin.navigation.dead_reckoning import (
 from twin.navigation.estimators.base import (
     BodyVelocity,
     Estimate,
-    State,
     VelocityDeviation,
     VelocityEstimator,
     WindowedEstimator,
@@ -173,7 +171,21 @@ class OnboardReckoning(VelocityEstimator):
         return Estimate(ground_track=track, uses_fixes=True, saw_bottom=propelled)
 
 
-class SteadyFlight(WindowedEstimator):
+class GlideModel(VelocityEstimator):
+    """A method by a glider's balance of forces."""
+
+    @classmethod
+    def unsuited(cls, vehicle: Vehicle) -> str:
+        """It needs a glider."""
+        return no_glider(vehicle)
+
+    @property
+    def deviation(self) -> VelocityDeviation:
+        """See `VelocityEstimator`; of one that learns, at first."""
+        return glide_deviation(self.vehicle)
+
+
+class SteadyFlight(GlideModel, WindowedEstimator):
     """Speed, angle of attack and sideslip from forces in balance."""
 
     kind = "steady_flight"
@@ -190,37 +202,14 @@ class SteadyFlight(WindowedEstimator):
         *("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate", "measured_pump"),
     )
 
-    @classmethod
-    def unsuited(cls, vehicle: Vehicle) -> str:
-        """It needs a glider."""
-        return no_glider(vehicle)
-
-    @property
-    def deviation(self) -> VelocityDeviation:
-        """See `VelocityEstimator`."""
-        return glide_deviation(self.vehicle)
-
     def batch(self, signals: Signals) -> Estimate:
         """See `VelocityEstimator`."""
         seen = Seen.of(self.vehicle, signals, self.period)
-        velocity, gliding = seen.balanced(self.vehicle, slice(None))
+        velocity, gliding = seen.balanced(self.vehicle)
         surge, sway = (bridge(one, gliding, held=True) for one in velocity)
         return Estimate(
             surge=np.where(seen.still, 0.0, surge), sway=np.where(seen.still, 0.0, sway)
         )
-
-    def last(self, signals: Signals) -> BodyVelocity:
-        """See `WindowedEstimator`; only samples from the last glide on are balanced."""
-        seen = Seen.of(self.vehicle, signals, self.period)
-        end, count = (0 if seen.still[-1] else len(seen.still)), 1
-        while end > 0:
-            begin = max(end - count, 0)
-            velocity, gliding = seen.balanced(self.vehicle, slice(begin, end))
-            if gliding.any():
-                surge, sway = velocity[:, np.flatnonzero(gliding)[-1]]
-                return BodyVelocity(surge=float(surge), sway=float(sway))
-            end, count = begin, 2 * count
-        return BodyVelocity(surge=0.0, sway=0.0)
 
 
 class Seen(NamedTuple):
@@ -259,15 +248,10 @@ class Seen(NamedTuple):
             still=still,
         )
 
-    def balanced(self, vehicle: Vehicle, span: slice) -> tuple[Array, Mask]:
-        """Surge and sway [m/s] of some samples, (2, samples), and where forces are in balance.
-
-        At inflections nothing is.
-        """
-        rate, roll, pitch = self.rate[span], self.roll[span], self.pitch[span]
-        speed, alpha, beta, gliding = balance(
-            vehicle, self.net[span], roll, pitch, self.rates[:, span]
-        )
+    def balanced(self, vehicle: Vehicle) -> tuple[Array, Mask]:
+        """Surge and sway [m/s], (2, time), and where forces are in balance: not at inflections."""
+        rate, roll, pitch = self.rate, self.roll, self.pitch
+        speed, alpha, beta, gliding = balance(vehicle, self.net, roll, pitch, self.rates)
         direction = np.stack(
             [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
         )
@@ -276,12 +260,12 @@ class Seen(NamedTuple):
             + direction[1] * np.cos(pitch) * np.sin(roll)
             + direction[2] * np.cos(pitch) * np.cos(roll)
         )
-        gliding = gliding & self.steady[span] & (rate * down > 0) & (np.abs(down) > LEAST_SINE)
+        gliding = gliding & self.steady & (rate * down > 0) & (np.abs(down) > LEAST_SINE)
         speed = (speed * FLAT_SINE**2 + rate * down) / (FLAT_SINE**2 + down**2)
         return np.maximum(speed, 0.0) * direction[:2], gliding
 
 
-class LearnedFlight(VelocityEstimator):
+class LearnedFlight(GlideModel):
     """Surge and sway of a flight filter that begins with the nominal vehicle."""
 
     kind = "flight_filter"
@@ -296,17 +280,7 @@ class LearnedFlight(VelocityEstimator):
     def __init__(self, vehicle: Vehicle, period: float):
         """Begin before the first sample; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
-        self._filter = FlightFilter(vehicle, period)
-
-    @classmethod
-    def unsuited(cls, vehicle: Vehicle) -> str:
-        """It needs a glider."""
-        return no_glider(vehicle)
-
-    @property
-    def deviation(self) -> VelocityDeviation:
-        """See `VelocityEstimator`; at first, of a hull as in its file."""
-        return glide_deviation(self.vehicle)
+        self._filter = self._memory = FlightFilter(vehicle, period)
 
     def batch(self, signals: Signals) -> Estimate:
         """See `VelocityEstimator`."""
@@ -316,22 +290,10 @@ class LearnedFlight(VelocityEstimator):
             surge=np.ascontiguousarray(found[:, 0]), sway=np.ascontiguousarray(found[:, 1])
         )
 
-    def reset(self) -> None:
-        """See `VelocityEstimator`."""
-        self._filter.reset()
-
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
         """See `VelocityEstimator`."""
         found = self._filter.step(sample)
         return BodyVelocity(surge=float(found[0]), sway=float(found[1]))
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """See `VelocityEstimator`."""
-        return self._filter.state()
-
-    def restore(self, state: State) -> None:
-        """See `VelocityEstimator`."""
-        self._filter.restore(state)
 
 
 def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:

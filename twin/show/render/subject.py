@@ -221,7 +221,7 @@ def _logged(
     store: Path, missions: list[int], vehicle: str | None, drawn: Vehicle | None
 ) -> tuple[LoggedTrajectory, Vehicle | None]:
     """The dives of a log with their track, and the vehicle to draw; raises StoreError without."""
-    from twin.identify.start_values import start_vehicle
+    from twin.identify.logged_missions import start_vehicle
     from twin.logs.logged_mission import logged_trajectory
 
     try:

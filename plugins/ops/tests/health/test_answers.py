@@ -69,7 +69,7 @@ def test_the_command_answers_by_json(store, capsys):
 
 
 def test_a_vehicle_of_another_kind_than_the_log_is_warned_of(store, capsys, monkeypatch):
-    monkeypatch.setattr("twin.identify.start_values._kind", lambda _: "seaglider")
+    monkeypatch.setattr("twin.identify.logged_missions._kind", lambda _: "seaglider")
     assert PROGRAM.main(["health", str(store), "--vehicle", "slocum-200"]) == 0
     assert "is of another kind" in capsys.readouterr().err
 
