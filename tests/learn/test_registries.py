@@ -48,16 +48,9 @@ def own_kinds(monkeypatch):
         vars(registry).pop("_offered", None)
 
 
-@pytest.mark.parametrize("name", ["NETWORKS", "OPTIMISERS"])
-def test_the_docs_have_a_row_for_each_kind(name):
-    for kind, cls in REGISTRIES[name].items():
-        assert f"| `{kind}` | {cls.summary} |" in PAGE
-    rows = re.findall(r"\| `(\w+)` \| ", PAGE)
-    assert set(REGISTRIES[name]) <= set(rows)
-
-
-def test_the_docs_name_every_registry_and_its_entry_points():
+def test_the_docs_have_a_row_for_each_kind_and_name_every_registry():
     for name, registry in REGISTRIES.items():
+        assert [k for k, cls in registry.items() if f"| `{k}` | {cls.summary} |" not in PAGE] == []
         assert f"`learn.{name}`" in PAGE
         assert f"`{registry.group}`" in PAGE
 
@@ -87,13 +80,6 @@ def test_a_shipped_name_an_odd_one_and_another_class_are_refused():
     with pytest.raises(InputError, match=r"network 'twice' exists already: choose another name"):
         learn.NETWORKS.register("twice")(learn.NETWORKS["gru"])
     assert learn.NETWORKS["twice"] is learn.NETWORKS["mlp"]
-
-
-def test_an_unknown_name_says_how_to_bring_one_in():
-    with pytest.raises(
-        InputError, match=r"unknown network 'lstn': did you mean 'lstm'\? .*glider_twin\.networks$"
-    ):
-        learn.NETWORKS["lstn"]
 
 
 class Whole(Network):
