@@ -37,7 +37,7 @@ test: setup               ## the tests of the code; ARGS="-k name" chooses tests
 test-docs: setup          ## the tests of pages, tutorials and examples
 	@$(BIN)/python -m pytest --part=docs tests $(ARGS)
 
-test-release: setup       ## the tests of wheels, campaigns, browsers and clusters
+test-release: setup       ## the tests of wheels, campaigns, browsers, clusters and real logs
 	@$(BIN)/python -m pytest --part=release tests $(ARGS)
 
 quick: setup              ## the fast files of the tests, a minute; ARGS as of `make test`

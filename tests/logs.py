@@ -53,6 +53,21 @@ def said(report: Any, action: str, subject: str) -> str:
     return "; ".join(f"{e.count} {e.detail}" for e in found)
 
 
+def details(report: Any, action: str) -> dict[str, str]:
+    """Reason of each entry of an action, by its subject."""
+    return {e.subject: e.detail for e in report.entries if e.action == action}
+
+
+def told(report: Any, action: str) -> list[str]:
+    """Subject and reason of each entry of an action."""
+    return [f"{e.subject}: {e.detail}" for e in report.entries if e.action == action]
+
+
+def why(report: Any, action: str, word: str) -> int:
+    """Count of the entries of an action whose reason holds a word."""
+    return sum(e.count for e in report.entries if e.action == action and word in e.detail)
+
+
 def part(columns: dict[str, Array], rows: Any) -> dict[str, Array]:
     """Some rows of columns."""
     return {name: values[rows] for name, values in columns.items()}

@@ -1,18 +1,13 @@
 """The rules of docs/project/architecture.md, over the source: imports, folders, names."""
 
-from __future__ import annotations
-
 import ast
 import importlib
-import importlib.util
 import re
 from collections import defaultdict
-from collections.abc import Iterable
 from functools import cache
-from pathlib import Path
 
 import pytest
-from examples import ROOT, needs_docs
+from examples import ROOT, needs_docs, script
 
 import twin.lazy
 
@@ -58,7 +53,7 @@ FLIPS = {
 PLACE = re.compile(rf"(?:{'|'.join(PACKAGES)})(?:\.\w+)+(?::\w+)?$").match
 """A text that names a module of the project, or what stands in one"""
 LAZY_BOTH_WAYS = {
-    "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn",
+    "twin.records <-> twin.show.figures": "`Trajectory.plot`: a record offers figures, undrawn"
 }
 """Folders of which one names the other only for when it is asked, and why"""
 MOST_DOUBLED_FILES, MOST_DOUBLED_CLASSES = 25, 10
@@ -111,7 +106,7 @@ OTHER_MEANINGS = {
 
 
 @cache
-def modules() -> dict[str, Path]:
+def modules():
     """Path of every module by its name; a package has the name of its folder."""
     found = {}
     for package in PACKAGES:
@@ -122,14 +117,20 @@ def modules() -> dict[str, Path]:
 
 
 @cache
-def tree(module: str) -> ast.Module:
+def tree(module):
     return ast.parse(modules()[module].read_text(encoding="utf-8"))
 
 
-def imported(module: str) -> set[str]:
+@cache
+def nodes(module):
+    """All of a module's tree."""
+    return list(ast.walk(tree(module)))
+
+
+def imported(module):
     """Modules of the project that a module imports anywhere, for type checkers too."""
-    found: set[str] = set()
-    for node in ast.walk(tree(module)):
+    found = set()
+    for node in nodes(module):
         if isinstance(node, ast.Import):
             found |= {known(alias.name) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -138,14 +139,14 @@ def imported(module: str) -> set[str]:
     return found - {"", module}
 
 
-def known(name: str) -> str:
+def known(name):
     """The module of the project that a dotted name begins with, "" where there is none."""
     while name and name not in modules():
         name = name.rpartition(".")[0]
     return name
 
 
-def named(source: ast.Module) -> set[str]:
+def named(source):
     """Modules of the project that a module's texts name, as places of lazy imports are written.
 
     `import_module("twin.show")`, `__import__("twin.show")`, `"twin.show.figures.base:figure"`.
@@ -158,7 +159,7 @@ def named(source: ast.Module) -> set[str]:
     return {known(text) for text in texts} - {""}
 
 
-def computed_imports(source: ast.Module) -> list[str]:
+def computed_imports(source):
     """Calls of `import_module` and `__import__` whose module is not written out."""
     return [
         ast.unparse(node)
@@ -170,16 +171,16 @@ def computed_imports(source: ast.Module) -> list[str]:
 
 
 @cache
-def graph() -> dict[str, set[str]]:
+def graph():
     return {module: imported(module) for module in modules()}
 
 
-def circle(edges: dict[str, set[str]]) -> list[str]:
+def circle(edges):
     """Modules of one circle of imports, empty when there is none."""
-    done: set[str] = set()
-    path: list[str] = []
+    done = set()
+    path = []
 
-    def walk(module: str) -> list[str]:
+    def walk(module):
         if module in path:
             return path[path.index(module) :]
         if module in done:
@@ -198,7 +199,7 @@ def circle(edges: dict[str, set[str]]) -> list[str]:
     return []
 
 
-def two_ways(edges: dict[str, set[str]], folder: dict[str, str]) -> list[str]:
+def two_ways(edges, folder):
     """Pairs of folders, neither inside the other, that import each other."""
     between = defaultdict(set)
     for module, others in edges.items():
@@ -212,15 +213,15 @@ def two_ways(edges: dict[str, set[str]], folder: dict[str, str]) -> list[str]:
     ]
 
 
-def words(module: str) -> set[str]:
+def words(module):
     """Parts of every name and text in a module's code; docstrings are not code."""
     texts = {
         id(node.value)
-        for node in ast.walk(tree(module))
+        for node in nodes(module)
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     }
-    names: list[str] = []
-    for node in ast.walk(tree(module)):
+    names = []
+    for node in nodes(module):
         for field in ("id", "attr", "arg", "name"):
             if isinstance(value := getattr(node, field, None), str):
                 names.append(value)
@@ -229,23 +230,23 @@ def words(module: str) -> set[str]:
     return {word for name in names for word in name.lower().split("_")}
 
 
-def within(module: str, places: dict[str, str]) -> bool:
+def within(module, places):
     return any(module == place or module.startswith(f"{place}.") for place in places)
 
 
-def test_learn_uses_factory_and_factory_uses_twin() -> None:
+def test_learn_uses_factory_and_factory_uses_twin():
     for module, others in graph().items():
         rank = PACKAGES.index(module.partition(".")[0])
         for other in others:
             assert PACKAGES.index(other.partition(".")[0]) <= rank, f"{module} imports {other}"
 
 
-def test_no_circle_of_files() -> None:
+def test_no_circle_of_files():
     assert circle(graph()) == []
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
 
 
-def folders() -> dict[str, str]:
+def folders():
     """The folder of each module."""
     return {
         name: name if path.name == "__init__.py" else name.rpartition(".")[0]
@@ -253,13 +254,13 @@ def folders() -> dict[str, str]:
     }
 
 
-def test_no_two_folders_import_each_other() -> None:
+def test_no_two_folders_import_each_other():
     assert two_ways(graph(), folders()) == []
     edges = {"a.x": {"b.y"}, "b.z": {"a.x"}}
     assert two_ways(edges, {"a.x": "a", "b.y": "b", "b.z": "b"}) == ["a <-> b"]
 
 
-def test_nor_by_the_names_of_lazy_imports() -> None:
+def test_nor_by_the_names_of_lazy_imports():
     edges = {module: graph()[module] | named(tree(module)) - {module} for module in modules()}
     assert two_ways(edges, folders()) == list(LAZY_BOTH_WAYS)
     for text in (
@@ -274,14 +275,14 @@ def test_nor_by_the_names_of_lazy_imports() -> None:
         assert "twin.show <-> twin.water" in two_ways(edges, places)
 
 
-def test_what_is_imported_by_a_computed_name_is_where_kinds_and_commands_are_looked_up() -> None:
+def test_what_is_imported_by_a_computed_name_is_where_kinds_and_commands_are_looked_up():
     computed = {module for module in modules() if computed_imports(tree(module))}
     assert computed == set(COMPUTED_IMPORTS)
     assert computed_imports(ast.parse("importlib.import_module('tw' + 'in')"))
     assert not computed_imports(ast.parse("importlib.import_module('twin')"))
 
 
-def below_the_faces(module: str) -> list[str]:
+def below_the_faces(module):
     """What a command imports that is below a public face.
 
     Not below one are what all commands share and what stands beside the face of its own package,
@@ -299,18 +300,18 @@ def below_the_faces(module: str) -> list[str]:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_commands_call_public_faces_and_nothing_below(package: str) -> None:
+def test_commands_call_public_faces_and_nothing_below(package):
     commands = [module for module in modules() if module.startswith(f"{package}.commands.")]
     assert commands
     assert {module: found for module in commands if (found := below_the_faces(module))} == {}
 
 
-def test_what_is_below_a_face_is_noticed() -> None:
+def test_what_is_below_a_face_is_noticed():
     assert below_the_faces("twin.show.identification")
     assert "factory.generation.executors" in below_the_faces("factory.store_check")
 
 
-def doubled(places: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+def doubled(places):
     """Names that stand at more than one place, from pairs of both."""
     found = defaultdict(list)
     for name, place in places:
@@ -318,7 +319,7 @@ def doubled(places: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
     return {name: each for name, each in found.items() if len(each) > 1}
 
 
-def test_few_files_share_a_name() -> None:
+def test_few_files_share_a_name():
     """A kind's name in two seams, a seam's base, a command named as what it does; little else."""
     files = [(path.name, module) for module, path in modules().items()]
     found = doubled(one for one in files if one[0] not in ("__init__.py", "__main__.py"))
@@ -326,7 +327,7 @@ def test_few_files_share_a_name() -> None:
     assert "base.py" in found
 
 
-def test_few_public_classes_share_a_name() -> None:
+def test_few_public_classes_share_a_name():
     """A reader who meets one must not take it for the other."""
     classes = [
         (node.name, module)
@@ -339,37 +340,27 @@ def test_few_public_classes_share_a_name() -> None:
     assert doubled([("Hold", "a"), ("Dvl", "b"), ("Hold", "c")]) == {"Hold": ["a", "c"]}
 
 
-def public_objects(package: str) -> set[str]:
-    """Names in a lazy face that are not modules beside it, which it may show as such."""
-    found = twin.lazy.places(importlib.import_module(package).__name__)
-    return {name for name, place in found.items() if ":" in place}
+def test_a_lazy_face_shows_no_name_of_a_module_beside_it():
+    """`from twin.records import store` would give the name or the module, by what came before;
+    and `twin.simulate` must stay the function."""
+    lazy = {p for p, path in modules().items() if "attach(__name__" in path.read_text("utf-8")}
+    assert set(PACKAGES) < lazy
+    for package in lazy:
+        beside = {each.stem for each in modules()[package].parent.iterdir()}
+        assert not beside & shown(importlib.import_module(package).__name__), package
 
 
-def test_a_lazy_face_shows_no_name_of_a_module_beside_it() -> None:
-    """`from twin.records import store` would give the name or the module, by what came before."""
-    for package, path in modules().items():
-        if "attach(__name__" in path.read_text(encoding="utf-8"):
-            beside = {each.stem for each in path.parent.iterdir()}
-            assert not beside & shown(importlib.import_module(package).__name__), package
-
-
-def shown(package: str) -> set[str]:
+def shown(package):
     """Public names of a lazy face that are no modules: a module that is shown is itself."""
     return {name for name, place in twin.lazy.places(package).items() if ":" in place}
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_top_levels_hold_folders_and_little_else(package: str) -> None:
+def test_top_levels_hold_folders_and_little_else(package):
     assert {path.stem for path in (ROOT / package).glob("*.py")} == TOP_LEVEL[package]
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_no_module_has_the_name_of_a_public_function(package: str) -> None:
-    """`twin.simulate` must stay the function, whatever was imported before."""
-    assert not shown(package) & {path.stem for path in (ROOT / package).iterdir()}
-
-
-def test_axes_flip_in_known_places() -> None:
+def test_axes_flip_in_known_places():
     flips = {
         module
         for module in modules()
@@ -379,23 +370,23 @@ def test_axes_flip_in_known_places() -> None:
     assert flips <= set(FLIPS)
 
 
-def _names(module: str) -> set[str]:
+def _names(module):
     return {
         alias.name
-        for node in ast.walk(tree(module))
+        for node in nodes(module)
         if isinstance(node, ast.ImportFrom) and node.module == "twin.frames"
         for alias in node.names
     }
 
 
-def test_actuators_are_named_where_they_belong() -> None:
+def test_actuators_are_named_where_they_belong():
     """Everything else asks a vehicle or a trajectory for its parts."""
     for module in modules():
         if not within(module, NAMES_ACTUATORS) and not within(module, OTHER_MEANINGS):
             assert not words(module) & ACTUATORS, module
 
 
-def test_every_place_that_may_name_an_actuator_exists() -> None:
+def test_every_place_that_may_name_an_actuator_exists():
     for place in (*NAMES_ACTUATORS, *OTHER_MEANINGS, *FLIPS):
         assert place in modules(), place
 
@@ -403,29 +394,17 @@ def test_every_place_that_may_name_an_actuator_exists() -> None:
 # --- the page ---------------------------------------------------------------------------------
 
 
-def page() -> str:
+def page():
     return (ROOT / "docs" / "project" / "architecture.md").read_text(encoding="utf-8")
 
 
-def script():
-    spec = importlib.util.spec_from_file_location(
-        "architecture_script", ROOT / "scripts" / "architecture.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    import sys
-
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+@needs_docs
+def test_the_table_of_seams_is_that_of_the_registries():
+    assert script("architecture").seam_table() in page()
 
 
 @needs_docs
-def test_the_table_of_seams_is_that_of_the_registries() -> None:
-    assert script().seam_table() in page()
-
-
-@needs_docs
-def test_the_tree_of_the_page_has_every_folder() -> None:
+def test_the_tree_of_the_page_has_every_folder():
     folders = {
         f"{package}/{path.name}/"
         for package in PACKAGES
@@ -437,7 +416,7 @@ def test_the_tree_of_the_page_has_every_folder() -> None:
 
 @needs_docs
 @pytest.mark.parametrize("name", ["project/architecture.md", "howto/extending.md"])
-def test_tests_and_pages_that_a_page_names_exist(name: str) -> None:
+def test_tests_and_pages_that_a_page_names_exist(name):
     path = ROOT / "docs" / name
     text = path.read_text(encoding="utf-8")
     for place in re.findall(r"`(tests/[\w/.]+)`", text):

@@ -4,8 +4,6 @@ Who needs more lines takes them from another row of the table, in the same commi
 a row that has fewer is lowered to what it has. `python -m tests.test_budget` prints today's table.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import subprocess

@@ -3,23 +3,41 @@
 Cases are texts and tables altered at random; FUZZED_CASES=20000 in the environment asks for more.
 """
 
-from __future__ import annotations
-
+import contextlib
 import json
 import math
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from twin.errors import InputError, TwinError
-from twin.vehicle.presets import asset_path
+from factory.exporting.metadata import parse_metadata
+from factory.importing.columns import read_table
+from factory.importing.formats.base import sniff
+from factory.importing.formats.csv.mapping_file import parse_mapping
+from factory.importing.payload import parse_payload
+from factory.sampling.distribution import parse_distribution
+from factory.sampling.presets import read_changes
+from factory.sampling.recipe import Recipe
+from glider_twin_ops.forecast import mission_to
+from twin.bounded import LONGEST_NAME, compile_pattern
+from twin.cli.options import parse_numbers
+from twin.errors import CurrentError, InputError, TwinError
+from twin.mission.plan import Mission
+from twin.mission.slocum_mission import read_slocum
+from twin.physics.mujoco_model import compile_model
+from twin.records.tracks import read_tracks
+from twin.sensors import SensorSuite
+from twin.vehicle.presets import apply_preset, asset_path
+from twin.vehicle.vehicle import load_vehicle, parse_vehicle
+from twin.water.current.base import current_from_dict, parse_current
+from twin.water.current.profile import Profile
+from twin.water.density import parse_density, read_density_csv
+from twin.water.floor.bathymetry import floor_from_dict, parse_floor
 
 CASES = int(os.environ.get("FUZZED_CASES", "40"))
 SLOW = {"compiled-vehicle": 0.2}
@@ -27,22 +45,12 @@ LONGEST_S = 60.0
 """[s] of the processor that one case may take, with what it compiles"""
 
 NUMBERS = ["0", "-1", "3.5", "1e400", "-1e308", "1e-320", "nan", "-inf", "9" * 400, "0x1", "1_0"]
-MARKS = [
-    *"()[]{}<>=:,;+-*/\\\"'#&!|@%$?.~^`",
-    "\0",
-    "\n",
-    "\r\n",
-    "\t",
-    " ",
-    "\ufeff",
-    "\u2028",
-    "é",
-]
+MARKS = [*"()[]{}<>=:,;+-*/\\\"'#&!|@%$?.~^`\0\n\t \ufeff\u2028é", "\r\n"]
 WORDS = [*NUMBERS, *MARKS, "none", "true", "except", "[[", "]]", "<!--", "<![CDATA[", "&#0;", ""]
 
 
 @st.composite
-def mutated(draw: Any, *bases: str, words: tuple[str, ...] = ()) -> str:
+def mutated(draw, *bases, words=()):
     """One of the texts with some pieces replaced by words, or by random text."""
     text = draw(st.sampled_from(bases))
     piece = st.sampled_from([*words, *WORDS]) | st.text(max_size=8)
@@ -64,11 +72,11 @@ VALUES = st.recursive(
 
 
 @st.composite
-def altered(draw: Any, base: dict[str, Any]) -> Any:
+def altered(draw, base):
     """A tree of tables with some values replaced, left out or added."""
     table = json.loads(json.dumps(base))
     for _ in range(draw(st.integers(0, 3))):
-        place: Any = table
+        place = table
         while isinstance(place, dict | list) and place:
             keys = list(place) if isinstance(place, dict) else list(range(len(place)))
             key = draw(st.sampled_from(keys))
@@ -84,107 +92,36 @@ def altered(draw: Any, base: dict[str, Any]) -> Any:
     return table
 
 
-def distribution(text: str) -> None:
+def distribution(text):
     """A distribution's text form reads back as itself, and draws what it allows."""
-    from factory.sampling.distribution import parse_distribution
-
     found = parse_distribution(text, "p")
-    again = parse_distribution(found.text(), "p")
-    assert again.text() == found.text()
+    assert parse_distribution(found.text(), "p").text() == found.text()
     drawn = found.draw(np.random.default_rng(0))
     assert found.allows(drawn), f"{drawn!r} cannot be drawn"
 
 
-def current(text: str) -> None:
-    """`--current`"""
-    from twin.water.current.base import current_from_dict, parse_current
-
+def current(text):
     found = parse_current(text)
     assert current_from_dict(found.describe()).describe() == found.describe()
 
 
-def density(text: str) -> None:
-    """`--density`"""
-    from twin.water.density import parse_density
-
-    parse_density(text)
-
-
-def floor(text: str) -> None:
-    """`--floor`"""
-    from twin.water.floor.bathymetry import floor_from_dict, parse_floor
-
+def floor(text):
     found = parse_floor(text)
-    if found is not None:
-        assert floor_from_dict(found.describe()) == found
+    assert found is None or floor_from_dict(found.describe()) == found
 
 
-def sensors(given: Any) -> None:
-    """Settings of a suite, as stores hold them."""
-    from twin.sensors import SensorSuite
-
-    SensorSuite.from_settings(given)
-
-
-def mission(text: str) -> None:
-    """A mission file."""
-    from twin.mission.plan import Mission
-
+def mission(text):
     found = Mission.from_toml(_file("m.toml", text))
     assert Mission.from_dict(found.to_dict()) == found
 
 
-def mission_table(data: Any) -> None:
-    """A mission of the Python API."""
-    from twin.mission.plan import Mission
-
-    Mission.from_dict(data)
-
-
-def slocum(text: str) -> None:
-    """A Slocum mission file."""
-    from twin.mission.slocum_mission import read_slocum
-
+def slocum(text):
     reading = read_slocum(_file("m.mi", text))
     assert all("\n" not in note for note in reading.notes)
 
 
-def goto(text: str) -> None:
-    """`twin forecast --goto`"""
-    from glider_twin_ops.forecast import mission_to
-
-    mission_to(text, depth=200.0, pitch_deg=26.0, surface_after_s=7200.0, radius=100.0)
-
-
-def parameters(text: str) -> None:
-    """A file of changed distributions."""
-    from factory.sampling.presets import read_changes
-    from factory.sampling.recipe import Recipe
-    from twin.vehicle.vehicle import load_vehicle
-
-    Recipe(changes=read_changes(_file("p.toml", text)), vehicle=load_vehicle("glider"))
-
-
-def mapping(data: Any) -> None:
-    """What the columns of csv tables are."""
-    from factory.importing.formats.csv.mapping_file import parse_mapping
-
-    parse_mapping(data, "mine.toml")
-
-
-def tracks(text: str) -> None:
-    """A CSV of tracks."""
-    from twin.records.tracks import read_tracks
-
-    read_tracks(_file("t.csv", text), 0)
-
-
-def profile(text: str) -> None:
+def profile(text):
     """CSV profiles of density and current."""
-    from twin.errors import CurrentError
-    from twin.water.current.profile import Profile
-    from twin.water.density import read_density_csv
-
     path = _file("d.csv", text)
     try:
         Profile.from_csv(path)
@@ -192,69 +129,28 @@ def profile(text: str) -> None:
         read_density_csv(path).compile()
 
 
-def vehicle(text: str) -> None:
-    """A vehicle file."""
-    from twin.vehicle.vehicle import parse_vehicle
-
-    parse_vehicle.__wrapped__(text, Path("mine.xml"))
-
-
-def compiled_vehicle(text: str) -> None:
-    """A vehicle file made into a MuJoCo model."""
-    from twin.physics.mujoco_model import compile_model
-    from twin.vehicle.vehicle import parse_vehicle
-
-    compile_model(parse_vehicle.__wrapped__(text, Path("mine.xml")), lean=True)
-
-
-def preset(text: str) -> None:
-    """Presets of a vehicle file."""
-    from twin.vehicle.presets import apply_preset
-
-    apply_preset(text, Path("mine.xml"), "gazebo")
-
-
-def sniffed(data: bytes) -> None:
+def sniffed(data):
     """The kind of log that a file looks like, and its names as each importer asks for them."""
-    from factory.importing.columns import read_table
-    from factory.importing.formats.base import sniff
-
     for name in ("a.csv", "a.csv.gz", "a.dbd", "a.dcd", "a.nc", "a.parquet"):
-        path = _file(name, data)
-        try:
-            sniff(path)
-        except TwinError:
-            continue
+        with contextlib.suppress(TwinError):
+            sniff(_file(name, data))
     read_table(_file("a.csv", data))
 
 
-def metadata(text: str) -> None:
-    """Deployment metadata in YAML."""
-    from factory.exporting.metadata import parse_metadata
-
-    parse_metadata(text, "m.yml")
-
-
-def payload(text: str) -> None:
-    """`--payload`"""
-    from factory.importing.payload import parse_payload
-
-    parse_payload([text])
-
-
-def pattern(text: str) -> None:
+def pattern(text):
     """A regular expression of a user, on the longest names that files have."""
-    from twin.bounded import LONGEST_NAME, compile_pattern
-
     compiled = compile_pattern(text, "p")
     for letter in "a1_":
         compiled.search(letter * LONGEST_NAME)
 
 
-def positions(text: str) -> None:
-    """`twin trim --set`"""
-    from twin.cli.options import parse_numbers
+def parsed(text):
+    """A vehicle file, without the memory of those that were read."""
+    return parse_vehicle.__wrapped__(text, Path("mine.xml"))
 
+
+def numbers(text):
+    """`twin trim --set`"""
     assert all(math.isfinite(value) for value in parse_numbers("set", (text,), "").values())
 
 
@@ -322,13 +218,13 @@ START_BYTES = (
     b"\x1f\x8b\x08", b"a,b\n1,2\n", b"time;lat\n", b"\xef\xbb\xbfa,b\n",
 )  # fmt: skip
 
-TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
+TARGETS = {
     "distribution": (distribution, mutated(*DISTRIBUTIONS, words=("uniform(", "choice(", "inf"))),
     "current": (current, mutated(*CURRENTS, words=("speed=", "none", "uniform:", "m2="))),
-    "density": (density, mutated("usual", "constant", "x.csv", "grid", "thermocline")),
+    "density": (parse_density, mutated("usual", "constant", "x.csv", "grid", "thermocline")),
     "floor": (floor, mutated("depth:200", "rough:60,height=3,length=400,seed=1", "G.nc,reach=9")),
     "sensors": (
-        sensors,
+        SensorSuite.from_settings,
         altered(
             {
                 "imu": {"gyro_scale": 1e-3, "misalignment_deg": 0.1},
@@ -340,7 +236,7 @@ TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
     ),
     "mission": (mission, mutated(MISSION, words=("[[segments]]\n", "kind = []", "inf", "[" * 500))),
     "mission-table": (
-        mission_table,
+        Mission.from_dict,
         altered(
             {
                 "name": "m",
@@ -361,13 +257,23 @@ TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
         slocum,
         mutated(SLOCUM, words=("b_arg:", "<start:waypoints>", "behavior: yo", "9e9")),
     ),
-    "goto": (goto, mutated("36.9,-122.5;37,-122.6", words=("nan", "89,0", ";"))),
+    "goto": (
+        lambda text: mission_to(
+            text, depth=200.0, pitch_deg=26.0, surface_after_s=7200.0, radius=100.0
+        ),
+        mutated("36.9,-122.5;37,-122.6", words=("nan", "89,0", ";")),
+    ),
     "parameters": (
-        parameters,
+        lambda text: Recipe(
+            changes=read_changes(_file("p.toml", text)), vehicle=load_vehicle("glider")
+        ),
         mutated('[mission]\npitch_deg = "uniform(15, 35)"\n[current]\nspeed = 0.1\n'),
     ),
-    "mapping": (mapping, altered(MAPPING)),
-    "tracks": (tracks, mutated("time,north,east,track\n0,1,2,a\n1,2,3,a\n", "time,north,east\n")),
+    "mapping": (lambda data: parse_mapping(data, "mine.toml"), altered(MAPPING)),
+    "tracks": (
+        lambda text: read_tracks(_file("t.csv", text), 0),
+        mutated("time,north,east,track\n0,1,2,a\n1,2,3,a\n", "time,north,east\n"),
+    ),
     "profile": (
         profile,
         mutated(
@@ -376,27 +282,36 @@ TARGETS: dict[str, tuple[Callable[[Any], None], st.SearchStrategy[Any]]] = {
             "depth,temperature,salinity\n0,10,35\n",
         ),
     ),
-    "vehicle": (vehicle, mutated(*XML, words=TAGS)),
-    "compiled-vehicle": (compiled_vehicle, mutated(*XML, words=TAGS)),
-    "preset": (preset, mutated(asset_path("tethys.xml").read_text(encoding="utf-8"), words=TAGS)),
+    "vehicle": (parsed, mutated(*XML, words=TAGS)),
+    "compiled-vehicle": (
+        lambda text: compile_model(parsed(text), lean=True),
+        mutated(*XML, words=TAGS),
+    ),
+    "preset": (
+        lambda text: apply_preset(text, Path("mine.xml"), "gazebo"),
+        mutated(asset_path("tethys.xml").read_text(encoding="utf-8"), words=TAGS),
+    ),
     "sniff": (
         sniffed,
         st.builds(bytes.__add__, st.sampled_from(START_BYTES), st.binary(max_size=300)),
     ),
     "metadata": (
-        metadata,
+        lambda text: parse_metadata(text, "m.yml"),
         mutated(
             "metadata:\n  title: x\n  wmo_id: 1\nglider_devices:\n  ctd:\n    make: m\n",
             words=("&a", "*a", "<<: ", "!!python/object:os.system", "- ", "2022-13-45"),
         ),
     ),
-    "payload": (payload, mutated("oxygen=oxy[umol kg-1]", "chlorophyll=x")),
+    "payload": (
+        lambda text: parse_payload([text]),
+        mutated("oxygen=oxy[umol kg-1]", "chlorophyll=x"),
+    ),
     "pattern": (pattern, mutated(r"^(\d{8})_", "(a+)+$", "[a-z]*_(.+)", words=("{1,200}", "(?:"))),
-    "positions": (positions, mutated("rudder=0.1,elevator=0", "propeller=60")),
+    "positions": (numbers, mutated("rudder=0.1,elevator=0", "propeller=60")),
 }
 """What is asked: the function that takes a case, and what cases are drawn from"""
 
-_FOLDER: list[Path] = []
+_FOLDER = []
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -404,14 +319,14 @@ def folder(tmp_path_factory):
     _FOLDER[:] = [tmp_path_factory.mktemp("given")]
 
 
-def _file(name: str, content: str | bytes) -> Path:
+def _file(name, content):
     path = _FOLDER[0] / name
     data = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     path.write_bytes(data)
     return path
 
 
-def check(target: Callable[[Any], None], case: Any) -> str:
+def check(target, case):
     """Run one case; "value" or the name of the `TwinError` that it gave."""
     start = time.process_time()
     try:

@@ -1,13 +1,8 @@
 """Changes of the code at places drawn by chance: they change it, and tests that prove notice."""
 
-from __future__ import annotations
-
 import ast
 import json
-from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path
-from typing import Any
 
 import pytest
 from examples import script
@@ -42,7 +37,7 @@ CHANGES = {
 
 
 @pytest.fixture
-def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def tree(tmp_path, monkeypatch):
     """A small tree with one module and one test."""
     files = {"twin/__init__.py": "", "twin/wing.py": SOURCE, "tests/twin/test_wing.py": TEST}
     for name, text in files.items():
@@ -52,18 +47,18 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def drawn(seed: int) -> Iterator[Any]:
+def drawn(seed):
     return iter(mutate.drawn(seed, ""))
 
 
-def test_every_place_is_drawn_once_in_an_order_of_the_seed(tree: Path) -> None:
+def test_every_place_is_drawn_once_in_an_order_of_the_seed(tree):
     names = [one.name.partition(": ")[2] for one in drawn(1)]
     assert sorted(names) == sorted(CHANGES)
     assert names == [one.name.partition(": ")[2] for one in drawn(1)]
     assert names != [one.name.partition(": ")[2] for one in drawn(2)]
 
 
-def test_the_tests_of_the_area_notice(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_tests_of_the_area_notice(tree, capsys):
     assert mutate.tests_of("twin/wing.py") == (["tests/twin/test_wing.py"], [])
     code = mutate.main(["--seed", "1", "--count", "9"])
     said = capsys.readouterr().out.splitlines()
@@ -83,7 +78,7 @@ def test_the_tests_of_the_area_notice(tree: Path, capsys: pytest.CaptureFixture[
     assert all(json.loads(line)["by"] for line in kept if json.loads(line)["noticed"])
 
 
-def test_changes_of_the_product_are_code() -> None:
+def test_changes_of_the_product_are_code():
     for one in islice(mutate.drawn(5, "twin/sensors"), 40):
         whole = (mutate.ROOT / one.file).read_text()
         changed = whole[: one.first] + one.new + whole[one.first + len(one.old) :]

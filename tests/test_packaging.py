@@ -1,7 +1,5 @@
 """The distribution: the wheel works on its own, names and versions agree, documents are true."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import json
@@ -15,7 +13,6 @@ import tomllib
 import zipfile
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -23,6 +20,7 @@ from examples import script
 from packaging.requirements import Requirement
 from trees import keep_compiled
 
+import factory
 from factory.__main__ import PROGRAM as FACTORY
 from learn.__main__ import PROGRAM as LEARN
 from twin.__main__ import PROGRAM as TWIN
@@ -33,23 +31,23 @@ from twin.version import __version__
 ROOT = Path(__file__).resolve().parent.parent
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PACKAGES = ("twin", "factory", "learn")
-SAFE: dict[str, Any] = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+SAFE = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
 """Python 3.11 has it from 3.11.4 on"""
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
 
 
-def _ended(command: list[str | Path], cwd: Path, code: int) -> subprocess.CompletedProcess[str]:
+def _ended(command, cwd, code):
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True)
     assert done.returncode == code, done.stdout + done.stderr
     return done
 
 
-def _run(command: list[str | Path], cwd: Path) -> str:
+def _run(command, cwd):
     return _ended(command, cwd, 0).stdout
 
 
-def _tracked(*names: str) -> set[str]:
+def _tracked(*names):
     """The files that git tracks under names, or all, that are there."""
     if not (ROOT / ".git").exists():
         pytest.skip("what is compared with git's list of files needs a checkout")
@@ -59,7 +57,7 @@ def _tracked(*names: str) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def source(tmp_path_factory):
     """The source distribution."""
     folder = tmp_path_factory.mktemp("source")
     _run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder], cwd=ROOT)
@@ -68,7 +66,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(source, tmp_path_factory):
     """The wheel, made from the source distribution as an installer without wheels would."""
     folder = tmp_path_factory.mktemp("wheel")
     build = [*PIP, "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, source]
@@ -78,8 +76,8 @@ def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_source_distribution_holds_every_tracked_file_and_its_tests_can_be_collected(
-    source: Path, tmp_path: Path
-) -> None:
+    source, tmp_path
+):
     with tarfile.open(source) as archive:
         archive.extractall(tmp_path, **SAFE)
     unpacked = tmp_path / f"glider_twin-{__version__}"
@@ -103,9 +101,7 @@ def test_source_distribution_holds_every_tracked_file_and_its_tests_can_be_colle
     assert made == {*_tracked(), "PKG-INFO"}
 
 
-def test_the_wheel_has_the_same_bytes_wherever_and_whenever_it_is_built(
-    source: Path, wheel: Path, tmp_path: Path
-) -> None:
+def test_the_wheel_has_the_same_bytes_wherever_and_whenever_it_is_built(source, wheel, tmp_path):
     with tarfile.open(source) as archive:
         archive.extractall(tmp_path, **SAFE)
     unpacked = tmp_path / f"glider_twin-{__version__}"
@@ -117,7 +113,7 @@ def test_the_wheel_has_the_same_bytes_wherever_and_whenever_it_is_built(
     assert again.read_bytes() == wheel.read_bytes()
 
 
-def test_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path) -> None:
+def test_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel):
     with zipfile.ZipFile(wheel) as archive:
         shipped = {name for name in archive.namelist() if ".dist-info/" not in name}
     present = _tracked(*PACKAGES, "assets")
@@ -131,9 +127,9 @@ def test_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path) ->
         assert name in shipped
 
 
-def _needed(requirements: list[str]) -> set[str]:
+def _needed(requirements):
     """Names of the distributions that these ask for here without extras, and those they ask for."""
-    found: set[str] = set()
+    found = set()
     waiting = list(requirements)
     while waiting:
         requirement = Requirement(waiting.pop())
@@ -145,7 +141,7 @@ def _needed(requirements: list[str]) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bare(wheel, tmp_path_factory):
     """The commands of an environment with the wheel and what it requires without extras.
 
     The dependencies are links into the environment that runs the tests.
@@ -180,9 +176,7 @@ measured_pitch = { column = "theta", unit = "deg" }
 """
 
 
-def test_the_wheel_without_extras_flies_generates_imports_and_draws(
-    bare: Path, tmp_path: Path
-) -> None:
+def test_the_wheel_without_extras_flies_generates_imports_and_draws(bare, tmp_path):
     python = bare / "python"
     missing = "import importlib.util as u; print([u.find_spec(n) for n in ('torch', 'dm_control')])"
     assert _run([python, "-c", missing], tmp_path) == "[None, None]\n"
@@ -218,9 +212,7 @@ def test_the_wheel_without_extras_flies_generates_imports_and_draws(
         ("twin", "simulate", "--navigate", "network", "--out", "run.zarr"),
     ],
 )
-def test_without_the_extra_learn_the_line_that_installs_it(
-    words: tuple[str, ...], bare: Path, tmp_path: Path
-) -> None:
+def test_without_the_extra_learn_the_line_that_installs_it(words, bare, tmp_path):
     done = _ended([bare / words[0], *words[1:]], tmp_path, 2)
     assert done.stdout == ""
     assert "learn needs the package torch" in done.stderr
@@ -229,15 +221,13 @@ def test_without_the_extra_learn_the_line_that_installs_it(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_import_learn_names_its_extra(bare: Path, tmp_path: Path) -> None:
+def test_import_learn_names_its_extra(bare, tmp_path):
     for module in ("learn", "learn.data.dataset"):
         done = _ended([bare / "python", "-c", f"import {module}"], tmp_path, 1)
         assert done.stderr.endswith('pip install "glider-twin[learn]"\n')
 
 
-def test_the_tasks_without_the_extra_suite_name_the_line_that_installs_it(
-    bare: Path, tmp_path: Path
-) -> None:
+def test_the_tasks_without_the_extra_suite_name_the_line_that_installs_it(bare, tmp_path):
     code = "from twin import control; print(*control.ALL_TASKS); control.load('hold')"
     done = _ended([bare / "python", "-c", code], tmp_path, 1)
     assert done.stdout == "hold depth waypoints energy\n"
@@ -249,7 +239,7 @@ def test_the_tasks_without_the_extra_suite_name_the_line_that_installs_it(
     assert 'pip install "glider-twin[suite]"' in done.stderr
 
 
-def _like_factory_boy(folder: Path) -> Path:
+def _like_factory_boy(folder):
     """A wheel of that name with a package `factory`, for where there is no network."""
     about = "factory_boy-3.3.3.dist-info"
     files = {
@@ -267,9 +257,7 @@ def _like_factory_boy(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("source_of", ["a wheel like it", "the network"])
-def test_factory_boy_in_the_same_environment_is_named(
-    wheel: Path, tmp_path: Path, source_of: str
-) -> None:
+def test_factory_boy_in_the_same_environment_is_named(wheel, tmp_path, source_of):
     environment = tmp_path / "environment"
     _run([sys.executable, "-m", "venv", environment], cwd=tmp_path)
     (packages,) = environment.glob("lib/python*/site-packages")
@@ -283,7 +271,7 @@ def test_factory_boy_in_the_same_environment_is_named(
     if subprocess.run(theirs, capture_output=True).returncode:
         pytest.skip(f"pip cannot install factory_boy from {source_of}")
 
-    def told(*words: str) -> str:
+    def told(*words):
         said = _ended([environment / "bin" / words[0], *words[1:]], tmp_path, 2).stderr
         assert said.count("\n") == 1
         return said
@@ -306,18 +294,18 @@ def test_factory_boy_in_the_same_environment_is_named(
     )
 
 
-def _files(folder: Path) -> set[str]:
+def _files(folder):
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
-def test_assets_are_found_and_a_wrong_name_is_explained() -> None:
+def test_assets_are_found_and_a_wrong_name_is_explained():
     assert asset_path("glider.xml").is_file()
     assert assets_folder().name == "assets"
     with pytest.raises(InputError, match=r"unknown asset 'glidr\.xml': did you mean 'glider\.xml'"):
         asset_path("glidr.xml")
 
 
-def test_versions_agree() -> None:
+def test_versions_agree():
     assert metadata.version("glider-twin") == __version__
     changes = (ROOT / "CHANGELOG.md").read_text()
     newest = re.search(r"^## \[(\d[^\]]*)\] - (\S+)$", changes, re.MULTILINE)
@@ -327,23 +315,21 @@ def test_versions_agree() -> None:
     assert (cited["version"], str(cited["date-released"])) == newest.groups()
 
 
-def test_import_factory_is_this_package() -> None:
+def test_import_factory_is_this_package():
     # factory_boy installs a package of the same name.
-    import factory
-
     assert Path(factory.__file__).resolve().parent == ROOT / "factory"
     names = {_name(dist.metadata["Name"]) for dist in metadata.distributions()}
     assert "factory-boy" not in names
     assert "pytest-factoryboy" not in names
 
 
-def test_lightning_is_not_installed() -> None:
+def test_lightning_is_not_installed():
     # Releases of it on PyPI were compromised in 2026.
     names = {_name(dist.metadata["Name"]) for dist in metadata.distributions()}
     assert not names & {"lightning", "pytorch-lightning"}
 
 
-def test_every_dependency_is_pinned_within_its_range() -> None:
+def test_every_dependency_is_pinned_within_its_range():
     pins = {}
     for line in (ROOT / "constraints.txt").read_text().splitlines():
         if line and not line.startswith("#"):
@@ -360,15 +346,11 @@ def test_every_dependency_is_pinned_within_its_range() -> None:
             assert requirement.specifier.contains(pins[_name(requirement.name)]), text
 
 
-CONDA_NAMES = {
-    "mujoco": "mujoco-python",
-    "glfw": "pyglfw",
-    "matplotlib": "matplotlib-base",
-}
+CONDA_NAMES = {"mujoco": "mujoco-python", "glfw": "pyglfw", "matplotlib": "matplotlib-base"}
 """What conda-forge calls packages differently."""
 
 
-def test_the_conda_recipe_asks_for_what_the_wheel_asks_for() -> None:
+def test_the_conda_recipe_asks_for_what_the_wheel_asks_for():
     recipe = yaml.safe_load((ROOT / "packaging" / "conda" / "recipe.yaml").read_text())
     assert recipe["context"]["version"] == __version__
     python, *run = recipe["requirements"]["run"]
@@ -385,7 +367,7 @@ def test_the_conda_recipe_asks_for_what_the_wheel_asks_for() -> None:
     assert recipe["requirements"]["host"][-1].split()[0] == "hatchling"
 
 
-def test_every_way_to_check_runs_the_same_commands() -> None:
+def test_every_way_to_check_runs_the_same_commands():
     script = (ROOT / ".ci" / "run").read_text()
     wanted = re.findall(r"^make [\w-]+$", script, re.MULTILINE)
     assert wanted == ["make lint", "make test-docs", "make test-release", "make test"]
@@ -405,7 +387,7 @@ def test_every_way_to_check_runs_the_same_commands() -> None:
     assert [hook["entry"] for hook in hooks] == ["make lint"]
 
 
-def test_console_scripts_are_the_three_programs() -> None:
+def test_console_scripts_are_the_three_programs():
     scripts = PYPROJECT["project"]["scripts"]
     assert scripts == {name: f"{name}.__main__:main" for name in PACKAGES}
     for target in scripts.values():
@@ -413,7 +395,7 @@ def test_console_scripts_are_the_three_programs() -> None:
         assert callable(getattr(importlib.import_module(module), function))
 
 
-def test_dm_control_loads_a_model_under_this_mujoco() -> None:
+def test_dm_control_loads_a_model_under_this_mujoco():
     # dm-control 1.0.50 cannot do this under mujoco 4.
     from dm_control import mujoco
 
@@ -427,7 +409,7 @@ def test_dm_control_loads_a_model_under_this_mujoco() -> None:
     physics.free()
 
 
-def test_commands_in_the_documents_exist() -> None:
+def test_commands_in_the_documents_exist():
     programs = {program.name: program for program in (TWIN, FACTORY, LEARN)}
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     shown = 0
@@ -444,7 +426,7 @@ def test_commands_in_the_documents_exist() -> None:
     assert shown > 0
 
 
-def test_make_help_has_a_line_for_every_target() -> None:
+def test_make_help_has_a_line_for_every_target():
     makefile = (ROOT / "Makefile").read_text()
     phony = re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)
     assert phony is not None
@@ -456,7 +438,7 @@ def test_make_help_has_a_line_for_every_target() -> None:
     assert sorted(told) == sorted(phony[1].split())
 
 
-def _modules_with_examples() -> list[str]:
+def _modules_with_examples():
     files = (path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
     return sorted(
         ".".join(path.relative_to(ROOT).with_suffix("").parts)
@@ -466,18 +448,18 @@ def _modules_with_examples() -> list[str]:
 
 
 @pytest.mark.parametrize("module", _modules_with_examples())
-def test_examples_in_docstrings_are_true(module: str) -> None:
+def test_examples_in_docstrings_are_true(module):
     result = doctest.testmod(importlib.import_module(module))
     assert result.attempted > 0
     assert result.failed == 0
 
 
-def _code(page: str) -> str:
+def _code(page):
     """The code blocks of a Markdown text, fenced or indented."""
     fenced = re.findall(r"^```[^\n]*\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     indented = re.findall(r"^ {4}.*$", page, re.MULTILINE)
     return "\n".join([*fenced, *indented])
 
 
-def _name(distribution: str) -> str:
+def _name(distribution):
     return re.sub(r"[-_.]+", "-", distribution).lower()

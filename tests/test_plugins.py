@@ -1,7 +1,5 @@
 """Plugins of this project: public faces only, one version, a README of one screen, entry points."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re
@@ -12,8 +10,6 @@ import tomllib
 import zipfile
 from functools import cache
 from importlib import metadata
-from pathlib import Path
-from typing import Any
 
 import pytest
 from examples import ROOT
@@ -22,6 +18,7 @@ from packaging.requirements import Requirement
 import twin.lazy
 from factory.importing import IMPORTERS, sniff
 from factory.importing.formats.base import LOOKS, NeedsPlugin
+from twin.control.dm_suite import ALONE, MUJOCO_BELOW
 from twin.plugins import OWN_PLUGINS, load_entry_point
 from twin.version import __version__
 
@@ -32,13 +29,13 @@ SCREEN = 40
 every_plugin = pytest.mark.parametrize("plugin", PLUGINS, ids=lambda path: path.parent.name)
 
 
-def project(plugin: Path) -> dict[str, Any]:
+def project(plugin):
     """The table [project] of a plugin."""
-    found: dict[str, Any] = tomllib.loads(plugin.read_text(encoding="utf-8"))["project"]
+    found = tomllib.loads(plugin.read_text(encoding="utf-8"))["project"]
     return found
 
 
-def points(plugin: Path) -> list[metadata.EntryPoint]:
+def points(plugin):
     groups = project(plugin).get("entry-points", {})
     return [
         metadata.EntryPoint(name, value, group)
@@ -48,7 +45,7 @@ def points(plugin: Path) -> list[metadata.EntryPoint]:
 
 
 @cache
-def face(package: str) -> frozenset[str] | None:
+def face(package):
     """Public names of a package; None for what is no package."""
     module = ROOT / package.replace(".", "/")
     if not (module / "__init__.py").is_file():
@@ -65,7 +62,7 @@ def face(package: str) -> frozenset[str] | None:
     return frozenset(n for n in names if not n.startswith("_") or n == "__version__")
 
 
-def below_the_faces(source: str) -> list[str]:
+def below_the_faces(source):
     """Names that a text imports from below the public faces.
 
     A module that a face shows is public: `from twin.errors import InputError`.
@@ -86,14 +83,14 @@ def below_the_faces(source: str) -> list[str]:
 
 
 @every_plugin
-def test_a_plugin_imports_public_names_only(plugin: Path) -> None:
+def test_a_plugin_imports_public_names_only(plugin):
     files = [p for p in plugin.parent.rglob("*.py") if "tests" not in p.parts]
     assert files
     deep = {path.name: below_the_faces(path.read_text(encoding="utf-8")) for path in files}
     assert {name: found for name, found in deep.items() if found} == {}
 
 
-def test_what_is_below_a_face_is_noticed() -> None:
+def test_what_is_below_a_face_is_noticed():
     text = "from twin.records.reader import MissionStore\nimport twin.facade\nimport twin\n"
     assert below_the_faces(text) == ["twin.records.reader.MissionStore", "twin.facade"]
     assert below_the_faces("from twin.records import nothing") == ["twin.records.nothing"]
@@ -101,7 +98,7 @@ def test_what_is_below_a_face_is_noticed() -> None:
 
 
 @every_plugin
-def test_a_plugin_has_the_version_of_the_core_and_asks_for_what_is_pinned(plugin: Path) -> None:
+def test_a_plugin_has_the_version_of_the_core_and_asks_for_what_is_pinned(plugin):
     about = project(plugin)
     name = plugin.parent.name
     assert about["name"] == f"{OWN_PLUGINS}{name}"
@@ -120,7 +117,7 @@ def test_a_plugin_has_the_version_of_the_core_and_asks_for_what_is_pinned(plugin
 
 
 @every_plugin
-def test_a_readme_is_one_screen_with_the_install_and_three_commands(plugin: Path) -> None:
+def test_a_readme_is_one_screen_with_the_install_and_three_commands(plugin):
     text = (plugin.parent / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= SCREEN
     install, *commands = re.findall(r"^ {4}(\S.*)$", text, re.MULTILINE)
@@ -129,7 +126,7 @@ def test_a_readme_is_one_screen_with_the_install_and_three_commands(plugin: Path
 
 
 @every_plugin
-def test_every_entry_point_is_installed_and_loads(plugin: Path) -> None:
+def test_every_entry_point_is_installed_and_loads(plugin):
     for point in points(plugin):
         (found,) = metadata.entry_points(group=point.group, name=point.name)
         assert found.value == point.value
@@ -137,7 +134,7 @@ def test_every_entry_point_is_installed_and_loads(plugin: Path) -> None:
 
 
 @every_plugin
-def test_its_wheel_holds_the_package_alone(plugin: Path, tmp_path: Path) -> None:
+def test_its_wheel_holds_the_package_alone(plugin, tmp_path):
     source = tmp_path / "source"
     shutil.copytree(plugin.parent, source, ignore=shutil.ignore_patterns("tests", "__pycache__"))
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
@@ -150,7 +147,7 @@ def test_its_wheel_holds_the_package_alone(plugin: Path, tmp_path: Path) -> None
     assert all(name.startswith((f"{package}/", f"{package}-{__version__}")) for name in names)
 
 
-def test_looks_are_those_of_the_readers_of_plugins() -> None:
+def test_looks_are_those_of_the_readers_of_plugins():
     for kind, looks in LOOKS.items():
         importer = IMPORTERS[kind]
         assert set(looks) <= {*importer.first_bytes, *importer.marks}
@@ -165,11 +162,85 @@ def test_looks_are_those_of_the_readers_of_plugins() -> None:
         ("log.csv", b"EpochSeconds,depth\n1,2\n3,4\n", "lrauv"),
     ],
 )
-def test_a_file_whose_plugin_is_not_installed_names_it(
-    name: str, content: bytes, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_whose_plugin_is_not_installed_names_it(name, content, kind, tmp_path, monkeypatch):
     others = {n: point for n, point in IMPORTERS._offered.items() if n not in LOOKS}
     monkeypatch.setitem(vars(IMPORTERS), "_offered", others)
     (tmp_path / name).write_bytes(content)
     with pytest.raises(NeedsPlugin, match=rf"looks like {kind}.*pip install ./plugins/protocols"):
         sniff(tmp_path / name)
+
+
+# --- Dependencies: what is imported is declared, and dm-control's are ours where it goes in alone
+
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+PYTHON_313 = {"python_version": "3.13", "extra": ""}
+
+
+def plain(name):
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def declared():
+    """Every requirement of users: the tests' and the linters' do not count."""
+    extras = PROJECT["optional-dependencies"]
+    users = [r for name, extra in extras.items() if name not in ("test", "lint") for r in extra]
+    return [Requirement(text) for text in [*PROJECT["dependencies"], *users]]
+
+
+def imported():
+    """Top modules that the three packages import from elsewhere."""
+    found = set()
+    for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found.add(node.module.partition(".")[0])
+    return found - set(PACKAGES) - sys.stdlib_module_names
+
+
+def test_every_import_is_declared():
+    names = {plain(requirement.name) for requirement in declared()}
+    distributions = metadata.packages_distributions()
+    for module in sorted(imported()):
+        sources = {plain(name) for name in distributions.get(module, [module])}
+        assert sources & names, f"{module} comes from {sources}, which pyproject.toml does not name"
+
+
+def test_all_brings_every_extra_of_a_user():
+    extras = PROJECT["optional-dependencies"]
+    (everything,), (dev,) = (map(Requirement, extras[name]) for name in ("all", "dev"))
+    # boto3 and the pinned dateutil exclude each other; the others are for who works on the project
+    assert everything.extras == set(extras) - {"all", "dev", "docs", "test", "lint", "aws"}
+    assert dev.extras == {"all", "docs", "test", "lint"}
+
+
+def test_python_3_13_has_all_that_dm_control_needs_but_labmaze():
+    needed = [Requirement(text) for text in metadata.requires("dm-control") or ()]
+    wanted = {plain(r.name) for r in needed if not r.marker or r.marker.evaluate(PYTHON_313)}
+    named = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["suite"]]
+    ours = [Requirement(text) for text in named]
+    there = {plain(r.name) for r in ours if not r.marker or r.marker.evaluate(PYTHON_313)}
+    assert wanted - there == {"labmaze"}
+    assert "dm-control" not in there
+
+
+def test_the_suite_names_the_range_of_dm_control():
+    suite = PROJECT["optional-dependencies"]["suite"]
+    (range_,) = [Requirement(text) for text in suite if text.startswith("dm-control")]
+    asked = Requirement(ALONE.split('"')[1])
+    assert (asked.name, asked.specifier) == (range_.name, range_.specifier)
+
+
+def test_the_suite_carries_the_mujoco_that_its_code_accepts():
+    """The tasks of dm_control alone need an older one: everything else takes the newer too."""
+    (ours,) = [Requirement(r) for r in PROJECT["dependencies"] if r.startswith("mujoco")]
+    suite = PROJECT["optional-dependencies"]["suite"]
+    (theirs,) = [Requirement(r) for r in suite if r.startswith("mujoco")]
+    newer = f"{MUJOCO_BELOW}.0.0"
+    assert newer in ours.specifier
+    assert newer not in theirs.specifier
+    least = {spec.version for spec in ours.specifier if spec.operator == ">="}
+    assert least == {spec.version for spec in theirs.specifier if spec.operator == ">="}
+    assert all(version in theirs.specifier for version in least)

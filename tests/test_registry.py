@@ -1,8 +1,8 @@
 """Registries: lazy, checked, open to a user's own kinds; every shipped kind is complete."""
 
-from __future__ import annotations
-
+import ast
 import dataclasses
+import importlib
 import importlib.metadata
 import inspect
 import os
@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 import pytest
-from examples import ROOT, blocks, files_of, needs_docs, run
+from examples import ROOT, blocks, files_of, needs_docs, run, script
 
 import factory.seams
 import learn.seams
@@ -21,16 +21,9 @@ from factory.generation.generated_store import GeneratedStore
 from factory.soundness import verify_store
 from twin import control
 from twin.control.registry import TASKS, check_task
-from twin.errors import InputError
-from twin.plugins import PLUGINS
-from twin.records.schema import (
-    HYDROGRAPHY,
-    LOGGED_ONLY,
-    SIMULATED,
-    VARIABLES,
-    WITH_FLOOR,
-    Variable,
-)
+from twin.errors import InputError, UnknownName
+from twin.plugins import PLUGINS, imported
+from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, VARIABLES, WITH_FLOOR, Variable
 from twin.records.trajectory import actuator_names
 from twin.registry import Registry
 from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
@@ -57,7 +50,8 @@ def test_every_shipped_kind_is_complete(registry):
 @every_registry
 def test_a_wrong_name_offers_the_nearest(registry):
     name = next(iter(registry))
-    with pytest.raises(KeyError, match=f"unknown {registry.noun} '{name}x': did you mean '{name}'"):
+    told = rf"unknown {registry.noun} '{name}x': did you mean '{name}'.*{registry.group}$"
+    with pytest.raises(UnknownName, match=told):
         registry[name + "x"]
     assert name + "x" not in registry
 
@@ -82,8 +76,8 @@ def test_kinds_are_imported_when_they_are_asked_for():
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
 
 
-def made(**entry_points: str) -> Registry[object]:
-    registry: Registry[object] = Registry(
+def made(**entry_points):
+    registry = Registry(
         "toy", group="toys", shipped={"a": "math:pi"}, check=lambda name, kind: kind
     )
     points = {
@@ -348,16 +342,16 @@ def test_an_installed_sensor_needs_no_import(tmp_path):
         "[glider_twin.sensors]\nturbidity = turbidity:Turbidity\n"
     )
     with files_of("docs/reference/sensors.md", tmp_path):
-        for words in (
-            "generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr",
-            "verify m.zarr --replay 1",
-        ):
-            done = subprocess.run(
-                [sys.executable, "-m", "factory", *words.split()], cwd=tmp_path,
-                env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
-                capture_output=True, text=True, check=False,
-            )  # fmt: skip
-            assert done.returncode == 0, done.stderr
+        code = (
+            "from factory.__main__ import PROGRAM; made = PROGRAM.main("
+            "'generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr'.split());"
+            "raise SystemExit(made or PROGRAM.main('verify m.zarr --replay 1'.split()))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True,
+            env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
     data = twin.open_store(tmp_path / "m.zarr")
     assert data["measured_turbidity"].attrs["valid_max"] == 1000.0
     assert data.attrs["sensors"] == "field+turbidity"
@@ -446,3 +440,93 @@ def test_every_task_is_on_its_page():
     for name in TASKS.shipped():
         assert f"| `{name}` |" in page
     assert blocks("docs/howto/dm_control.md")
+
+
+# --- Every kind that lies in a seam's folder is in the seam's table, or nobody could name it
+
+
+NO_KINDS = {
+    "twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up",
+    "twin.water.current.tabulated:Tabulated": "a function's table, which flies as a grid",
+}
+"""Classes derived from a seam's base that are no kind of their own, and why"""
+SEAMS = script("architecture").seams()
+
+
+def base_of(seam):
+    """The class or protocol that all kinds of a seam share."""
+    return imported(":".join(seam.base.rsplit(".", 1)))
+
+
+def unregistered(modules, base, table):
+    """Kinds that modules define and a table lacks, as `module:Name`.
+
+    A kind is an object of the base, or a class derived from it that nothing else in the folder
+    derives from. Where the table holds functions that make kinds, one of the class's own module and
+    name, in lower case, stands for it.
+    """
+    classes, objects = {}, {}
+    for module in modules:
+        for name, value in vars(module).items():
+            own = isinstance(value, type) and value.__module__ == module.__name__
+            if own and value is not base and issubclass(value, base):
+                classes[f"{module.__name__}:{name}"] = value
+            elif not isinstance(value, type) and isinstance(value, base):
+                objects[f"{module.__name__}:{name}"] = value
+    functions = [kind for kind in table if inspect.isfunction(kind)]
+    listed = [kind for kind in table if isinstance(kind, type)]
+    makers = {f"{kind.__module__}:{kind.__name__}" for kind in functions}
+    known = {kind if isinstance(kind, type) else type(kind) for kind in table}
+    inherited = {parent for value in classes.values() for parent in value.__mro__[1:]}
+    lacking = [
+        place
+        for place, value in classes.items()
+        if value not in known | inherited and place.lower() not in makers
+    ]
+    return lacking + [
+        place
+        for place, value in objects.items()
+        if not any(value is kind for kind in table) and type(value) not in listed
+    ]
+
+
+def modules_of(folder):
+    """The modules of a seam's folder and of the folders in it."""
+    files = sorted((ROOT / folder).rglob("*.py"))
+    names = (".".join(path.relative_to(ROOT).with_suffix("").parts) for path in files)
+    wanted = (name.removesuffix(".__init__") for name in names if not name.endswith("__main__"))
+    return [importlib.import_module(name) for name in wanted]
+
+
+def test_registries_are_made_in_the_tables_of_seams_alone():
+    made = {
+        str(path.relative_to(ROOT))
+        for package in ("twin", "factory", "learn")
+        for path in (ROOT / package).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("Registry")
+    }
+    assert made == {"twin/seams.py", "factory/seams.py", "learn/seams.py"}
+
+
+@pytest.mark.parametrize("seam", SEAMS, ids=lambda seam: seam.what)
+def test_every_kind_in_a_seam_s_folder_is_in_its_table(seam):
+    base = base_of(seam)
+    if getattr(base, "_is_protocol", False):
+        pytest.skip("its kinds are functions of other packages: no file of the folder is one")
+    lacking = unregistered(modules_of(seam.folder), base, seam.kinds)
+    assert [place for place in lacking if place not in NO_KINDS] == []
+
+
+@pytest.mark.parametrize("seam", SEAMS, ids=lambda seam: seam.what)
+def test_a_kind_that_is_taken_out_of_a_table_is_missed(seam):
+    """A table without its last kind: that kind is the one that is named."""
+    base = base_of(seam)
+    if getattr(base, "_is_protocol", False):
+        pytest.skip("as above")
+    *others, last = seam.kinds
+    lacking = unregistered(modules_of(seam.folder), base, others)
+    module = last.__module__ if hasattr(last, "__qualname__") else None
+    found = [place for place in lacking if place not in NO_KINDS]
+    assert found
+    assert module is None or all(place.startswith(f"{module}:") for place in found)

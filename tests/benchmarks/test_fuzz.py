@@ -1,7 +1,5 @@
 """Damaged logs of every importer: sound, or refused in one line; and what counts as a failure."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import warnings

@@ -1,9 +1,6 @@
 """A little of `python -m benchmarks.histories`."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 
@@ -15,16 +12,16 @@ MARKS = {"dask": NEEDS_DASK, "watch": pytest.mark.skip(reason="takes a minute")}
 
 
 @pytest.fixture(scope="module")
-def ground(tmp_path_factory: pytest.TempPathFactory) -> Ground:
+def ground(tmp_path_factory):
     return Ground.prepare(tmp_path_factory.mktemp("histories"))
 
 
 @pytest.mark.parametrize("kind", [pytest.param(kind, marks=MARKS.get(kind, ())) for kind in KINDS])
-def test_no_kill_loses_anything(ground: Ground, kind: str) -> None:
+def test_no_kill_loses_anything(ground, kind):
     assert KINDS[kind](ground, kind, 1) == []
 
 
-def test_a_store_that_is_not_the_same_is_noticed(ground: Ground, tmp_path: Path) -> None:
+def test_a_store_that_is_not_the_same_is_noticed(ground, tmp_path):
     store = tmp_path / "missions.zarr"
     assert fault_of(ground, store) == "there is no store"
     assert done(lambda: generate(ground.recipe, store, workers=1))

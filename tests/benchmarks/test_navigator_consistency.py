@@ -1,7 +1,5 @@
 """The navigator errs as it says: 70 simulated missions in currents of preset field."""
 
-from __future__ import annotations
-
 import json
 import math
 
@@ -24,7 +22,7 @@ SPEED = 0.35
 SCALE, COMPASS, FIX = 0.01, 1.0, 4.0
 
 
-def simulated_legs(seed: int) -> list[list[Leg]]:
+def simulated_legs(seed):
     """Dives from 0 to 60 to 300 m and back, with errors of speed, compass and fixes."""
     rng = np.random.default_rng(seed)
     table = {
@@ -70,7 +68,7 @@ def simulated_legs(seed: int) -> list[list[Leg]]:
     return records
 
 
-def test_70_simulated_missions_are_as_surely_known_as_the_filter_says() -> None:
+def test_70_simulated_missions_are_as_surely_known_as_the_filter_says():
     found = consistency_of(simulated_legs(3), latitude=45.0, speed_scale=SCALE, compass=COMPASS)
     assert found.fixes == MISSIONS * DIVES
     assert 1.6 <= found.nis <= 2.4
@@ -91,12 +89,12 @@ def store(tmp_path_factory):
     return path
 
 
-def printed(capsys, *words: object) -> dict[str, float]:
+def printed(capsys, *words):
     assert command.run(navigator_consistency.main, [*map(str, words), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 
 
-def test_the_benchmark_prints_what_it_finds(store, capsys) -> None:
+def test_the_benchmark_prints_what_it_finds(store, capsys):
     found = printed(capsys, store)
     assert found["fixes"] == 10  # two after each of five launches: none is lost between samples
     assert found["first_dive_m"] == pytest.approx(found["first_dive_no_current_m"])
@@ -109,7 +107,7 @@ def test_the_benchmark_prints_what_it_finds(store, capsys) -> None:
 
 def test_networks_are_judged_by_the_benchmark_and_by_their_report(
     store, tmp_path, capsys, monkeypatch
-) -> None:
+):
     monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     run = learn.fit(
         store, folder=tmp_path / "run", features=("sin_pitch", "depth_rate"), network="mlp",

@@ -1,10 +1,7 @@
 """Benchmark on real logs: folders, public methods, regression, folds, what is skipped and why."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +24,7 @@ from twin.identify import density_of, load_calibration
 FLIGHT = Flight(dives=8)
 
 
-def logs_folder(root: Path, flight: Flight = FLIGHT) -> Path:
+def logs_folder(root, flight=FLIGHT):
     """A folder of logs with one Slocum that has a Doppler log."""
     folder = root / "slocum_unit1_2024"
     folder.mkdir(parents=True)
@@ -46,7 +43,7 @@ def logs_folder(root: Path, flight: Flight = FLIGHT) -> Path:
     return folder
 
 
-def test_every_finite_truth_sample_is_scored_and_the_pitch_line_is_found(tmp_path: Path) -> None:
+def test_every_finite_truth_sample_is_scored_and_the_pitch_line_is_found(tmp_path):
     (deployment,) = imported(logs_folder(tmp_path), "slocum", tmp_path)
     truth = dvl.read_truth(deployment)
     assert truth is not None
@@ -60,7 +57,7 @@ def test_every_finite_truth_sample_is_scored_and_the_pitch_line_is_found(tmp_pat
     np.testing.assert_allclose(np.concatenate(list(error.values())), 0.01, atol=1e-9)
 
 
-def test_the_kinematic_speed_is_that_of_a_glide_along_the_path(tmp_path: Path) -> None:
+def test_the_kinematic_speed_is_that_of_a_glide_along_the_path(tmp_path):
     (deployment,) = imported(logs_folder(tmp_path), "slocum", tmp_path)
     log = deployment.logs()[0]
     found = kinematic(log, log.pitch, attack=0.0)
@@ -70,7 +67,7 @@ def test_the_kinematic_speed_is_that_of_a_glide_along_the_path(tmp_path: Path) -
     np.testing.assert_allclose(found.level[middle], level, rtol=0.01)
 
 
-def test_the_steady_model_finds_the_trim_and_drag_it_was_made_with(tmp_path: Path) -> None:
+def test_the_steady_model_finds_the_trim_and_drag_it_was_made_with(tmp_path):
     (deployment,) = imported(logs_folder(tmp_path), "slocum", tmp_path)
     log = deployment.logs()[0]
     calibration = load_calibration("graver-2005")
@@ -83,14 +80,14 @@ def test_the_steady_model_finds_the_trim_and_drag_it_was_made_with(tmp_path: Pat
     assert found.volume == pytest.approx(known.volume, abs=1e-7)
 
 
-def test_ridge_learns_squares_and_is_not_thrown_by_a_constant_input() -> None:
+def test_ridge_learns_squares_and_is_not_thrown_by_a_constant_input():
     rng = np.random.default_rng(0)
     x = np.column_stack([rng.normal(size=(400, 2)), np.ones(400)])
     y = 1.0 + x[:, 0] * x[:, 1] - 0.5 * x[:, 0] ** 2
     assert rmse(ridge(x[:300], y[:300], x[300:], penalty=1e-6) - y[300:]) < 0.15
 
 
-def test_a_mean_over_a_minute_of_a_line_is_the_line() -> None:
+def test_a_mean_over_a_minute_of_a_line_is_the_line():
     clock = 5.0 * np.arange(100)
     times = np.array([60.0, 200.0, 301.0])
     np.testing.assert_allclose(averaged(2.0 * clock + 1.0, 5.0, times), 2.0 * times + 1.0)
@@ -99,7 +96,7 @@ def test_a_mean_over_a_minute_of_a_line_is_the_line() -> None:
     assert averaged(spike, 5.0, np.array([200.0]))[0] == pytest.approx(5.0 / AVERAGE)
 
 
-def test_level_speed_is_the_horizontal_part_along_the_heading() -> None:
+def test_level_speed_is_the_horizontal_part_along_the_heading():
     pitch = np.radians(np.array([30.0]))
     # a glide along the horizontal, nose up by the pitch: level speed is the speed
     surge, heave = np.cos(pitch), np.sin(pitch)
@@ -107,7 +104,7 @@ def test_level_speed_is_the_horizontal_part_along_the_heading() -> None:
     np.testing.assert_allclose(level_speed(surge, zero, heave, zero, pitch), 1.0)
 
 
-def test_blocks_hold_every_dive_once_and_long_deployments_are_thinned() -> None:
+def test_blocks_hold_every_dive_once_and_long_deployments_are_thinned():
     rows = list(range(3, 28))
     parts = blocks(rows)
     assert sorted(row for part in parts for row in part) == rows
@@ -120,7 +117,7 @@ def test_blocks_hold_every_dive_once_and_long_deployments_are_thinned() -> None:
     assert thinned(rows[:5]) == rows[:5]
 
 
-def test_folders_that_cannot_be_judged_are_named_with_the_reason(tmp_path: Path) -> None:
+def test_folders_that_cannot_be_judged_are_named_with_the_reason(tmp_path):
     logs_folder(tmp_path)
     for name in ("lrauv_2013", "slocum_broken", "notes"):
         (tmp_path / name).mkdir()
@@ -135,7 +132,7 @@ def test_folders_that_cannot_be_judged_are_named_with_the_reason(tmp_path: Path)
     assert set(why) == {"slocum_broken", "lrauv_2013", "notes", "work"}
 
 
-def test_a_folder_without_logs_is_an_error(tmp_path: Path) -> None:
+def test_a_folder_without_logs_is_an_error(tmp_path):
     with pytest.raises(InputError, match="no folder"):
         run_benchmark(tmp_path / "missing")
     (tmp_path / "currents").mkdir()
@@ -143,15 +140,13 @@ def test_a_folder_without_logs_is_an_error(tmp_path: Path) -> None:
         run_benchmark(tmp_path)
 
 
-def test_one_section_alone_leaves_the_other_rows_of_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_section_alone_leaves_the_other_rows_of_the_file(tmp_path, monkeypatch, capsys):
     tasks = (*SECTIONS["speed"], *SECTIONS["fixes"])
     old = [Row(task=task, data="a", method="m", kind="twin", value=1.0) for task in tasks]
     keep(old, tmp_path / "rows.json")
     asked = {}
 
-    def judged(folder: Path, **options: object) -> list[Row]:
+    def judged(folder, **options):
         asked.update(options)
         return [dataclasses.replace(row, value=2.0) for row in old if row.task in SECTIONS["speed"]]
 
@@ -165,7 +160,7 @@ def test_one_section_alone_leaves_the_other_rows_of_the_file(
     assert "did you mean 'fixes'" in capsys.readouterr().err
 
 
-def test_the_command_prints_one_object_with_every_task(tmp_path: Path, capsys) -> None:
+def test_the_command_prints_one_object_with_every_task(tmp_path, capsys):
     logs_folder(tmp_path / "data")
     options = ["--no-networks", "--workers", "1", "--json"]
     code = command.run(main, [str(tmp_path / "data"), *options])
@@ -185,7 +180,7 @@ def test_the_command_prints_one_object_with_every_task(tmp_path: Path, capsys) -
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="shared data are absent")
-def test_the_twin_knows_the_speed_of_the_comet(tmp_path: Path) -> None:
+def test_the_twin_knows_the_speed_of_the_comet(tmp_path):
     folder = SHARED / "slocum_comet_dvl_2016"
     if not folder.is_dir():
         pytest.skip("the comet's logs are absent")
@@ -211,7 +206,7 @@ def test_the_twin_knows_the_speed_of_the_comet(tmp_path: Path) -> None:
     assert {row.value for row in rows.values() if row.kind == "published"} == {0.028, 0.034}
 
 
-def test_every_published_figure_belongs_to_a_task_and_names_its_source() -> None:
+def test_every_published_figure_belongs_to_a_task_and_names_its_source():
     for entry in figures():
         assert entry["task"] in TASKS
         assert entry["source"]

@@ -1,9 +1,7 @@
 """Every code block of every page runs, here or in the test that is named, as it stands there.
 
-Tutorials run in test_tutorials.py, all of them and whole. A block that nothing can run has a mark.
+Tutorials run in test_front_page.py, all of them and whole. A block that nothing can run has a mark.
 """
-
-from __future__ import annotations
 
 import contextlib
 import io
@@ -11,12 +9,10 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 from examples import ROOT, blocks, needs_docs, script
+from navigation import write_flown_store
 
 from factory.__main__ import PROGRAM as FACTORY
 from factory.exporting.metadata import parse_metadata
@@ -25,6 +21,7 @@ from factory.samples.gliders import write_dbd, write_slocum
 from factory.sampling.parameters import parameter_table
 from factory.sampling.presets import read_changes
 from factory.sampling.recipe import make_recipe
+from learn.__main__ import PROGRAM as LEARN
 from twin.vehicle.presets import assets_folder
 from twin.vehicle.vehicle import load_vehicle
 
@@ -47,7 +44,7 @@ RUN = {
     "docs/howto/erddap.md": {"tests/factory/exporting/test_erddap_export.py": 1},
     "docs/howto/extending.md": {"tests/docs/test_extending.py": 14},
     "docs/howto/flight.md": {HERE: 3},
-    "docs/howto/forecast.md": {"tests/docs/test_forecast.py": 3},
+    "docs/howto/forecast.md": {"tests/docs/test_front_page.py": 3},
     "docs/howto/identify.md": {HERE: 2},
     "docs/howto/import_logs.md": {HERE: 1},
     "docs/howto/import_messages.md": {
@@ -61,7 +58,7 @@ RUN = {
     "docs/howto/index.md": {"tests/test_faces.py": 1},
     "docs/howto/navigation.md": {HERE: 3},
     "docs/howto/on_board.md": {
-        "tests/learn/commands/test_commands.py": 1,
+        HERE: 1,
         "tests/docs/test_front_page.py": 1,
     },
     "docs/howto/pipelines.md": {"plugins/pipelines/tests/test_pipelines.py": 1},
@@ -71,7 +68,7 @@ RUN = {
     },
     "docs/howto/serve.md": {"plugins/protocols/tests/test_serve.py": 2},
     "docs/howto/xarray.md": {"plugins/pipelines/tests/test_accessor.py": 1},
-    "docs/howto/train.md": {"tests/learn/commands/test_commands.py": 2},
+    "docs/howto/train.md": {HERE: 2},
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {
         "tests/twin/water/test_current_docs.py": 2,
@@ -84,7 +81,7 @@ RUN = {
     },
     "docs/reference/import.md": {HERE: 1},
     "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 8},
-    "docs/reference/networks.md": {"tests/learn/test_kinds_of_users.py": 1},
+    "docs/reference/networks.md": {"tests/learn/test_registries.py": 1},
     "docs/reference/sensors.md": {"tests/test_registry.py": 3},
     "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},
 }
@@ -97,7 +94,7 @@ SHOWN = "text"
 """The language of blocks that show what is printed or lies in a folder"""
 
 
-def runnable(page: Path) -> int:
+def runnable(page):
     """How many blocks of a page a reader could run: fenced ones, and indented programs."""
     text = page.read_text(encoding="utf-8")
     fenced = [language for language, _, _ in FENCE.findall(text) if language != SHOWN]
@@ -106,7 +103,7 @@ def runnable(page: Path) -> int:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_some_test_runs_every_block(page: Path) -> None:
+def test_some_test_runs_every_block(page):
     """After a new block: run it in a test, and count it in RUN."""
     tests = RUN.get(page.relative_to(ROOT).as_posix(), {})
     assert runnable(page) == sum(tests.values())
@@ -115,7 +112,7 @@ def test_some_test_runs_every_block(page: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A folder with what the pages name: a log, its store, a vehicle's own file."""
     folder = tmp_path_factory.mktemp("pages")
     for name in ("unit334", "offload"):
@@ -133,14 +130,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def lesson(folder: Path) -> Iterator[Any]:
+def lesson(folder):
     """One run of scripts/tutorials.py in that folder."""
     before = list(sys.path)
     yield script("tutorials").Lesson(folder)
     sys.path[:] = before
 
 
-def text_of(page: str, heading: str = "") -> str:
+def text_of(page, heading=""):
     """A page, or one of its sections."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     return text.partition(f"# {heading}\n")[2].partition("\n#")[0] if heading else text
@@ -149,31 +146,31 @@ def text_of(page: str, heading: str = "") -> str:
 @pytest.mark.parametrize(
     "page", ["howto/flight.md", "howto/identify.md", "howto/import_logs.md", "reference/import.md"]
 )
-def test_pages_about_logs_run(lesson: Any, page: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pages_about_logs_run(lesson, page, capsys):
     lesson.run(text_of(page))
     if page == "howto/import_logs.md":
         assert lesson.said == "slocum\n"
     assert capsys.readouterr().out
 
 
-def test_navigation_runs(lesson: Any) -> None:
+def test_navigation_runs(lesson):
     lesson.run(text_of("howto/navigation.md"))
     assert lesson.session["run"].complete
     assert lesson.session["ahead"].current.shape == (2, 2)
 
 
-def test_a_log_as_a_time_series_runs(lesson: Any) -> None:
+def test_a_log_as_a_time_series_runs(lesson):
     lesson.run(text_of("reference/factory.md", "As a time series"))
     assert lesson.session["series"].sizes["time"] > 1000
 
 
-def test_the_factory_in_python_runs(lesson: Any) -> None:
+def test_the_factory_in_python_runs(lesson):
     (program,) = [t for _, t in blocks("docs/reference/factory.md") if "summary = generate(" in t]
     lesson.python(program.replace("hours=1.0", "hours=0.2"))
     assert lesson.session["run"].parameters(0).values["vehicle.k_m"] > 0.0
 
 
-def test_files_of_the_factory_are_read(folder: Path) -> None:
+def test_files_of_the_factory_are_read(folder):
     text = text_of("reference/factory.md")
     found = {language: block for language, _, block in FENCE.findall(text) if language != "python"}
     (folder / "spread.toml").write_text(found["toml"])
@@ -186,11 +183,26 @@ def test_files_of_the_factory_are_read(folder: Path) -> None:
     assert parse_metadata(found["yaml"], "m.yml").attributes["license"] == "CC-BY-4.0"
 
 
-def test_the_first_command_runs(lesson: Any) -> None:
+def test_the_first_command_runs(lesson):
     install, *commands = FENCE.findall(text_of("index.md"))[0][2].splitlines()
     assert install == "pip install ."
     lesson.shell("\n".join(commands))
     assert (lesson.folder / "run.png").is_file()
+
+
+def test_programs_about_networks_run(tmp_path, monkeypatch, capsys):
+    """On a small store and a run that was exported, in one folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+    write_flown_store(tmp_path / "data" / "missions.zarr")
+    small = "--epochs 1 --hidden 6 --layers 1 --members 1 --workers 1 --name first"
+    assert LEARN.main(["fit", "data/missions.zarr", *small.split()]) == 0
+    assert LEARN.main(["export"]) == 0
+    capsys.readouterr()
+    for page in ("docs/howto/on_board.md", "docs/howto/train.md"):
+        for _, text in blocks(page):
+            exec(text, {})
+    assert float(capsys.readouterr().out.split()[0]) >= 0.0
 
 
 SHOWN_COMMAND = re.compile(
@@ -199,7 +211,7 @@ SHOWN_COMMAND = re.compile(
 """A command of a code block; a synopsis has what may be left out in brackets"""
 
 
-def test_every_command_of_a_page_is_one_that_its_parser_takes() -> None:
+def test_every_command_of_a_page_is_one_that_its_parser_takes():
     """With all its words, as the program itself reads them."""
     reference = script("docs_reference")
     parsers = {
@@ -224,7 +236,7 @@ def test_every_command_of_a_page_is_one_that_its_parser_takes() -> None:
     assert not wrong
 
 
-def test_every_benchmark_of_a_page_has_its_options() -> None:
+def test_every_benchmark_of_a_page_has_its_options():
     wrong, shown = [], 0
     for page in PAGES:
         text = page.read_text(encoding="utf-8").replace("\\\n", " ")

@@ -4,8 +4,6 @@ What belongs to an installation is replaced by programs of the same name that st
 `sbatch` runs the tasks of an array here, `pip` only notes what it was asked for.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -14,9 +12,7 @@ import socket
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import xarray as xr
@@ -39,7 +35,7 @@ if __name__ == "__main__":
 """Commands of one block in one process, as the tutorials run them: each library is loaded once"""
 
 
-def blocks(section: str, language: str = "sh") -> list[str]:
+def blocks(section, language="sh"):
     """The page's blocks below a heading."""
     text = PAGE.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
     found = re.findall(rf"^```{language}\n(.*?)^```", text, re.M | re.S)
@@ -50,7 +46,7 @@ def blocks(section: str, language: str = "sh") -> list[str]:
 class Machine:
     """A folder with the programs in its path."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder):
         self.folder = folder
         self.groups: list[int] = []
         bin = folder / "bin"
@@ -68,11 +64,11 @@ class Machine:
             "SLURM_STATE": str(folder / "slurm"),
         }
 
-    def _program(self, path: Path, line: str) -> None:
+    def _program(self, path, line):
         path.write_text(f"#!/bin/sh\n{line}\n")
         path.chmod(0o755)
 
-    def run(self, *words: str, code: int = 0) -> str:
+    def run(self, *words, code=0):
         """What a command says; it must end with this code."""
         # to a file: what a block leaves in the background would keep a pipe open
         log = self.folder / "said.txt"
@@ -89,23 +85,23 @@ class Machine:
             assert process.wait(HANG_S) == code, f"{words[-1]}\n{log.read_text()}"
         return log.read_text()
 
-    def shell(self, block: str) -> str:
+    def shell(self, block):
         """Run a block of the page."""
         return self.run("bash", "-ec", block)
 
-    def together(self, block: str) -> str:
+    def together(self, block):
         """Run a block of our commands in one process."""
         (self.folder / "lesson.py").write_text(LESSON.replace("scripts", f"{ROOT}/scripts"))
         return self.run(sys.executable, "lesson.py", str(self.folder), block)
 
-    def python(self, block: str) -> str:
+    def python(self, block):
         """Run a program of the page."""
         (self.folder / "program.py").write_text(block)
         return self.run(sys.executable, "program.py")
 
 
 @pytest.fixture
-def machine(tmp_path: Path) -> Iterator[Machine]:
+def machine(tmp_path):
     one = Machine(tmp_path)
     yield one
     for group in one.groups:  # a scheduler and its workers go on in the background
@@ -115,7 +111,7 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
             continue
 
 
-def test_what_pip_is_asked_for_is_there() -> None:
+def test_what_pip_is_asked_for_is_there():
     """And every block of the page is run by one of the tests below."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = [e for found in re.findall(r"glider-twin\[([^]]+)\]", PAGE) for e in found.split(",")]
@@ -124,7 +120,7 @@ def test_what_pip_is_asked_for_is_there() -> None:
     assert len(re.findall(r"^```\w+$", PAGE, re.M)) == 4 + 2 + 3 + 3 + 1
 
 
-def test_slurm(machine: Machine) -> None:
+def test_slurm(machine):
     install, submit, look, again = blocks("Slurm")
     machine.shell(install)
     assert "glider-twin" in (machine.folder / "pip.log").read_text()
@@ -145,13 +141,13 @@ def test_slurm(machine: Machine) -> None:
     assert "SLURM_ARRAY_TASK_ID" in PAGE
 
 
-def free_port() -> str:
+def free_port():
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         return str(found.getsockname()[1])
 
 
-def test_a_dask_cluster(machine: Machine) -> None:
+def test_a_dask_cluster(machine):
     pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
     port = free_port()
     start, resume = (block.replace("8786", port) for block in blocks("Dask"))
@@ -161,13 +157,13 @@ def test_a_dask_cluster(machine: Machine) -> None:
     assert contents(machine.folder / "dask.zarr") == contents(machine.folder / "one.zarr")
 
 
-def test_a_local_dask_cluster_in_python(machine: Machine) -> None:
+def test_a_local_dask_cluster_in_python(machine):
     pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
     assert "times real time" in machine.python(blocks("Dask", "python")[0])
     assert (machine.folder / "local.zarr/zarr.json").is_file()
 
 
-def test_dask_jobqueue(machine: Machine) -> None:
+def test_dask_jobqueue(machine):
     """Slurm's `sbatch` starts the workers that dask-jobqueue asks for."""
     pytest.importorskip("dask_jobqueue", reason="needs pip install dask-jobqueue")
     (machine.folder / "glider/bin").mkdir(parents=True)
@@ -176,7 +172,7 @@ def test_dask_jobqueue(machine: Machine) -> None:
     assert (machine.folder / "queue.zarr/zarr.json").is_file()
 
 
-def test_dask_kubernetes(machine: Machine) -> None:
+def test_dask_kubernetes(machine):
     """A cluster of this machine stands for the one of Kubernetes."""
     pytest.importorskip("distributed", reason='needs pip install "glider-twin[cluster]"')
     shutil.copytree(PROGRAMS / "dask_kubernetes", machine.folder / "dask_kubernetes")
@@ -186,7 +182,7 @@ def test_dask_kubernetes(machine: Machine) -> None:
         assert "preset     field" in machine.run("factory", "info", "s3://bucket/kubernetes.zarr")
 
 
-def test_s3(machine: Machine) -> None:
+def test_s3(machine):
     install, one, parts = blocks("S3")
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION", "AWS_ENDPOINT_URL"):
         assert f" {name}=" in install
@@ -201,11 +197,11 @@ def test_s3(machine: Machine) -> None:
     assert (machine.folder / "runs/small/report/index.html").is_file()
 
 
-def test_icechunk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_icechunk(tmp_path, monkeypatch):
     pytest.importorskip("icechunk", reason='needs pip install "glider-twin[icechunk]"')
     (program,) = blocks("Other zarr stores", "python")
     monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
+    names = {}
     exec(program, names)
     store = names["repository"].readonly_session("main").store
     assert xr.open_zarr(store, consolidated=False).attrs["seed"] == 0

@@ -1,14 +1,11 @@
 """Every kind of one's own that docs/howto/extending.md shows: its file and command, as written."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,18 +40,18 @@ if __name__ == "__main__":
 """
 
 
-def page(name: str = "howto/extending.md") -> str:
+def page(name="howto/extending.md"):
     return (ROOT / "docs" / name).read_text(encoding="utf-8")
 
 
-def fenced(name: str, mark: str) -> str:
+def fenced(name, mark):
     """The one Python example of a page that contains `mark`."""
     blocks = re.findall(r"^```python[^\n]*\n(.*?)^```", page(name), re.MULTILINE | re.DOTALL)
     (text,) = [block for block in blocks if mark in block]
     return text
 
 
-def files() -> dict[str, str]:
+def files():
     """Text of each file of the page, and of the pages that it leads to."""
     return {
         **dict(FILE.findall(page())),
@@ -67,7 +64,7 @@ def files() -> dict[str, str]:
     }
 
 
-def commands() -> list[tuple[str, list[str]]]:
+def commands():
     """Plugin files and words of each command of the page, in its order."""
     found = []
     for block in SHELL.findall(page()):
@@ -79,7 +76,7 @@ def commands() -> list[tuple[str, list[str]]]:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A folder with the page's files, in which its commands have run."""
     folder = tmp_path_factory.mktemp("own")
     for name, text in files().items():
@@ -91,11 +88,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(
         [sys.executable, "driver.py"],
         cwd=folder,
-        env={
-            **os.environ,
-            "PYTHONPATH": str(ROOT),
-            PLUGINS: os.pathsep.join(sorted(plugins)),
-        },
+        env={**os.environ, "PYTHONPATH": str(ROOT), PLUGINS: os.pathsep.join(sorted(plugins))},
         capture_output=True,
         text=True,
         check=False,
@@ -105,14 +98,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def _write_log(folder: Path) -> None:
+def _write_log(folder):
     """A log with the columns that the importer of docs/howto/import_tables.md reads."""
     state = FLIGHT.state(FLIGHT.time)
     columns = {"time": FLIGHT.time, "my_depth": state["depth"], "my_pitch": state["pitch"]}
     write_csv(folder / "log.csv", columns)
 
 
-def test_every_plugin_of_a_command_is_a_file_of_the_page() -> None:
+def test_every_plugin_of_a_command_is_a_file_of_the_page():
     named = {name for names, _ in commands() for name in names.split(os.pathsep) if name}
     assert named == {name for name in files() if name.endswith(".py")} - {
         "own_vehicle.py",
@@ -120,7 +113,7 @@ def test_every_plugin_of_a_command_is_a_file_of_the_page() -> None:
     }
 
 
-def test_each_command_took_the_kind_of_its_file(folder: Path) -> None:
+def test_each_command_took_the_kind_of_its_file(folder):
     output = (folder / "output.txt").read_text()
     assert "all within the limits" in output  # of `twin check`: both codes of part and law agree
     assert "flew 'drifting'" in output
@@ -131,7 +124,7 @@ def test_each_command_took_the_kind_of_its_file(folder: Path) -> None:
     assert len(lines) == open_store(folder / "turbid.zarr").sizes["mission"]
 
 
-def test_what_they_wrote_holds_their_signals(folder: Path) -> None:
+def test_what_they_wrote_holds_their_signals(folder):
     jet = open_store(folder / "jet.zarr")
     assert json.loads(jet.attrs["scenario"])["current"]["kind"] == "jet"
     assert float(jet["true_current_east"].max()) == pytest.approx(0.3, abs=0.01)
@@ -143,7 +136,7 @@ def test_what_they_wrote_holds_their_signals(folder: Path) -> None:
     assert open_store(folder / "mine.zarr").sizes["mission"] == FLIGHT.dives
 
 
-def test_networks_of_plugin_files_train_in_worker_processes(folder: Path) -> None:
+def test_networks_of_plugin_files_train_in_worker_processes(folder):
     description = json.loads((folder / "runs" / "own" / "surge-0.json").read_text())
     assert description["network"]["kind"] == "leaky"
     with pytest.raises(InputError, match=r"name the file leaky\.py in GLIDER_TWIN_PLUGINS$"):

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 import xarray as xr
@@ -38,7 +37,7 @@ def run(capsys, *words):
 def answer(capsys, *words):
     code, out, err = run(capsys, *words, "--json")
     assert code == 0, err
-    result: dict[str, Any] = json.loads(out)
+    result = json.loads(out)
     return result
 
 

@@ -1,19 +1,31 @@
 """Verify and replay: sound stores pass, every kind of damage is found and named."""
 
+import dataclasses
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 import zarr
 
 from factory.__main__ import PROGRAM
+from factory.__main__ import PROGRAM as FACTORY
+from factory.commands.generate import WriteReference
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
+from factory.sampling import presets as sets
 from factory.soundness import replay_mission, verify_store
 from factory.store_check import StoreCheck, check_files, kinematic_problems
-from twin.errors import StoreError
+from learn.__main__ import PROGRAM as LEARN
+from twin.cli.console import Console
+from twin.errors import InputError, StoreError
+from twin.records.attributes import SETTINGS, VERSION
 from twin.records.schema import HYDROGRAPHY, SIMULATED
+from twin.records.storage.checksums import array_checksums
+from twin.records.storage.sharded import METADATA
 from twin.records.store import read_trajectory
+from twin.vehicle.vehicle import load_vehicle
 
 
 def stored_signals(preset):
@@ -181,7 +193,7 @@ def test_what_is_found_does_not_depend_on_the_workers(tmp_path, recipe, monkeypa
     generate(recipe(), store, workers=1)
     cut_in_half(store)
     run = GeneratedStore(store)
-    read: list[int] = []
+    read = []
     alone, together = verify_store(run), verify_store(run, read.append, workers=2)
     assert together == alone
     assert not alone.ok
@@ -198,7 +210,7 @@ def test_every_flipped_bit_of_a_shard_is_found(monkeypatch, whole, copied):
     monkeypatch.setattr("factory.store_check.SAMPLES_AT_ONCE", 1)
     shard = copied / "true_surge/c/0/0"
     sound = shard.read_bytes()
-    for place in np.linspace(0, len(sound) - 1, 9).astype(int).tolist():
+    for place in np.linspace(0, len(sound) - 1, 5).astype(int).tolist():
         flip_byte(shard, place)
         (chunks,) = (c for c in verify_store(GeneratedStore(copied)).checks if c.name == "chunks")
         assert any("true_surge of mission" in problem for problem in chunks.problems), place
@@ -209,3 +221,126 @@ def test_every_flipped_bit_of_a_shard_is_found(monkeypatch, whole, copied):
 def test_workers_of_verify_are_a_number_above_zero(paper_store, capsys):
     assert PROGRAM.main(["verify", str(paper_store), "--workers", "0"]) == 2
     assert "--workers 0 must be at least 1" in capsys.readouterr().err
+
+
+# --- Stores that other versions wrote are read, or refused in one line
+
+
+OLD = Path(__file__).parents[1] / "data" / "e2ff189"
+"""Stores of the commit of that name, of version 0.1.0"""
+NEWER = 99
+
+old_readers = pytest.mark.filterwarnings("ignore:.*imported by version 1 of the readers")
+
+
+@old_readers
+@pytest.mark.parametrize("name", ["simulated.zarr", "logged.zarr"])
+@pytest.mark.parametrize("command", ["info", "verify"])
+def test_a_store_of_version_0_1_is_read(command, name):
+    assert FACTORY.main([command, str(OLD / name)]) == 0
+
+
+@old_readers
+@pytest.mark.parametrize(
+    ("words", "name", "message"),
+    [
+        (["verify", "--replay", "0"], "simulated.zarr", "physics"),
+        (["generate", "--resume", "--out"], "simulated.zarr", "other settings"),
+        (["generate", "--resume", "--out"], "logged.zarr", "logs"),
+    ],
+)
+def test_its_missions_are_not_mixed_with_new_ones(tmp_path, capsys, words, name, message):
+    store = tmp_path / name
+    shutil.copytree(OLD / name, store)
+    command, *options = words
+    words = [command, str(store), *options] if command == "verify" else [*words, str(store)]
+    assert FACTORY.main(words) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert message in line
+
+
+@pytest.fixture
+def newer(tmp_path, paper_store):
+    """A store of a schema that is not known."""
+    store = tmp_path / "newer.zarr"
+    shutil.copytree(paper_store, store)
+    document = json.loads((store / METADATA).read_text())
+    document["attributes"][VERSION] = NEWER
+    settings = json.loads(document["attributes"][SETTINGS])
+    settings["versions"]["glider-twin"] = f"{NEWER}.0"
+    document["attributes"][SETTINGS] = json.dumps(settings)
+    (store / METADATA).write_text(json.dumps(document))
+    return store
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["info {}", "generate --resume --out {}", "verify {} --replay 0", "plot {}",
+     "export {} --to og1", "fit {} --name newer"],
+)  # fmt: skip
+def test_a_newer_store_is_refused_with_both_versions(newer, capsys, words):
+    program = LEARN if words.startswith("fit") else FACTORY
+    assert program.main(words.format(newer).split()) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert f"version {NEWER}" in line
+    assert "upgrade glider-twin to 99.0" in line
+
+
+# --- The reference set: what everybody's copy is compared with
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reference") / "reference.zarr"
+    assert PROGRAM.main(["reference", "--name", "field-2h", "--out", str(out)]) == 0
+    return out
+
+
+def test_the_small_set_is_made_as_listed(store, capsys):
+    again = ["reference", "--name", "field-2h", "--out", str(store), "--compare"]
+    assert PROGRAM.main(again) == 0
+    assert "arrays, all as listed" in capsys.readouterr().out
+
+
+def test_a_changed_array_is_named(store, tmp_path, capsys):
+    copy = tmp_path / "changed.zarr"
+    shutil.copytree(store, copy)
+    array = zarr.open_group(copy)["true_surge"]
+    array[0, 100] = array[0, 100] + 1e-6
+    command = ["reference", "--name", "field-2h", "--out", str(copy), "--compare"]
+    assert PROGRAM.main(command) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "is NOT field-2h, 1 of" in said
+    assert "true_surge has other values" in said
+
+
+@pytest.mark.parametrize("name", sets.reference_names())
+def test_the_lists_are_of_this_physics_and_whole(name, store):
+    listed = sets.reference_set(name)
+    assert (listed.preset, listed.physics) == ("field", load_vehicle().physics_version)
+    assert listed.hours == float(name.removeprefix("field-").removesuffix("h"))
+    assert set(listed.arrays) == set(array_checksums(store))
+    assert all(len(value) == 64 for value in listed.arrays.values())
+
+
+def test_missing_and_unlisted_arrays_differ():
+    listed = sets.reference_set("field-2h")
+    found = {**listed.arrays, "new": "0"}
+    del found["true_sway"]
+    assert listed.differences(found) == {"new": "is not listed", "true_sway": "is missing"}
+
+
+def test_unusable_requests_say_what_to_do(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="did you mean 'field-2h'"):
+        sets.reference_set("field-2")
+    console = Console("factory")
+    there = WriteReference(name="field-2h", out=tmp_path / "none.zarr", compare=True)
+    with pytest.raises(InputError, match=r"is not there: leave --compare out"):
+        there.run(console)
+    with pytest.raises(InputError, match=r"leave out --workers, --resume and --overwrite"):
+        dataclasses.replace(there, overwrite=True).run(console)
+    monkeypatch.setattr(
+        "twin.vehicle.vehicle.PHYSICS_VERSION", sets.reference_set("field-2h").physics + 1
+    )
+    with pytest.raises(InputError, match=r"install the version of glider-twin that has them"):
+        there.run(console)

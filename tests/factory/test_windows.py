@@ -83,7 +83,7 @@ def test_the_order_follows_from_the_seed(windows, field_store):
 def test_what_does_not_fit_is_read_once_an_epoch(small, windows, monkeypatch):
     assert windows.fits
     assert not small.fits
-    decoded: list[int] = []
+    decoded = []
     whole = Windows._decoded
 
     def counted(self, missions):
@@ -104,8 +104,9 @@ def test_what_does_not_fit_is_read_once_an_epoch(small, windows, monkeypatch):
     assert small._kept.keys() < set(small.missions.tolist())
 
 
-@pytest.mark.parametrize("context", ["fork", "spawn"])
-@pytest.mark.parametrize("memory", ["enough", "too little"])
+@pytest.mark.parametrize(
+    ("context", "memory"), [("fork", "enough"), ("fork", "too little"), ("spawn", "too little")]
+)
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork.*:DeprecationWarning")
 def test_workers_of_a_data_loader_read_the_same(context, memory, small, windows):
     torch = pytest.importorskip("torch")
@@ -169,7 +170,7 @@ def test_the_page_is_true(tmp_path, monkeypatch):
     page = (ROOT / "docs/reference/factory.md").read_text()
     section = page.split("## Windows for training")[1].split("\n## ")[0]
     monkeypatch.chdir(tmp_path)
-    names: dict = {}
+    names = {}
     for _, text in BLOCK.findall(section):
         exec(text, names)
     assert names["windows"][0].shape == (64, 3)

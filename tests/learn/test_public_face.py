@@ -4,12 +4,12 @@ import inspect
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import learn
+from learn.data.dataset import load_missions
 from learn.files import read_sealed
 from twin.errors import InputError
 
@@ -44,32 +44,6 @@ def test_every_public_name_is_there_and_documented():
             assert f"{parameter}:" in documented, (name, parameter)
     with pytest.raises(AttributeError, match="did you mean 'fit'"):
         _ = learn.fitt
-
-
-def test_no_module_bears_a_public_name():
-    folder = Path(learn.__file__).parent
-    for name in learn.__all__:
-        assert not (folder / f"{name}.py").exists()
-        assert not (folder / name).exists()
-
-
-FORKED = """
-import os, torch  # which takes seconds and imports nothing of ours
-for program in {programs!r}:
-    if not os.fork():
-        exec(program)
-        os._exit(0)
-    os.wait()
-"""
-
-
-def test_fit_is_the_function_whatever_is_imported_first():
-    told = "print(callable(learn.fit), callable(learn.evaluate), flush=True)"
-    programs = []
-    for first in ("learn.commands.fit", "learn.training.fitting", "learn.api"):
-        programs.append(f"import {first}, learn; {told}")
-        programs.append(f"import learn; learn.fit; import {first}; {told}")
-    assert python(FORKED.format(programs=programs)).split("\n") == ["True True"] * len(programs)
 
 
 SETTINGS = {"features": ("sin_pitch", "depth_rate"), "network": "mlp", "hidden": 6, "layers": 1}
@@ -110,8 +84,6 @@ def test_evaluate_takes_a_run_or_its_folder(run, flown_store):
 
 
 def test_predictions_are_what_the_evaluation_judges(run, flown_store):
-    from learn.data.dataset import load_missions
-
     predictions = run.predict(flown_store, split="test")
     missions = load_missions(flown_store, ("true_surge", "true_sway"), split="test")
     assert [p.mission for p in predictions] == [m.index for m in missions]

@@ -1,24 +1,24 @@
 """Every seam of `learn`: shipped kinds are whole, half ones are refused, users' own come in."""
 
-from __future__ import annotations
-
+import json
+import os
 import re
+import runpy
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from examples import ROOT
 
 import learn
-from learn.networks.base import Network
-from learn.training.optimiser import (
-    SETTINGS,
-    FullBatchOptimiser,
-    MinibatchOptimiser,
-    Optimiser,
-)
+from learn.__main__ import PROGRAM
+from learn.data.sequences import Normalisation
+from learn.networks.base import Network, build_network
+from learn.networks.onnx_export import StepModel, step_model
+from learn.networks.predictor import Predictor
+from learn.training.optimiser import SETTINGS, FullBatchOptimiser, MinibatchOptimiser, Optimiser
 from learn.training.scg import ScaledConjugateGradient
 from twin.errors import InputError
 from twin.navigation.estimators.base import (
@@ -30,36 +30,27 @@ from twin.navigation.estimators.base import (
 )
 
 PAGE = "".join(
-    (Path(__file__).parents[2] / "docs" / "reference" / name).read_text(encoding="utf-8")
+    (ROOT / "docs" / "reference" / name).read_text(encoding="utf-8")
     for name in ("networks.md", "evaluation.md")
 )
-REGISTRIES = {
-    "NETWORKS": learn.NETWORKS,
-    "OPTIMISERS": learn.OPTIMISERS,
-}
+REGISTRIES = {"NETWORKS": learn.NETWORKS, "OPTIMISERS": learn.OPTIMISERS}
 
 
 @pytest.fixture(autouse=True)
 def own_kinds(monkeypatch):
     """What a test registers or installs is gone after it."""
-    for registry in REGISTRIES.values():
+    registries = (*REGISTRIES.values(), VELOCITY_ESTIMATORS)
+    for registry in registries:
         monkeypatch.setattr(registry, "_registered", {})
         vars(registry).pop("_offered", None)
     yield
-    for registry in REGISTRIES.values():
+    for registry in registries:
         vars(registry).pop("_offered", None)
 
 
-@pytest.mark.parametrize("name", ["NETWORKS", "OPTIMISERS"])
-def test_the_docs_have_a_row_for_each_kind(name):
-    for kind, cls in REGISTRIES[name].items():
-        assert f"| `{kind}` | {cls.summary} |" in PAGE
-    rows = re.findall(r"\| `(\w+)` \| ", PAGE)
-    assert set(REGISTRIES[name]) <= set(rows)
-
-
-def test_the_docs_name_every_registry_and_its_entry_points():
+def test_the_docs_have_a_row_for_each_kind_and_name_every_registry():
     for name, registry in REGISTRIES.items():
+        assert [k for k, cls in registry.items() if f"| `{k}` | {cls.summary} |" not in PAGE] == []
         assert f"`learn.{name}`" in PAGE
         assert f"`{registry.group}`" in PAGE
 
@@ -91,14 +82,6 @@ def test_a_shipped_name_an_odd_one_and_another_class_are_refused():
     assert learn.NETWORKS["twice"] is learn.NETWORKS["mlp"]
 
 
-def test_an_unknown_name_says_how_to_bring_one_in():
-    with pytest.raises(
-        InputError,
-        match=r"unknown network 'lstn': did you mean 'lstm'\? .*glider_twin\.networks$",
-    ):
-        learn.NETWORKS["lstn"]
-
-
 class Whole(Network):
     summary = "a line"
 
@@ -111,80 +94,55 @@ class Whole(Network):
         return self.line(x), self.initial_state(x.shape[1])
 
 
-class NoSummary(Whole):
-    summary = ""
+def half(base, **attributes):
+    """A class derived from `base` with other attributes."""
+    return type("Half", (base,), attributes)
 
 
-class NoForward(Network):
-    summary = "nothing"
+def begun(change):
+    """`__init__` of a network that does more."""
+
+    def begin(self, config):
+        Whole.__init__(self, config)
+        change(self)
+
+    return begin
 
 
-class WrongSizes(Whole):
-    sizes = ("hidden", "width")
+def forgetful(self, x, state=None):
+    y = torch.cumsum(self.line(x), 0)  # the state it is given is not used
+    return y, y[-1]
 
 
-class NoStateSize(Whole):
-    def __init__(self, config):
-        Network.__init__(self, config)
-        self.line = torch.nn.Linear(config.inputs, 1)
-
-
-class WrongShape(Whole):
-    def forward(self, x, state=None):
-        return self.line(x)[..., 0], self.initial_state(x.shape[1])
-
-
-class WrongState(Whole):
-    def forward(self, x, state=None):
-        return self.line(x), x.new_zeros(x.shape[1], 3)
-
-
-class Forgetful(Whole):
-    def __init__(self, config):
-        super().__init__(config)
-        self.state_size = 1
-
-    def forward(self, x, state=None):
-        y = torch.cumsum(self.line(x), 0)  # the state it is given is not used
-        return y, y[-1]
-
-
-class Clairvoyant(Whole):
-    def forward(self, x, state=None):
-        return self.line(x.flip(0)), self.initial_state(x.shape[1])
-
-    def step(self, x, state):
-        return self.line(x), state
-
-
-class Idle(Whole):
-    def __init__(self, config):
-        super().__init__(config)
-        self.spare = torch.nn.Linear(2, 2)
-
-
-class Untrained(Whole):
-    def __init__(self, config):
-        super().__init__(config)
-        self.line.requires_grad_(False)
+def clairvoyant(self, x, state=None):
+    return self.line(x.flip(0)), self.initial_state(x.shape[1])
 
 
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
         (object, r"must be a class derived from learn\.Network"),
-        (NoSummary, r"lacks `summary`.*NoSummary\)"),
-        (NoForward, r"lacks the method `forward`.*NoForward\)"),
-        (WrongSizes, r"names size 'width'; there are hidden"),
-        (NoStateSize, r"does not set state_size"),
-        (WrongShape, r"outputs of shape \(7, 2\), not \(time, batch, 1\)"),
-        (WrongState, r"a state of shape \(2, 3\), not \(batch, state_size\)"),
-        (Forgetful, r"step after step it gives something else"),
-        (Clairvoyant, r"step after step it gives something else"),
-        (Idle, r"the output does not depend on weight spare"),
-        (Untrained, r"no weights to train"),
+        (half(Whole, summary=""), r"lacks `summary`.*Half\)"),
+        (half(Network, summary="nothing"), r"lacks the method `forward`.*Half\)"),
+        (half(Whole, sizes=("hidden", "width")), r"names size 'width'; there are hidden"),
+        (half(Whole, __init__=begun(lambda n: vars(n).pop("state_size"))),
+         r"does not set state_size"),
+        (half(Whole, forward=lambda self, x, state=None: (
+            self.line(x)[..., 0], self.initial_state(x.shape[1]))),
+         r"outputs of shape \(7, 2\), not \(time, batch, 1\)"),
+        (half(Whole, forward=lambda self, x, state=None: (
+            self.line(x), x.new_zeros(x.shape[1], 3))),
+         r"a state of shape \(2, 3\), not \(batch, state_size\)"),
+        (half(Whole, __init__=begun(lambda n: setattr(n, "state_size", 1)), forward=forgetful),
+         r"step after step it gives something else"),
+        (half(Whole, forward=clairvoyant, step=lambda self, x, state: (self.line(x), state)),
+         r"step after step it gives something else"),
+        (half(Whole, __init__=begun(lambda n: setattr(n, "spare", torch.nn.Linear(2, 2)))),
+         r"the output does not depend on weight spare"),
+        (half(Whole, __init__=begun(lambda n: n.line.requires_grad_(False))),
+         r"no weights to train"),
     ],
-)
+)  # fmt: skip
 def test_half_a_network_is_refused(kind, message):
     with pytest.raises(InputError, match=message):
         learn.NETWORKS.register("half")(kind)
@@ -198,57 +156,32 @@ class Sgd(MinibatchOptimiser):
         return torch.optim.SGD(parameters, lr=config.rate)
 
 
-class NoBuild(MinibatchOptimiser):
-    summary = "nothing"
-
-
-class Neither(Optimiser):
-    summary = "no way to call it"
-
-
-class OtherSettings(Sgd):
-    settings = ("momentum",)
-
-
-class Uphill(Sgd):
-    def build(self, parameters, config):
-        return torch.optim.SGD(parameters, lr=config.rate, maximize=True)
-
-
-class NotTorch(Sgd):
-    def build(self, parameters, config):
-        return list(parameters)
-
-
-class Partial(FullBatchOptimiser):
-    summary = "nothing to step with"
-
-    def build(self, objective, start, config):
-        return object()
-
-
-class Stuck(FullBatchOptimiser):
-    summary = "it does not move"
-
-    def build(self, objective, start, config):
-        method = ScaledConjugateGradient(objective, start)
-        method.step = lambda: False
-        return method
+def stuck(self, objective, start, config):
+    method = ScaledConjugateGradient(objective, start)
+    method.step = lambda: False
+    return method
 
 
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
         (Whole, r"must be a class derived from learn\.training\.optimiser\.Optimiser"),
-        (NoBuild, r"lacks the method `build`"),
-        (Neither, r"must derive from MinibatchOptimiser or FullBatchOptimiser"),
-        (OtherSettings, r"names setting 'momentum'; there are rate"),
-        (Uphill, r"8 steps do not lower the error of a line"),
-        (NotTorch, r"build gives list, not a torch\.optim\.Optimizer"),
-        (Partial, r"lacks parameters, error, scale"),
-        (Stuck, r"do not lower the error of a parabola"),
+        (half(MinibatchOptimiser, summary="nothing"), r"lacks the method `build`"),
+        (half(Optimiser, summary="nothing"),
+         r"must derive from MinibatchOptimiser or FullBatchOptimiser"),
+        (half(Sgd, settings=("momentum",)), r"names setting 'momentum'; there are rate"),
+        (half(Sgd, build=lambda self, parameters, config: torch.optim.SGD(
+            parameters, lr=config.rate, maximize=True)),
+         r"8 steps do not lower the error of a line"),
+        (half(Sgd, build=lambda self, parameters, config: list(parameters)),
+         r"build gives list, not a torch\.optim\.Optimizer"),
+        (half(FullBatchOptimiser, summary="nothing to step with",
+              build=lambda self, objective, start, config: object()),
+         r"lacks parameters, error, scale"),
+        (half(FullBatchOptimiser, summary="it does not move", build=stuck),
+         r"do not lower the error of a parabola"),
     ],
-)
+)  # fmt: skip
 def test_half_an_optimiser_is_refused(kind, message):
     with pytest.raises(InputError, match=message):
         learn.OPTIMISERS.register("half")(kind)
@@ -272,38 +205,18 @@ class Still(WindowedEstimator):
         return Estimate(surge=zeros, sway=zeros)
 
 
-class NoChannels(Still):
-    channels = ()
-
-
-class UnknownChannel(Still):
-    channels = ("measured_dept",)
-
-
-class Cheat(Still):
-    channels = ("true_surge",)
-
-
-class OddColour(Still):
-    colour = "pink"
-
-
-class NoStep(VelocityEstimator):
-    kind = "half"
-    summary = "nothing"
-    channels = ("measured_depth",)
-
-
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        (NoStep, r"lacks the method `step`"),
-        (NoChannels, r"lacks `channels`"),
-        (UnknownChannel, r"unknown signal 'measured_dept': did you mean 'measured_depth'"),
-        (Cheat, r"a velocity estimator must not see the truth"),
-        (OddColour, r"unknown colour 'pink'"),
+        (half(VelocityEstimator, kind="half", summary="nothing", channels=("measured_depth",)),
+         r"lacks the method `step`"),
+        (half(Still, channels=()), r"lacks `channels`"),
+        (half(Still, channels=("measured_dept",)),
+         r"unknown signal 'measured_dept': did you mean 'measured_depth'"),
+        (half(Still, channels=("true_surge",)), r"a velocity estimator must not see the truth"),
+        (half(Still, colour="pink"), r"unknown colour 'pink'"),
     ],
-)
+)  # fmt: skip
 def test_half_a_velocity_estimator_is_refused(kind, message):
     with pytest.raises(InputError, match=message):
         VELOCITY_ESTIMATORS.add(kind)
@@ -353,3 +266,102 @@ def test_a_class_that_no_other_process_finds_needs_one_worker(small_store, tmp_p
     with pytest.raises(InputError, match=r"cannot be imported by another process.*1 worker"):
         learn.fit(small_store, folder=tmp_path / "run", workers=2, **settings)
     assert not (tmp_path / "run").exists()
+
+
+# --- A user's own kinds, each in one file outside the package, from training to export
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with the file of the docs."""
+    folder = tmp_path_factory.mktemp("user")
+    page = (ROOT / "docs" / "reference" / "networks.md").read_text("utf-8")
+    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (folder / "leaky.py").write_text(text)
+    return folder
+
+
+def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(
+    place, flown_store, monkeypatch, capsys
+):
+    """By the file of the docs as a program, which trains in processes of their own."""
+    small = "--hidden 5 --members 1 --epochs 1 --features sin_pitch depth_rate --workers 2"
+    words = f"leaky.py fit {flown_store} --name mine --network leaky {small} --json --no-report"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, *words.split()], cwd=place, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["settings"]["network"]["kind"] == "leaky"
+    monkeypatch.chdir(place)
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+    for command in ("report mine", f"evaluate mine {flown_store}", "export mine"):
+        monkeypatch.setattr(learn.NETWORKS, "_registered", {})
+        monkeypatch.setattr(sys, "argv", f"leaky.py {command} --json".split())
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path("leaky.py", run_name="__main__")
+        said = capsys.readouterr()
+        assert not ended.value.code, said.err
+        assert json.loads(said.out).get("surge_mse", 1.0) > 0.0
+    assert "leaky, hidden 5\n" in (place / "runs" / "mine" / "README.md").read_text()
+    model = StepModel(place / "runs" / "mine" / "onnx" / "surge-0.onnx")
+    assert model.features == ("sin_pitch", "depth_rate")
+    # without the file the run says what is missing
+    monkeypatch.setattr(learn.NETWORKS, "_registered", {})
+    assert PROGRAM.main(["evaluate", "mine", str(flown_store)]) == 2
+    said = capsys.readouterr().err
+    assert "unknown network 'leaky'" in said
+    assert "import __main__" not in said
+    assert "name its file in GLIDER_TWIN_PLUGINS" in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_a_module_is_named_when_its_network_is_not_registered(flown_store, tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
+    (tmp_path / "my_kinds.py").write_text(
+        "import learn\nfrom learn.networks.fixed_memory import Memoryless\n"
+        "@learn.NETWORKS.register('mine')\nclass Mine(Memoryless):\n    summary = 'mine'\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    __import__("my_kinds")
+    settings = {"network": "mine", "features": ("sin_pitch",), "epochs": 1, "members": 1}
+    run = learn.fit(flown_store, folder=tmp_path / "run", hidden=4, **settings)
+    assert learn.evaluate(run).figures["missions"] == 1
+    monkeypatch.setattr(learn.NETWORKS, "_registered", {})  # as in a session without that import
+    with pytest.raises(InputError, match=r"surge-0\.json: unknown network 'mine'.*import my_kinds"):
+        learn.evaluate(tmp_path / "run")
+
+
+def test_a_network_that_torch_cannot_export_is_explained(tmp_path):
+    class Branching(learn.Network):
+        summary = "it looks at its numbers"
+
+        def __init__(self, config):
+            super().__init__(config)
+            self.line = torch.nn.Linear(config.inputs, 1)
+            self.state_size = 0
+
+        def forward(self, x, state=None):
+            y = self.line(x)
+            return (y if float(y.detach().sum()) < 1e9 else -y), self.initial_state(x.shape[1])
+
+    learn.NETWORKS.register("branching")(Branching)
+    network = build_network(learn.NetworkConfig(kind="branching", inputs=1))
+    scales = Normalisation(
+        features=("depth_rate",), mean=(0.0,), scale=(1.0,), target="surge",
+        target_mean=0.0, target_scale=1.0,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="torch cannot export network 'branching'"):
+        step_model(Predictor(network, scales), 0.5)
+
+
+def test_an_optimiser_and_a_velocity_estimator_of_ones_own(flown_store, tmp_path, monkeypatch):
+    monkeypatch.setattr("twin.show.figures.page_layout.DPI", 20)
+    learn.OPTIMISERS.register("my_sgd")(Sgd)
+    VELOCITY_ESTIMATORS.add(half(Still, kind="my_still", title="standing still"))
+    settings = {"features": ("sin_pitch",), "network": "mlp", "hidden": 4, "members": 1}
+    run = learn.fit(flown_store, folder=tmp_path / "run", optimiser="my_sgd", epochs=1, **settings)
+    assert run.description["settings"]["training"]["optimiser"] == "my_sgd"
+    assert run.figures["baselines"]["my_still"]["surge_mse"] > 0.0
+    page = run.report.read_text()
+    assert "standing still" in page

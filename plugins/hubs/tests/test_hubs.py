@@ -1,7 +1,5 @@
 """Data sets for learning: opened by `datasets` and by LeRobot, and their cards."""
 
-from __future__ import annotations
-
 import functools
 import json
 import os

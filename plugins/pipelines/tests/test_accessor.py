@@ -1,11 +1,8 @@
 """`ds.glider`: what it says is what the log's own import says, on the data set's own times."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,7 +40,7 @@ VEHICLE = "slocum-200"
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+def exported(tmp_path_factory):
     """An OG1.0 file of the project's own exporter."""
     folder = tmp_path_factory.mktemp("og1")
     logs = LogStore(stored(folder / "real.zarr", "slocum", write_slocum(folder, FLIGHT)))
@@ -51,7 +48,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return xr.load_dataset(path)
 
 
-def test_of_an_export_it_says_what_the_export_says(exported: xr.Dataset) -> None:
+def test_of_an_export_it_says_what_the_export_says(exported):
     flight = exported.glider.flight(VEHICLE)
     track = exported.glider.track(VEHICLE)
     names = [n for n in exported if n.endswith("_MODEL") and n not in ("PLATFORM_MODEL", *CURRENTS)]
@@ -66,7 +63,7 @@ def test_of_an_export_it_says_what_the_export_says(exported: xr.Dataset) -> None
     assert np.isfinite(flight["VERT_CURR_MODEL"]).sum() > 1000
 
 
-def test_currents_are_one_for_each_dive(exported: xr.Dataset) -> None:
+def test_currents_are_one_for_each_dive(exported):
     found = exported.glider.currents(VEHICLE)
     assert found.sizes == {"dac": FLIGHT.dives}
     for axis in ("north", "east", "sd"):
@@ -84,7 +81,7 @@ def test_currents_are_one_for_each_dive(exported: xr.Dataset) -> None:
     assert abs(float(found["dac_longitude"][2]) - middle[1][0]) < 2e-4
 
 
-def test_the_map_has_track_fixes_and_currents(exported: xr.Dataset) -> None:
+def test_the_map_has_track_fixes_and_currents(exported):
     figure = exported.glider.map(VEHICLE)
     labels = {text.get_text() for axes in figure.axes for text in axes.texts}
     legends = {t.get_text() for a in figure.axes for le in [a.get_legend()] if le for t in le.texts}
@@ -93,13 +90,13 @@ def test_the_map_has_track_fixes_and_currents(exported: xr.Dataset) -> None:
     assert [len(one.U) for one in arrows] == [FLIGHT.dives]
 
 
-def test_it_is_computed_once_for_each_vehicle(exported: xr.Dataset) -> None:
+def test_it_is_computed_once_for_each_vehicle(exported):
     assert exported.glider.log(VEHICLE) is exported.glider.log(VEHICLE)
     other = exported.glider.flight("slocum-1000")["GLIDER_SPEED_MODEL"]
     assert abs(other - exported.glider.flight(VEHICLE)["GLIDER_SPEED_MODEL"]).max() > 0.01
 
 
-def test_undecoded_times_and_another_order_of_variables_say_the_same(exported: xr.Dataset) -> None:
+def test_undecoded_times_and_another_order_of_variables_say_the_same(exported):
     raw = xr.Dataset({name: exported[name] for name in reversed(list(exported.variables))})
     raw["TIME"] = raw["TIME"].astype("datetime64[ns]").astype(np.int64) / 1e9
     raw["TIME"].attrs = {"units": "seconds since 1970-01-01"}
@@ -110,7 +107,7 @@ def test_undecoded_times_and_another_order_of_variables_say_the_same(exported: x
 
 
 @pytest.mark.parametrize("reckoned", [False, True], ids=["lines", "reckoned"])
-def test_pyglider_says_what_the_vehicle_s_own_files_say(tmp_path: Path, reckoned: bool) -> None:
+def test_pyglider_says_what_the_vehicle_s_own_files_say(tmp_path, reckoned):
     """Fixes, magnetic heading and radian of files that name none of them."""
     if reckoned:
         kind, vehicle, files = "slocum", VEHICLE, write_slocum(tmp_path, FLIGHT)
@@ -132,13 +129,13 @@ def test_pyglider_says_what_the_vehicle_s_own_files_say(tmp_path: Path, reckoned
         np.testing.assert_allclose(found[f"dac_{axis}"], mean, atol=0.012)
 
 
-def test_pyglider_without_a_pump_is_told_how_to_keep_it(tmp_path: Path) -> None:
+def test_pyglider_without_a_pump_is_told_how_to_keep_it(tmp_path):
     ds = xr.load_dataset(write_pyglider(tmp_path / "l0.nc", FLIGHT, pump=False))
     with pytest.raises(StoreError, match=r"this log has no channel measured_pump.*BallastPos"):
         ds.glider.flight()
 
 
-def test_other_layouts(tmp_path: Path) -> None:
+def test_other_layouts(tmp_path):
     dive, *_ = write_basestation(tmp_path, Flight(dives=1))
     ds = xr.load_dataset(dive, decode_times=False)
     found = ds.glider.flight()["GLIDER_SPEED_MODEL"]
@@ -155,9 +152,7 @@ def test_other_layouts(tmp_path: Path) -> None:
 
 
 @needs_docs
-def test_the_page_runs(
-    exported: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_runs(exported, tmp_path, monkeypatch):
     exported.to_netcdf(tmp_path / "deployment.nc")
     shutil.copy(assets_folder() / f"{VEHICLE}.xml", tmp_path / "mine.xml")
     monkeypatch.chdir(tmp_path)
@@ -168,12 +163,12 @@ def test_the_page_runs(
     )
 
 
-def test_a_vehicle_that_does_not_fit_is_told(exported: xr.Dataset) -> None:
+def test_a_vehicle_that_does_not_fit_is_told(exported):
     with pytest.warns(UserWarning, match="the vehicle slocum-1000 does not fit the log"):
         exported.copy().glider.flight("slocum-1000")
 
 
-def test_between_samples_values_are_linear_and_currents_hold() -> None:
+def test_between_samples_values_are_linear_and_currents_hold():
     """Across the date line, in a hole between two dives, beside a missing value."""
     values = {
         "LONGITUDE": [179.9, -179.9, -179.7, 10.2, 10.0],
@@ -204,7 +199,7 @@ def test_between_samples_values_are_linear_and_currents_hold() -> None:
     assert comments == {**dict.fromkeys(values), "VERT_CURR_MODEL": "it does not fit"}
 
 
-def test_the_factory_alone_does_not_load_xarray() -> None:
+def test_the_factory_alone_does_not_load_xarray():
     code = "import sys, factory; sys.exit('xarray' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
 
@@ -215,7 +210,7 @@ M12 = SHARED / "seaexplorer_pyglider" / "sea035_M12_gli.csv.gz"
 @pytest.mark.skipif(
     not M12.is_file(), reason="needs the SeaExplorer's log, which is not public here"
 )
-def test_a_real_seaexplorer_as_pyglider_has_it() -> None:
+def test_a_real_seaexplorer_as_pyglider_has_it():
     """Its log on lines between the fixes gives the currents of the log itself."""
     table = read_table(M12)
     time = parse_stamps(table.texts["Timestamp"])

@@ -1,7 +1,5 @@
 """Files of pyglider and basestation3 get what a flight model says, and keep all that they had."""
 
-from __future__ import annotations
-
 import functools
 import os
 import shutil
@@ -9,7 +7,6 @@ import subprocess
 import sys
 import types
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
@@ -32,8 +29,6 @@ pytestmark = pytest.mark.filterwarnings("ignore:vertical water velocity")
 
 FLIGHT = Flight(dives=3, depth=120.0)
 W = "VERT_CURR_MODEL"
-Told = list[tuple[str, str]]
-"""Level and line of each entry of a log"""
 ADDED = {
     *POSITIONS, *CURRENTS, W, "GLIDER_SPEED_MODEL", "GLIDER_HORZ_VELO_MODEL",
     "GLIDER_VERT_VELO_MODEL", "GLIDER_SURGE_MODEL", "GLIDER_SWAY_MODEL", "ANGLE_OF_ATTACK_MODEL",
@@ -41,32 +36,32 @@ ADDED = {
 
 
 @pytest.fixture
-def series(tmp_path: Path) -> Path:
+def series(tmp_path):
     return write_pyglider(tmp_path / "dfo-eva099.nc", FLIGHT)
 
 
 @pytest.fixture
-def dives(tmp_path: Path) -> list[Path]:
+def dives(tmp_path):
     return sorted(write_basestation(tmp_path, FLIGHT))
 
 
-def content(path: Path) -> dict[str, Any]:
+def content(path):
     """All that a file holds, as stored."""
     with netCDF4.Dataset(path) as file:
         file.set_auto_maskandscale(False)
-        held: dict[str, Any] = {"": {name: str(file.getncattr(name)) for name in file.ncattrs()}}
+        held = {"": {name: str(file.getncattr(name)) for name in file.ncattrs()}}
         for name, variable in file.variables.items():
             about = {word: str(variable.getncattr(word)) for word in variable.ncattrs()}
             held[name] = (variable.dimensions, variable.dtype, about, variable[...].tobytes())
         return held
 
 
-def read(path: Path, name: str) -> np.ndarray:
+def read(path, name):
     with netCDF4.Dataset(path) as file:
         return np.ma.filled(np.ma.asarray(file[name][:], float), np.nan)
 
 
-def test_a_time_series_gets_what_the_import_of_it_says(series: Path) -> None:
+def test_a_time_series_gets_what_the_import_of_it_says(series):
     before = content(series)
     (wanted,) = modelled("ngdac", [series], "seaexplorer")
     assert add_flight(series, "seaexplorer") is True
@@ -88,7 +83,7 @@ def test_a_time_series_gets_what_the_import_of_it_says(series: Path) -> None:
     assert np.isfinite(read(series, "DAC_SD_MODEL")).sum() > 1000
 
 
-def test_a_second_run_leaves_the_file_alone(series: Path) -> None:
+def test_a_second_run_leaves_the_file_alone(series):
     add_flight(series, "seaexplorer")
     first, then = series.read_bytes(), series.stat().st_mtime_ns
     assert add_flight(series, "seaexplorer") is False
@@ -106,7 +101,7 @@ def test_a_second_run_leaves_the_file_alone(series: Path) -> None:
     assert content(series) == held
 
 
-def test_a_name_of_others_is_not_taken(series: Path) -> None:
+def test_a_name_of_others_is_not_taken(series):
     with netCDF4.Dataset(series, "a") as file:
         file.createVariable("LATITUDE", "f8", ("time",))[:] = 49.0
     first = series.read_bytes()
@@ -115,12 +110,10 @@ def test_a_name_of_others_is_not_taken(series: Path) -> None:
     assert series.read_bytes() == first
 
 
-def test_a_write_that_fails_leaves_the_file_as_it_was(
-    series: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_write_that_fails_leaves_the_file_as_it_was(series, monkeypatch):
     first = series.read_bytes()
 
-    def full(path: Path) -> None:
+    def full(path):
         raise WriteError(f"no space left for {path}")
 
     monkeypatch.setattr(whole, "sync", full)
@@ -130,7 +123,7 @@ def test_a_write_that_fails_leaves_the_file_as_it_was(
     assert [one.name for one in series.parent.iterdir()] == [series.name]
 
 
-def test_other_files_are_refused(series: Path, dives: list[Path], tmp_path: Path) -> None:
+def test_other_files_are_refused(series, dives, tmp_path):
     og1 = write_og1(tmp_path / "og1.nc", FLIGHT)
     for files, write, said in (
         ([og1], None, "is none of a time series of pyglider, a dive of basestation3"),
@@ -143,7 +136,7 @@ def test_other_files_are_refused(series: Path, dives: list[Path], tmp_path: Path
             add_flights(files, write=write)
 
 
-def test_dives_are_read_together_and_only_the_new_are_written(dives: list[Path]) -> None:
+def test_dives_are_read_together_and_only_the_new_are_written(dives):
     before = {path: content(path) for path in dives}
     assert add_flights(dives, write=dives[2:]) == dives[2:]
     assert [content(path) for path in dives[:2]] == [before[path] for path in dives[:2]]
@@ -160,9 +153,9 @@ def test_dives_are_read_together_and_only_the_new_are_written(dives: list[Path])
 
 
 @pytest.fixture
-def told(monkeypatch: pytest.MonkeyPatch) -> Told:
+def told(monkeypatch):
     """The basestation's log, as its module BaseLog writes it."""
-    lines: Told = []
+    lines = []
     module = types.SimpleNamespace()
     for level in ("error", "warning", "info"):
         tell = functools.partial(lambda level, line: lines.append((level, line)), level)
@@ -174,14 +167,14 @@ def told(monkeypatch: pytest.MonkeyPatch) -> Told:
     return lines
 
 
-def test_the_extension_adds_to_the_new_dives(dives: list[Path], told: Told) -> None:
+def test_the_extension_adds_to_the_new_dives(dives, told):
     """As BaseDotFiles.process_extensions calls it; its interpreter has none of our packages."""
     before = [content(path) for path in dives]
     vehicle = dives[0].parent / basestation3.VEHICLE
     shutil.copy(assets_folder() / "seaglider.xml", vehicle)
     created = [dives[2], dives[0].parent / "sg999_timeseries.nc"]
     options = types.SimpleNamespace(mission_dir=dives[0].parent)
-    words: dict[str, Any] = {"dive_nc_file_names": [*map(str, dives)], "known_ftp_tags": []}
+    words = {"dive_nc_file_names": [*map(str, dives)], "known_ftp_tags": []}
     assert basestation3.main(base_opts=options, nc_files_created=created, **words) == 0
     assert told[-1] == ("info", "glider-twin: 1 of 1 files changed")
     assert [content(path) for path in dives[:2]] == before[:2]
@@ -193,9 +186,7 @@ def test_the_extension_adds_to_the_new_dives(dives: list[Path], told: Told) -> N
     assert basestation3.load_additional_arguments() == (["mission_dir"], {}, {})
 
 
-def test_the_extension_tells_what_fails(
-    dives: list[Path], told: Told, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_extension_tells_what_fails(dives, told, monkeypatch, tmp_path):
     options = types.SimpleNamespace(mission_dir=tmp_path)
     shutil.copy(__file__, tmp_path / basestation3.VEHICLE)
     assert basestation3.main(base_opts=options) == 1
@@ -209,15 +200,13 @@ def test_the_extension_tells_what_fails(
     assert told[-1] == ("info", "glider-twin: no dive to add to")
 
 
-def test_the_extension_reads_the_dives_before_the_new(
-    told: Told, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_extension_reads_the_dives_before_the_new(told, monkeypatch, tmp_path):
     for number in range(1, 41):
         (tmp_path / f"p999{number:04d}.nc").touch()
     (tmp_path / "p9990038_early.nc").touch()
-    asked: list[list[str]] = []
+    asked = []
 
-    def answer(words: list[str], **_: Any) -> Any:
+    def answer(words, **_):
         asked.append([Path(word).name for word in words])
         return types.SimpleNamespace(returncode=0, stdout="", stderr="")
 
@@ -230,16 +219,14 @@ def test_the_extension_reads_the_dives_before_the_new(
     assert asked == [[*start, *read, "--write", "p9990038.nc", "p9990037.nc"]]
 
 
-def test_it_finds_the_interpreter_of_its_environment(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_it_finds_the_interpreter_of_its_environment(monkeypatch, tmp_path):
     monkeypatch.delenv(basestation3.PYTHON, raising=False)
     place = tmp_path / "lib" / "python3.12" / "site-packages" / "glider_twin_pipelines"
     monkeypatch.setattr(basestation3, "__file__", str(place / "basestation3.py"))
     assert basestation3.interpreter() == str(tmp_path / "bin" / "python")
 
 
-def test_the_extension_needs_the_library_of_python_alone(tmp_path: Path) -> None:
+def test_the_extension_needs_the_library_of_python_alone(tmp_path):
     """As the basestation loads it: by its path, in an interpreter without our packages."""
     place = tmp_path / "site-packages" / "glider_twin_extension.py"
     place.parent.mkdir()
@@ -248,7 +235,7 @@ def test_the_extension_needs_the_library_of_python_alone(tmp_path: Path) -> None
     subprocess.run([sys.executable, "-I", "-S", "-c", code, str(place.parent)], check=True)
 
 
-def test_the_command(series: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(series, capsys):
     assert main([str(series), "--vehicle", "seaexplorer"]) == 0
     said = capsys.readouterr()
     assert said.out == "1 of 1 files changed\n"
@@ -258,7 +245,7 @@ def test_the_command(series: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @needs_docs
-def test_the_page_runs(series: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_runs(series, tmp_path, monkeypatch):
     (tmp_path / "L0-timeseries").mkdir()
     path = series.rename(tmp_path / "L0-timeseries" / "dfo-eva035-20190718.nc")
     shutil.copy(assets_folder() / "seaexplorer.xml", tmp_path / "mine.xml")
@@ -272,7 +259,7 @@ REAL = SHARED / "seaglider_apl_basestation3" / "p2490010.nc"
 
 
 @pytest.mark.skipif(not REAL.is_file(), reason="needs a real Seaglider's dive, which is not here")
-def test_a_real_dive_of_basestation3(tmp_path: Path) -> None:
+def test_a_real_dive_of_basestation3(tmp_path):
     path = Path(shutil.copy(REAL, tmp_path))
     before = content(path)
     assert add_flights([path]) == [path]

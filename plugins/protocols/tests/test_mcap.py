@@ -7,8 +7,9 @@ from collections import defaultdict
 import numpy as np
 import pytest
 from logs import refused, stored
+from scipy.spatial.transform import Rotation
 
-from factory.exporting import EXPORTERS
+from factory.exporting import EXPORTERS, ExportOptions
 from factory.generation.generated_store import GeneratedStore
 from factory.samples import Flight
 from factory.samples.gliders import write_slocum
@@ -199,8 +200,6 @@ def test_dives_of_a_deployment_are_one_recording(tmp_path):
 
 def test_axes_are_those_of_ros():
     """Against rotation matrices: the nose of the vehicle must point where the compass says."""
-    from scipy.spatial.transform import Rotation
-
     rng = np.random.default_rng(1)
     roll, pitch, heading = rng.uniform(-80, 80, (3, 20))
     ned = Rotation.from_euler("ZYX", np.stack([heading, pitch, roll], axis=1), degrees=True)
@@ -241,8 +240,6 @@ def test_bytes_are_those_of_rosbags():
 
 
 def test_what_has_no_date_or_takes_no_option_is_told(field_store, tmp_path, monkeypatch):
-    from factory.exporting import ExportOptions
-
     run = GeneratedStore(field_store)
     refused(
         "mcap export takes no --vehicle",

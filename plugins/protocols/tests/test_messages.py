@@ -139,13 +139,9 @@ def test_what_lies_beside_recordings_is_passed_over_with_a_word(flown, tmp_path)
     refused("no files to import; name mcap logs", "mcap", [beside])
 
 
-def test_a_file_that_was_cut_off(flown, tmp_path):
+def test_a_file_that_is_damaged_inside(flown, tmp_path):
     (path,) = EXPORTERS["mcap"].export(open_exportable(flown), [0], tmp_path / "bags")
     content = path.read_bytes()
-    path.write_bytes(content[:-2000])
-    dataset, report = import_logs("mcap", [path])
-    assert report.rows == dataset.sizes["mission"] == 1
-    assert any("it lacks its end" in one.detail for one in report.entries)
     path.write_bytes(content[: len(content) // 2] + bytes(5000) + content[-5000:])
     refused(r"mission_000000\.mcap.*mcap recover", "mcap", [path])
 

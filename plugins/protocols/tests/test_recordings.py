@@ -26,6 +26,12 @@ def plain(tmp_path_factory):
     return next(write_bag(folder / "bag", state, time, "mcap").glob("*.mcap"))
 
 
+@pytest.fixture(scope="module")
+def right(plain):
+    """What the import makes of it."""
+    return import_logs("mcap", [plain])[0]
+
+
 def rewritten(source, target, add, *, compression="ZSTD"):
     """The recording with more channels before its own."""
     from mcap.reader import make_reader
@@ -71,7 +77,7 @@ UNREAD = {
 
 @pytest.mark.parametrize("kind", UNREAD)
 @pytest.mark.parametrize("bag", [False, True])
-def test_a_channel_that_cannot_be_read_is_left_out_by_name(plain, tmp_path, kind, bag):
+def test_a_channel_that_cannot_be_read_is_left_out_by_name(plain, right, tmp_path, kind, bag):
     encoding, schema, data, why = UNREAD[kind]
     target = tmp_path / "bag" / "bag_0.mcap"
     target.parent.mkdir()
@@ -79,7 +85,7 @@ def test_a_channel_that_cannot_be_read_is_left_out_by_name(plain, tmp_path, kind
     if bag:
         text = (plain.parent / "metadata.yaml").read_text().replace(plain.name, path.name)
         (path.parent / "metadata.yaml").write_text(text)
-    right, _ = import_logs("mcap", [plain])
+
     found, report = import_logs("rosbag2" if bag else "mcap", [path.parent if bag else path])
     for name in ("measured_depth", "measured_pitch", "measured_heading"):
         np.testing.assert_array_equal(found[name].values, right[name].values)
@@ -89,37 +95,34 @@ def test_a_channel_that_cannot_be_read_is_left_out_by_name(plain, tmp_path, kind
         assert "recover" not in told.detail
 
 
-def test_a_topic_of_two_channels_keeps_the_readable_one(plain, tmp_path):
+def test_a_topic_of_two_channels_keeps_the_readable_one(plain, right, tmp_path):
     path = rewritten(
         plain, tmp_path / "two.mcap",
         lambda w: add_channel(w, "/pressure", "json", ("p", "jsonschema", b"{}"), b"{}"),
     )  # fmt: skip
-    right, _ = import_logs("mcap", [plain])
+
     found, _ = import_logs("mcap", [path])
     np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
 
 
-def test_messages_that_are_none_are_removed_and_counted(plain, tmp_path):
+def test_messages_that_are_none_are_removed_and_counted(plain, right, tmp_path):
+    from mcap.reader import make_reader
+
     channel = next(c for c in Ros2Recording(plain).channels if c.topic == "/pressure")
-    schema = next(s for s in _schemas(plain) if s.name == channel.kind)
+    with plain.open("rb") as stream:
+        schemas = make_reader(stream).get_summary().schemas.values()
+    schema = next(s for s in schemas if s.name == channel.kind)
     path = rewritten(
         plain, tmp_path / "broken.mcap",
         lambda w: add_channel(
             w, "/pressure", "cdr", (schema.name, schema.encoding, schema.data), b"\0\1\0\0\1"
         ),
     )  # fmt: skip
-    right, _ = import_logs("mcap", [plain])
+
     found, report = import_logs("mcap", [path])
     np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
     (told,) = (e for e in report.entries if e.subject == "/pressure" and e.action == "removed")
     assert told.count == 5
-
-
-def _schemas(path):
-    from mcap.reader import make_reader
-
-    with path.open("rb") as stream:
-        return list(make_reader(stream).get_summary().schemas.values())
 
 
 @pytest.mark.parametrize("json", [False, True])
@@ -140,9 +143,9 @@ def test_a_recording_of_no_known_topic_says_what_it_has(tmp_path, json):
 
 
 @pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
-def test_a_recording_is_the_same_however_it_is_packed(plain, tmp_path, compression):
+def test_a_recording_is_the_same_however_it_is_packed(plain, right, tmp_path, compression):
     path = rewritten(plain, tmp_path / "a.mcap", lambda _: None, compression=compression)
-    right, _ = import_logs("mcap", [plain])
+
     found, _ = import_logs("mcap", [path])
     np.testing.assert_array_equal(found["measured_depth"].values, right["measured_depth"].values)
 

@@ -131,11 +131,6 @@ def test_phases_are_those_of_the_vocabulary():
     np.testing.assert_array_equal(phases(depth, down), [3, 2, 1, 5])
 
 
-def test_a_mission_that_is_not_there_is_told(field_store, tmp_path):
-    with pytest.raises(StoreError, match=r"missions 0 to \d+, not 77"):
-        export_og1(GeneratedStore(field_store), 77, tmp_path)
-
-
 def test_a_signal_that_the_format_needs_and_the_store_lacks_is_named(field_store, tmp_path):
     run = GeneratedStore(field_store)
     run.dataset = run.dataset.drop_vars(["measured_depth", "measured_dvl_mode"])

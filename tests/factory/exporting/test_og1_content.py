@@ -1,10 +1,10 @@
 """What an OG1.0 file of a log holds: metadata, flight terms, raw times, flags; what comes back."""
 
-from __future__ import annotations
-
+import gsw
 import netCDF4
 import numpy as np
 import pytest
+import xarray as xr
 from compliance import complaints, needs_checker
 from logs import refused, stored
 from simulated_logs import simulated_flight
@@ -15,9 +15,8 @@ from factory.exporting.metadata import read_metadata
 from factory.exporting.og1.deployments import export_og1_logs
 from factory.exporting.og1.flight_terms import ON_BOARD, STRAIGHT, flown
 from factory.generation.generated_store import open_exportable
-from factory.importing import import_logs
 from factory.samples import Flight
-from factory.samples.gliders import write_seaglider, write_slocum
+from factory.samples.gliders import write_seaglider
 from twin.errors import StoreError, VehicleError
 from twin.records.logged import LogStore
 from twin.records.store import write_store
@@ -173,8 +172,6 @@ def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1):
 
 
 def test_conductivity_is_what_salinity_was_made_of(og1):
-    import gsw
-
     with netCDF4.Dataset(og1) as file:
         values = [np.asarray(file[name][:], float) for name in ("CNDC", "TEMP", "PRES", "PSAL")]
         good = np.isfinite(values).all(axis=0)
@@ -185,8 +182,6 @@ def test_conductivity_is_what_salinity_was_made_of(og1):
 
 
 def test_missing_values_are_flagged(store, tmp_path):
-    import xarray as xr
-
     data = xr.open_zarr(store).load()
     data["measured_temperature"][0, 20:40] = np.nan
     data["measured_gap"][0, 60:70] = 1.0
@@ -204,45 +199,7 @@ def test_missing_values_are_flagged(store, tmp_path):
         assert (np.asarray(file["DEPTH_QC"][:])[60:70] == 8).all()
 
 
-def test_raw_times_and_commands_come_back(tmp_path):
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
-    count = dataset.sizes["time"]
-    ramp = np.broadcast_to(np.linspace(-20.0, 20.0, count), dataset["measured_pitch"].shape)
-    dataset["commanded_pitch"] = (("mission", "time"), ramp.astype(np.float32))
-    logs = LogStore(write_store(dataset, tmp_path / "a.zarr"))
-    (path,) = export_og1_logs(logs, range(report.rows), tmp_path / "og1")
-    with netCDF4.Dataset(path) as file:
-        raw, grid = np.asarray(file["TIME_DEPTH"][:]), np.asarray(file["TIME"][:])
-        assert np.nanmax(np.abs(raw - grid)) < 4.0
-        assert file["TIME_DEPTH"].units == file["TIME"].units
-    again, _ = import_logs("og1", [path], period=4.0)
-    assert again.sizes["mission"] == report.rows
-    n = int(again["n_samples"][1])
-    np.testing.assert_allclose(again["commanded_pitch"][1, 1 : n - 1], ramp[1, 1 : n - 1], atol=0.1)
-    assert "measured_onboard_north" not in again  # a corrected track is not the vehicle's own
-
-
-def test_the_vehicle_s_own_track_comes_back(tmp_path):
-    dataset, report = import_logs("slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
-    way = np.cumsum(np.full(dataset["measured_pitch"].shape, 1.3), axis=1).astype(np.float32)
-    way[np.isnan(dataset["measured_pitch"].values)] = np.nan
-    for name, factor in (("north", 1.0), ("east", -0.4)):
-        dataset[f"measured_onboard_{name}"] = (("mission", "time"), factor * (way - 1.3))
-    logs = LogStore(write_store(dataset, tmp_path / "a.zarr"))
-    (path,) = export_og1_logs(logs, range(report.rows), tmp_path / "og1")
-    again, _ = import_logs("og1", [path], period=4.0)
-    for row in range(report.rows):
-        n = int(again["n_samples"][row]) - 1
-        np.testing.assert_allclose(
-            again["measured_onboard_north"][row, 1:n],
-            dataset["measured_onboard_north"][row, 1:n],
-            atol=0.5,
-        )
-
-
 def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(store, tmp_path):
-    import xarray as xr
-
     data = xr.open_zarr(store).load().drop_vars("measured_pump")
     bare = LogStore(write_store(data, tmp_path / "bare.zarr"))
     found = flown(bare, [0, 1])

@@ -117,7 +117,13 @@ def test_a_log_comes_back_as_it_was(kind, tmp_path):
     (first,), back, (second,) = again(logs, tmp_path / "files")
     assert_same_files(first, second)
     assert back.signals() == logs.signals()
-    assert back.period == logs.period
+    assert (back.period, back.splits, back.deployments) == (
+        logs.period, logs.splits, logs.deployments
+    )  # fmt: skip
+    np.testing.assert_array_equal(back.samples, logs.samples)
+    for name in ("dive_duration", "displacement_north", "surface_duration"):
+        # of the stay before the first dive the file has only the last fix
+        np.testing.assert_allclose(back.number(name)[1:], logs.number(name)[1:], atol=1e-9)
     for name in logs.signals():
         for row in range(len(logs)):
             x, y = logs.signal(name, row)[1:-1], back.signal(name, row)[1:-1]

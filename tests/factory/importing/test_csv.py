@@ -1,12 +1,14 @@
 """Import of tables by a mapping: units, axes, rows, refusals, and every column accounted for."""
 
+import datetime
+import json
 import re
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from logs import SENTINEL, SHARED, example, part, refused, sailfish_columns
+from logs import SENTINEL, example, part, refused, sailfish_columns
 
 from factory.importing import import_logs
 from factory.importing.formats.csv.mapping_file import load_mapping, parse_mapping, shipped_names
@@ -21,7 +23,6 @@ ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "howto" / "import_tables.md").read_text()
 TORPEDO = ROOT / "tests" / "vehicles" / "torpedo.xml"
 FLIGHT = Flight(depth=100.0, surface=600.0)
-SAILFISH = SHARED / "auv_sailfish"
 
 
 def mine(**changes):
@@ -38,8 +39,6 @@ def with_signals(**signals):
 
 def text_of(data):
     """A mapping as TOML, by JSON, of which its values are a part."""
-    import json
-
     lines = [f"{key} = {_value(value)}" for key, value in data.items() if key != "corrections"]
     for one in data.get("corrections", []):
         lines.append("[[corrections]]")
@@ -48,9 +47,6 @@ def text_of(data):
 
 
 def _value(value):
-    import datetime
-    import json
-
     if isinstance(value, dict):
         inside = ", ".join(f"{json.dumps(k)} = {_value(v)}" for k, v in value.items())
         return "{ " + inside + " }"
@@ -495,21 +491,3 @@ def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_pa
     dataset, report = sailfish(tmp_path, "20220719_6_1.csv", vl=turned)
     assert not report.count("suspect", "measured_dvl_sway")
     assert float(np.nanmin(dataset["measured_dvl_sway"])) == pytest.approx(-0.16)
-
-
-@pytest.mark.skipif(not SAILFISH.is_dir(), reason="needs the shared Sailfish files")
-def test_the_sailfish_files(tmp_path):
-    dataset, report = import_logs("csv", [SAILFISH], mapping="sailfish")
-    assert report.rows == 12
-    assert report.count("removed", "vf") == 3847  # 45 % of the first run
-    assert not report.count("suspect", "measured_dvl_sway")
-    assert not report.count("not read")
-    assert float(np.nanmax(np.abs(dataset["measured_dvl_surge"]))) < 3.0
-    write_store(dataset, tmp_path / "sail.zarr")
-    with LogStore(tmp_path / "sail.zarr") as logs:
-        assert verify_logs(logs).ok
-        raw = np.genfromtxt(SAILFISH / "20220719_6_1.csv", delimiter=",", names=True)
-        (first, *_) = logs.missions_of("20220719_6_1")
-        assert logs.signal("measured_roll", first)[0] == pytest.approx(np.degrees(raw["roll"][0]))
-        assert logs.signal("measured_dvl_surge", first)[0] == pytest.approx(raw["vf"][0])
-        assert logs.signal("measured_dvl_sway", first)[0] == pytest.approx(raw["vl"][0])

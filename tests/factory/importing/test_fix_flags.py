@@ -22,11 +22,6 @@ OFF = 0.004
 """[degree] north of its place by which what is no fix is wrong: 445 m"""
 
 
-def end_of(number):
-    """Where the vehicle comes up from a dive, latitude and longitude [degree]."""
-    return np.array(FLIGHT.position(np.array([FLIGHT.dive_times(number)[1] + 60.0]))).ravel()
-
-
 def check(dataset, *, rows=FLIGHT.dives, metres=40.0):
     """Every dive begins and ends where the vehicle was, to what it drifts in some minutes."""
     assert dataset.sizes["mission"] == rows
@@ -35,12 +30,6 @@ def check(dataset, *, rows=FLIGHT.dives, metres=40.0):
         places = np.array(FLIGHT.position(np.array([start, end])))
         moved = (places[0, 1] - places[0, 0]) * 111.2e3
         assert dataset["displacement_north"].values[number] == pytest.approx(moved, abs=metres)
-
-
-def rows_of(path):
-    with path.open() as file:
-        names, *rows = csv.reader(file)
-    return names, rows
 
 
 def surfaced(time):
@@ -52,7 +41,8 @@ def surfaced(time):
 def seaexplorer(folder, flags):
     """Its first rows at the surface hold the reckoned place; flags of state and `surfaced`."""
     path = write_seaexplorer(folder / "sea009_M3_gli.csv", FLIGHT)
-    names, rows = rows_of(path)
+    with path.open() as file:
+        names, *rows = csv.reader(file)
     columns = {name: [row[k] for row in rows] for k, name in enumerate(names)}
     time = FLIGHT.time[0] + 10.0 * np.arange(len(rows))
     old = surfaced(time)
@@ -71,7 +61,8 @@ def test_a_seaexplorers_flag_says_what_a_fix_is(tmp_path):
     assert "DeadReckoning" not in str(report.names["navigation log"].get("not read"))
     for number in range(FLIGHT.dives):
         north = dataset["end_latitude"].values[number]
-        assert north == pytest.approx(end_of(number)[0], abs=2e-4)
+        came_up = FLIGHT.position(np.array([FLIGHT.dive_times(number)[1] + 60.0]))
+        assert north == pytest.approx(came_up[0][0], abs=2e-4)
 
 
 @pytest.mark.parametrize("constant", [0, 1])
@@ -179,8 +170,6 @@ def test_a_mapping_names_the_column_that_says_a_fix(tmp_path):
     )
     dataset, report = import_logs("csv", [path], mapping=mapping)
     check(dataset)
-    assert said(report, "the receiver says that it has none") == int((~seen | old).sum())
-
-
-def said(report, why):
-    return sum(e.count for e in report.entries if e.subject == "GPS fixes" and e.detail == why)
+    why = "the receiver says that it has none"
+    removed = [e.count for e in report.entries if (e.subject, e.detail) == ("GPS fixes", why)]
+    assert sum(removed) == int((~seen | old).sum())

@@ -1,5 +1,6 @@
 """The accounts of an import: names, soundness, and times and fixes against the raw files."""
 
+import netCDF4
 import numpy as np
 import pytest
 
@@ -63,8 +64,6 @@ def test_every_fix_that_was_read_is_kept_removed_or_left_out(kind, write, tmp_pa
 
 
 def test_fixes_of_a_long_stay_are_left_out_and_counted(tmp_path):
-    import netCDF4
-
     path = write_og1(tmp_path / "deployment.nc", FLIGHT)
     with netCDF4.Dataset(path) as file:
         there = ~np.ma.getmaskarray(np.ma.masked_invalid(file["LATITUDE_GPS"][:]))

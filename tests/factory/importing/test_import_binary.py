@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from logs import SHARED, pack, refused
+from logs import pack, refused
 
 from factory.importing import import_logs
 from factory.importing.angles import reference_declination
@@ -164,19 +164,6 @@ def test_a_list_of_sensors_that_is_cut_or_anothers_is_told(dbd, tmp_path):
     (folder / "0badcafe.cac").unlink()
     cut.write_bytes(dbd.read_bytes())
     refused(rf"{short.name} is not the one of cut\.dbd: it lists", "slocum", [cut])
-
-
-def test_satellite_files_of_a_real_glider_need_no_cache_file():
-    """72 of the 84 refer to a list of sensors that only the other twelve have."""
-    folder = SHARED / "slocum_seus_2017" / "salacia-20170710T1942"
-    if not folder.is_dir():
-        pytest.skip("the shared real logs are absent")
-    pytest.importorskip("dbdreader")
-    dataset, report = import_logs("slocum", [folder])
-    assert report.deployments == ("salacia",)
-    assert len(report.files) == 84
-    assert not [e for e in report.entries if e.subject == "unreadable file"]
-    assert np.isfinite(dataset["measured_depth"]).sum() > 5000
 
 
 def test_science_and_flight_of_one_vehicle_are_joined_whatever_their_names(dbd, tmp_path):

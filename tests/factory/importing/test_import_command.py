@@ -64,13 +64,7 @@ def test_the_command_writes_a_store_and_prints_the_report(tmp_path, capsys):
         (["slocom", "."], "did you mean 'slocum'"),
     ],
 )
-def test_bad_requests_are_one_line(
-    tmp_path,
-    capsys,
-    monkeypatch,
-    words,
-    message,
-):
+def test_bad_requests_are_one_line(tmp_path, capsys, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     code, _, err = run(capsys, "import", *words, "--out", "real.zarr")
     assert code == 2
@@ -143,21 +137,6 @@ def test_channels_cut_with_both_ends():
     assert channel.within(2.0, 4.0).time.tolist() == [2.0, 3.0, 4.0]
     assert channel.within(2.5, 4.5).time.tolist() == [3.0, 4.0]
     assert len(channel.within(20.0, 30.0)) == 0
-
-
-def test_a_store_of_logs_can_be_described_and_drawn(tmp_path, capsys):
-    from twin.__main__ import PROGRAM as TWIN
-
-    write_slocum(tmp_path, FLIGHT)
-    out = tmp_path / "real.zarr"
-    assert run(capsys, "import", "slocum", tmp_path, "--out", out)[0] == 0
-    code, said, _ = run(capsys, "info", out)
-    assert code == 0
-    assert "slocum: unit1" in said
-    assert "measured_density" in said
-    picture = tmp_path / "log.png"
-    assert TWIN.main(["plot", str(out), "--mission", "1", "--out", str(picture)]) == 0
-    assert picture.stat().st_size > 10_000
 
 
 def test_imports_and_exports_of_one_moment_are_the_same_bytes(tmp_path, capsys, monkeypatch):

@@ -3,9 +3,10 @@
 import gzip
 from datetime import UTC, datetime
 
+import netCDF4
 import numpy as np
 import pytest
-from logs import SHARED, refused
+from logs import refused
 
 from factory.exporting.og1.missions import export_og1
 from factory.generation.generated_store import GeneratedStore
@@ -20,8 +21,6 @@ from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 FLIGHT = Flight(depth=100.0, variation=17.0, surface=600.0)
-EXPLORER, SHORE = SHARED / "seaexplorer_pyglider", SHARED / "lrauv_shore_2013"
-ONBOARD = SHARED / "lrauv_onboard_sim_2021"
 
 
 @pytest.mark.parametrize("delimiter", [",", ";"])
@@ -72,29 +71,6 @@ def test_seaexplorer_refusals(tmp_path):
     refused("holds no seaexplorer logs", "seaexplorer", [tmp_path / "none"])
 
 
-@pytest.mark.skipif(not EXPLORER.is_dir(), reason="needs the shared SeaExplorer logs")
-def test_seaexplorer_dives_of_four_vehicles():
-    dataset, report = import_logs("seaexplorer", [EXPLORER])
-    assert report.deployments == ("SEA035_M10", "SEA035_M12", "SEA046_M45", "SEA063_M22")
-    assert report.count("left out", "AD2CP") > 300
-    # SEA063 never transmits in this piece: no fix, and no invented one
-    names = dataset["deployment"].values
-    assert np.isnan(dataset["displacement_north"].values[names == "SEA063_M22"]).all()
-    known = np.isfinite(dataset["displacement_north"].values[names != "SEA063_M22"])
-    assert (~known).sum() <= 3  # a log begins or ends in the middle of a dive
-    assert known.sum() >= 75
-    depth, phase = dataset["measured_depth"].values, dataset["measured_phase"].values
-    deep = depth > 20.0
-    pump, pitch = dataset["measured_pump"].values, dataset["measured_pitch"].values
-    for wanted, sign in ((1.0, -1.0), (2.0, 1.0)):
-        there = deep & (phase == wanted)
-        assert sign * np.nanmedian(pump[there]) > 0.0
-        assert sign * np.nanmedian(pitch[there]) > 10.0
-    rotation, roll = dataset["measured_rotation"].values, dataset["measured_roll"].values
-    use = deep & np.isfinite(rotation) & np.isfinite(roll)
-    assert np.corrcoef(rotation[use], roll[use])[0, 1] < -0.5
-
-
 @pytest.fixture(scope="module")
 def exported(field_store, tmp_path_factory):
     run = GeneratedStore(field_store)
@@ -142,8 +118,6 @@ def test_og1_magnetic_headings_take_the_field_of_their_place_and_date(tmp_path):
     assert [e.detail for e in report.entries if e.subject == "magnetic variation"] == [
         "magnetic: the log has none; -18.05 degree by IGRF-14 at its place and date"
     ]
-    import netCDF4
-
     with netCDF4.Dataset(path, "a") as file:
         file["LATITUDE_GPS"][:] = np.nan
     refused(r"HEADING is magnetic .*no position is there", "og1", [path])
@@ -179,29 +153,6 @@ def test_og1_fixes_stand_at_the_measurements_where_they_have_no_time_of_their_ow
     assert "TEMP_QC" in report.names["OG1 file"]["not read"]
 
 
-@pytest.mark.parametrize(
-    ("log", "kind"),
-    [("slocum_unit334_2023", "slocum"), ("seaglider_apl_basestation3", "seaglider")],
-)
-def test_real_logs_come_back_from_their_og1_files(tmp_path, log, kind):
-    """Fixes just below the surface, and silent logs around them, make the same rows again."""
-    from factory.exporting.og1.deployments import export_og1_logs
-    from twin.records.logged import LogStore
-    from twin.records.store import write_store
-
-    pytest.importorskip("pyarrow")
-    if not (SHARED / log).is_dir():
-        pytest.skip("needs the shared logs")
-    dataset, report = import_logs(kind, [SHARED / log])
-    store = write_store(dataset, tmp_path / "a.zarr")
-    files = export_og1_logs(LogStore(store), range(report.rows), tmp_path / "og1")
-    back, again = import_logs("og1", list(files), period=report.period)
-    assert again.rows == report.rows
-    assert again.count("suspect") == again.count("removed", "GPS fixes") == 0
-    moved = [np.sort(d["displacement_north"].values) for d in (dataset, back)]
-    assert np.allclose(*moved, atol=1.0)
-
-
 def test_ngdac_profiles_make_one_log_with_its_currents(tmp_path):
     paths = write_ngdac(tmp_path, FLIGHT)
     dataset, report = import_logs("ngdac", paths)
@@ -217,8 +168,6 @@ def test_ngdac_profiles_make_one_log_with_its_currents(tmp_path):
     assert np.nanmedian(dataset["measured_heading"]) == pytest.approx(FLIGHT.heading, abs=1e-3)
     # what the file's own quality control calls bad goes; where the vehicle's own fixes are, rows
     # run from fix to fix
-    import netCDF4
-
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
             under = file["depth"][:] > 0.0
@@ -308,30 +257,6 @@ def test_lrauv_units_in_text(tmp_path):
     columns["depth"][3] = "2 rad"
     refused("column depth mixes the units", "lrauv", [write_csv(tmp_path / "a.csv", columns)])
     refused("unit 'arcdeg' is not one of m", np.zeros(1), "arcdeg", "m", "a.csv depth", by=in_unit)
-
-
-@pytest.mark.skipif(not SHORE.is_dir(), reason="needs the shared LRAUV logs")
-def test_lrauv_shore_logs_and_simulator():
-    dataset, report = import_logs("lrauv", [SHORE])
-    assert report.rows == 24
-    assert report.rows_with_fixes == 23
-    assert report.count("repeated", "depth") == 942
-    assert report.count("removed", "depth") == 0
-    assert float(np.nanmax(dataset["measured_depth"])) == pytest.approx(78.0, abs=1.0)
-    # propelled at about 1 m/s
-    speed = np.hypot(dataset["displacement_north"], dataset["displacement_east"])
-    assert 0.5 < float((speed / dataset["dive_duration"]).max()) < 1.3
-    dataset, report = import_logs("lrauv", [ONBOARD])
-    turned = []  # a positive elevator pitches the nose down
-    for row in np.flatnonzero(dataset["thruster_fraction"] > 0.9):
-        one = dataset.isel(mission=row, time=slice(0, int(dataset["n_samples"][row])))
-        pitching, elevator = np.gradient(one["measured_pitch"]), one["measured_elevator"].values
-        known = np.isfinite(pitching + elevator) & (one["measured_depth"].values > 1.0)
-        turned.append(np.corrcoef(pitching[known], elevator[known])[0, 1])
-    assert len(turned) > 5
-    assert max(turned) < -0.1
-    assert report.rows == 15
-    assert report.rows_with_fixes == 0
 
 
 def test_lrauv_refusals(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from logs import part, refused, slocum
+from logs import details, part, refused, slocum
 
 from factory.importing import import_logs
 from factory.importing.angles import in_degrees
@@ -26,7 +26,6 @@ from glider_twin_protocols.message_samples import write_bag
 from twin.errors import InputError
 
 FLIGHT = Flight()
-SIGNALS = ("measured_pitch", "measured_heading", "measured_roll", "measured_depth")
 
 
 def with_sentinels(columns, share):
@@ -113,11 +112,6 @@ def test_a_heading_sentinel_is_no_heading(tmp_path):
         FLIGHT.heading,
         atol=1e-3,
     )
-
-
-def details(report, action):
-    """Subject and reason of each entry of an action."""
-    return {e.subject: e.detail for e in report.entries if e.action == action}  # type: ignore[attr-defined]
 
 
 def test_a_roll_of_half_a_turn_is_suspect(tmp_path):

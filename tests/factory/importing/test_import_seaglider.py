@@ -5,7 +5,7 @@ import warnings
 import netCDF4
 import numpy as np
 import pytest
-from logs import SHARED, refused
+from logs import refused
 from scipy.io import netcdf_file
 
 from factory.importing import import_logs
@@ -17,10 +17,6 @@ from factory.samples.gliders import write_basestation, write_seaglider
 from twin.errors import InputError
 
 FLIGHT = Flight(depth=150.0, variation=15.0)
-AD2CP, STATION = SHARED / "seaglider_apl_ad2cp", SHARED / "seaglider_apl_basestation3"
-SG171 = [AD2CP / f"sg171_ekamsat_2024_{part}" for part in
-         ("samples.parquet", "dives.csv", "ad2cp_inv.parquet")]  # fmt: skip
-needs_sg171 = pytest.mark.skipif(not AD2CP.is_dir(), reason="needs the shared logs of SG171")
 
 
 def write_adcp(path, flight):
@@ -152,87 +148,6 @@ def test_a_netcdf_file_of_another_kind_is_named(tmp_path):
     refused("looks like og1", "slocum", [path])
     table = write_seaglider(tmp_path, FLIGHT)[0]
     refused("looks like seaglider", "og1", [table])
-
-
-@needs_sg171
-def test_raw_dive_100_agrees_with_its_table():
-    pytest.importorskip("pyarrow")
-    table, _ = import_logs("seaglider", SG171)
-    raw, report = import_logs("seaglider", [AD2CP / "raw" / "p1710100.nc"])
-    assert report.deployments == ("SG171",)
-    assert raw["dive"].values.tolist() == [100]
-    n = int(raw["n_samples"][0])
-    assert n == int(table["n_samples"][0])
-    limits = {
-        "measured_pitch": 1e-3, "measured_roll": 1e-3, "measured_heading": 1e-3,
-        "measured_pump": 1e-2, "measured_depth": 1e-3, "measured_shift": 1e-6,
-        "true_surge": 1e-3, "true_sway": 1e-3, "true_heave": 1e-3, "commanded_pump": 1e-2,
-        "measured_density": 0.1,
-    }  # fmt: skip
-    for name, limit in limits.items():
-        ours, theirs = raw[name].values[0], table[name].values[0, :n]
-        both = np.isfinite(ours) & np.isfinite(theirs)
-        assert both.sum() > 0.6 * n, name
-        apart = np.abs((ours - theirs + 180.0) % 360.0 - 180.0)
-        assert np.percentile(apart[both], 99.0) < limit, name
-    assert float(raw["displacement_north"][0]) == float(table["displacement_north"][0])
-    # only the raw file says where the roll mass is neutral
-    assert "measured_rotation" in raw
-    rotation, roll = raw["measured_rotation"].values[0], raw["measured_roll"].values[0]
-    deep = np.isfinite(rotation) & (raw["measured_depth"].values[0] > 10.0)
-    assert np.corrcoef(rotation[deep], roll[deep])[0, 1] < -0.8
-
-
-@needs_sg171
-def test_every_dives_displacement_agrees_with_the_basestation():
-    pytest.importorskip("pyarrow")
-    files = [*SG171[:2], *(p for p in AD2CP.glob("sg265*"))]
-    files += [p for p in STATION.iterdir() if p.suffix in (".csv", ".parquet")]
-    dataset, report = import_logs("seaglider", files)
-    assert report.rows == report.rows_with_fixes == 10 + 5 + 20
-    found = {
-        (str(name), int(dive)): (float(north), float(east))
-        for name, dive, north, east in zip(
-            dataset["deployment"].values,
-            dataset["dive"].values,
-            dataset["displacement_north"].values,
-            dataset["displacement_east"].values,
-            strict=True,
-        )
-    }
-    checked = 0
-    for path in files:
-        if path.suffix != ".csv":
-            continue
-        table = np.atleast_1d(
-            np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding=None)
-        )
-        for row in table:
-            north, east = found[str(row["glider"]), int(row["dive"])]
-            # the basestation's metres per degree are those of a sphere of nautical miles
-            reach = 0.01 * np.hypot(north, east) + 1.0
-            assert abs(north - row["GPS_north_displacement_m"]) < reach
-            assert abs(east - row["GPS_east_displacement_m"]) < reach
-            checked += 1
-    assert checked == 35
-
-
-@needs_sg171
-def test_sg171_dives_nose_down_with_the_bladder_small_and_moves_along_its_nose():
-    pytest.importorskip("pyarrow")
-    dataset, _ = import_logs("seaglider", SG171)
-    depth, phase = dataset["measured_depth"].values, dataset["measured_phase"].values
-    deep = depth > 20.0
-    down, up = deep & (phase == 1.0), deep & (phase == 2.0)
-    pump, pitch = dataset["measured_pump"].values, dataset["measured_pitch"].values
-    assert np.median(pump[down]) < -100.0 < 100.0 < np.median(pump[up])
-    assert np.median(pitch[down]) < -20.0 < 15.0 < np.median(pitch[up])
-    surge, sway = dataset["true_surge"].values, dataset["true_sway"].values
-    there = np.isfinite(surge) & deep
-    assert there.sum() > 7000
-    assert np.median(surge[there]) > 0.15
-    # a wrong sign of the variation or of east would put the motion beside the hull
-    assert abs(np.median(sway[there])) < 0.1 * np.median(surge[there])
 
 
 @pytest.mark.parametrize("without", ["time", "uttw"])

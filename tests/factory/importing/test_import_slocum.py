@@ -1,10 +1,11 @@
 """Import of Slocum logs: segments, units, repairs and refusals, on written and on real files."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
-from logs import SHARED, refused, slocum
+from logs import refused, slocum
 
 from factory.importing import import_logs, sniff
 from factory.importing.formats.slocum.caches import read_header, vehicle_of
@@ -14,17 +15,11 @@ from twin.errors import InputError
 from twin.records.store import open_store, read_trajectory, write_store
 
 FLIGHT = Flight()
-COMET, UNIT334 = SHARED / "slocum_comet_dvl_2016", SHARED / "slocum_unit334_2023"
 
 
 def seconds(dataset):
     """Start times as stored, unix seconds."""
-    values = dataset["start_time"].values
-    return (
-        values.astype("datetime64[ns]").astype(np.int64) / 1e9
-        if values.dtype.kind == "M"
-        else values
-    )
+    return dataset["start_time"].values.astype(float)
 
 
 def write_text(path, columns, *, segments=1):
@@ -353,8 +348,6 @@ def test_files_that_are_no_slocum_log_are_named_in_one_line(tmp_path, name, cont
 
 
 def test_without_dbdreader_the_extra_is_named(tmp_path, monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "dbdreader", None)
     path = tmp_path / "a.dbd"
     path.write_bytes(b"dbd_label: x\n")
@@ -381,92 +374,3 @@ def test_missing_and_wrong_cache_files_are_told_before_decoding(tmp_path):
     refused(r"cache file abcd1234\.cac is missing.*--cache", "slocum", [path])
     (tmp_path / "abcd1234.cac").write_text("s: T    0    0 4 m_depth m\ns: F 1 -1 4 m_pitch rad\n")
     refused(r"is not the one of a\.dbd", "slocum", [path])
-
-
-needs_unit334 = pytest.mark.skipif(not UNIT334.is_dir(), reason="needs the shared logs of unit334")
-needs_comet = pytest.mark.skipif(not COMET.is_dir(), reason="needs the shared logs of comet")
-
-
-@needs_unit334
-def test_unit334_has_the_published_segments():
-    pytest.importorskip("pyarrow")
-    dataset, report = import_logs("slocum", [UNIT334])
-    table = np.genfromtxt(UNIT334 / "unit334_segments.csv", delimiter=",", names=True)
-    assert report.rows == report.rows_with_fixes == len(table) == 24
-    assert seconds(dataset) == pytest.approx(table["t_start"], abs=0.01)
-    assert dataset["dive_duration"].values == pytest.approx(table["duration_s"], abs=0.01)
-    # the table was made on a sphere: up to 0.4 % apart
-    for axis in ("north", "east"):
-        ours, theirs = dataset[f"displacement_{axis}"].values, table[f"og_{axis}_m"]
-        assert np.allclose(ours, theirs, rtol=5e-3, atol=0.5)
-        dac = dataset[f"vehicle_dac_{axis}"].values
-        assert np.allclose(dac, table[f"onboard_dac_{axis}"], atol=1e-4)
-
-
-@needs_unit334
-def test_unit334_flies_as_gliders_do():
-    pytest.importorskip("pyarrow")
-    dataset, _ = import_logs("slocum", [UNIT334])
-    rate = np.gradient(dataset["measured_depth"].values, 2.0, axis=1)
-    deep = dataset["measured_depth"].values > 10.0
-    light = dataset["measured_pump"].values > 100.0
-    heavy = dataset["measured_pump"].values < -100.0
-    assert np.median(rate[deep & light]) < -0.1
-    assert np.median(rate[deep & heavy]) > 0.1
-    pitch = dataset["measured_pitch"].values
-    assert np.median(pitch[deep & light]) > 20.0
-    assert np.median(pitch[deep & heavy]) < -20.0
-    phase = dataset["measured_phase"].values
-    assert np.mean(phase[deep & heavy & (rate > 0.05)] == 1.0) > 0.99
-    # with the rudder's sign, + turns to starboard
-    heading = np.unwrap(np.radians(np.nan_to_num(dataset["measured_heading"].values)), axis=1)
-    turn = np.gradient(heading, 2.0, axis=1)
-    use = deep & (np.abs(turn) < 0.1) & np.isfinite(dataset["measured_fin"].values)
-    assert np.corrcoef(turn[use], dataset["measured_fin"].values[use])[0, 1] > 0.3
-
-
-@needs_unit334
-def test_true_heading_brings_the_track_nearest_to_the_displacement():
-    """Turning the headings by any angle makes the dead reckoning worse: the sign is right."""
-    pytest.importorskip("pyarrow")
-    dataset, _ = import_logs("slocum", [UNIT334])
-    variation = float(dataset["magnetic_variation"][0])
-    rate = np.gradient(dataset["measured_depth"].values, 2.0, axis=1)
-    pitch = np.radians(dataset["measured_pitch"].values)
-    speed = np.where(np.abs(pitch) > 0.15, np.clip(-rate / np.tan(pitch), 0.0, 0.6), 0.0)
-    heading = np.radians(dataset["measured_heading"].values)
-    moved = dataset["displacement_north"].values + 1j * dataset["displacement_east"].values
-    misses = {}
-    for name, turn in (("true", 0.0), ("magnetic", -variation), ("wrong sign", -2 * variation)):
-        track = np.nansum(speed * np.exp(1j * (heading + np.radians(turn))), axis=1) * 2.0
-        misses[name] = np.median(np.abs(moved - track))
-    assert misses["true"] < 0.75 * misses["magnetic"] < misses["wrong sign"]
-
-
-@needs_comet
-def test_every_finite_truth_sample_of_comet_lies_in_a_row():
-    pytest.importorskip("pyarrow")
-    _, report = import_logs("slocum", [COMET])
-    assert report.count("read", "U_dvl_ms") == 2504
-    assert report.count("left out", "true_speed") == 0
-    assert "true_speed" in report.channels
-
-
-@needs_unit334
-@needs_comet
-def test_binary_files_agree_with_the_tables(tmp_path):
-    pytest.importorskip("dbdreader")
-    pytest.importorskip("pyarrow")
-    table, _ = import_logs("slocum", [COMET])
-    binary, report = import_logs("slocum", [COMET / "raw"])
-    assert report.deployments == ("comet",)
-    assert seconds(binary) == pytest.approx(seconds(table), abs=0.01)
-    for name in ("measured_pitch", "measured_depth", "measured_pump", "measured_heading"):
-        apart = np.abs(binary[name].values - table[name].values)
-        assert np.nanmedian(apart) < 1e-3, name
-    cut = tmp_path / "comet-2016-174-05-001.dbd"
-    whole = (COMET / "raw" / cut.name).read_bytes()
-    cut.write_bytes(whole[: len(whole) // 2])
-    _, report = import_logs("slocum", [cut], cache=COMET / "raw")
-    assert [e.subject for e in report.entries if "truncated" in e.detail] == [cut.name]
-    refused(r"cache file \w+\.cac is missing", "slocum", [cut], cache=UNIT334 / "raw")

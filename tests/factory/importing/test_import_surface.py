@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from logs import SHARED, part, slocum
+from logs import part, slocum, why
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table
@@ -19,16 +19,8 @@ from factory.samples.gliders import (
 )
 
 FLIGHT = Flight()
-UNIT334 = SHARED / "slocum_unit334_2023"
-COMET = SHARED / "slocum_comet_dvl_2016"
-EXPLORER = SHARED / "seaexplorer_pyglider"
 METRES = 1.0 / 111_200.0
 """[degree] of latitude in a metre"""
-
-
-def why(report, action, word):
-    """Count of the entries of an action whose detail holds a word."""
-    return sum(e.count for e in report.entries if e.action == action and word in e.detail)  # type: ignore[attr-defined]
 
 
 def fixes_when(flight, use):
@@ -227,48 +219,6 @@ def test_a_log_that_ends_below_says_so_and_has_no_current(tmp_path):
     assert np.isfinite(dataset["dac_north"].values[0])
     n = int(dataset["n_samples"][1])
     assert dataset["measured_gap"].values[1, n - 1] == 1.0
-
-
-@pytest.mark.skipif(not UNIT334.is_dir(), reason="needs the shared logs of unit334")
-def test_unit334_ends_at_the_surface_in_the_vehicles_current():
-    pytest.importorskip("pyarrow")
-    dataset, _ = import_logs("slocum", [UNIT334])
-    last = dataset["n_samples"].values - 1
-    rows = np.arange(len(last))
-    assert np.abs(dataset["measured_depth"].values[rows, last]).max() < 0.5
-    assert (dataset["measured_phase"].values[rows, last] == 0.0).all()
-    apart = [dataset[f"dac_{a}"].values - dataset[f"vehicle_dac_{a}"].values for a in
-             ("north", "east")]  # fmt: skip
-    assert np.hypot(*apart).max() < 0.015
-    by_hand = {0: (-0.025, 0.019), 3: (-0.007, -0.015), 10: (0.076, 0.008)}
-    for row, (north, east) in by_hand.items():
-        assert float(dataset["dac_north"][row]) == pytest.approx(north, abs=0.005)
-        assert float(dataset["dac_east"][row]) == pytest.approx(east, abs=0.005)
-
-
-@pytest.mark.skipif(not COMET.is_dir(), reason="needs the shared logs of comet")
-def test_comets_racing_receiver_is_dropped():
-    pytest.importorskip("pyarrow")
-    dataset, report = import_logs("slocum", [COMET])
-    assert why(report, "removed", "constant velocity") == 6
-    assert report.rows == 16
-    # it lay in a current of 0.2 m/s and dived for ten minutes
-    assert np.hypot(dataset["displacement_north"], dataset["displacement_east"]).values[0] < 130.0
-    assert float(dataset["measured_depth"][0, 0]) < 1.5
-    drift = np.hypot(dataset["surface_drift_north"].values, dataset["surface_drift_east"].values)
-    assert np.nanmax(drift) < 1.0
-
-
-@pytest.mark.skipif(not EXPLORER.is_dir(), reason="needs the shared SeaExplorer logs")
-def test_real_seaexplorers_float_at_their_own_zero():
-    for name, rows in (("sea046_M45", 5), ("sea035_M10", 61)):
-        dataset, report = import_logs("seaexplorer", [EXPLORER / f"{name}_gli.csv.gz"])
-        assert why(report, "repaired", "depth offset") > 0
-        assert report.rows == rows
-        depth = dataset["measured_depth"].values
-        at_fix = np.isfinite(dataset["measured_gps_north"].values)
-        assert np.abs(depth[at_fix]).max() < 1.0
-        assert (dataset["measured_phase"].values[at_fix] == 0.0).all()
 
 
 @pytest.mark.parametrize("zero", [(6.0, 14.0), (14.0, 14.0), (0.0, 0.0)])

@@ -28,9 +28,6 @@ PAGE = (HOWTO / "import_logs.md").read_text()
 TABLES = (HOWTO / "import_tables.md").read_text()
 FLIGHT = Flight(depth=100.0, surface=600.0)
 
-MESSAGES = ("mcap", "rosbag2", "ardusub", "lsf")
-"""Kinds whose files hold messages by topic."""
-
 
 def test_every_format_that_lies_in_the_folder_is_registered():
     """A format is a folder, or files that begin with its name; its reader lies there."""

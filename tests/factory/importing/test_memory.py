@@ -1,13 +1,15 @@
 """Memory of an import: small files, made to fill it, take less than 1 GB."""
 
 import gzip
+import json
 import struct
 import subprocess
 import sys
 
+import netCDF4
 import numpy as np
 import pytest
-from logs import refused
+from logs import pack, refused
 
 from factory.importing import import_logs
 from factory.importing.columns import read_table, tidy
@@ -23,52 +25,61 @@ MOST = 2**30
 SMALL = 20 * 2**20
 """[byte]"""
 IMPORT = """
-import re, sys
+import json, os, re, sys
 from factory.importing import import_logs
 from twin.errors import InputError
-kind, path, mapping = sys.argv[1:]
-try:
-    import_logs(kind, [path], **({"mapping": mapping} if mapping else {}))
-    print("read")
-except InputError as error:
-    print(error)
-print(1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]))
+
+for line in sys.stdin:
+    kind, path, mapping = json.loads(line)
+    if os.fork():  # a process for each file, with the libraries loaded
+        os.wait()
+        continue
+    try:
+        import_logs(kind, [path], **({"mapping": mapping} if mapping else {}))
+        said = "read"
+    except InputError as error:
+        said = str(error)
+    most = 1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
+    print(json.dumps([said, most]), flush=True)
+    os._exit(0)
 """
 
 
-def imported(kind, path, mapping=""):
-    """What a process of its own says of a file, and its largest memory [byte]."""
-    assert path.stat().st_size < SMALL
-    done = subprocess.run(
-        [sys.executable, "-c", IMPORT, kind, str(path), str(mapping)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    *said, most = done.stdout.splitlines()
-    return "\n".join(said), int(most)
+@pytest.fixture(scope="module")
+def imported():
+    """A function: what a process of its own says of a file, and its largest memory [byte]."""
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", IMPORT], **pipes) as process:
+
+        def bring(kind, path, mapping=""):
+            assert path.stat().st_size < SMALL
+            print(json.dumps([kind, str(path), str(mapping)]), file=process.stdin, flush=True)
+            return json.loads(process.stdout.readline())
+
+        yield bring
+        process.stdin.close()
 
 
-def gzip_table(folder):
-    path = folder / "sea009_M3_gli.csv.gz"
-    with gzip.open(path, "wb") as file:
-        file.write(b"Timestamp,Depth\n")
-        for _ in range(400):
-            file.write(b"1,0\n" * 2**18)
-    return "seaexplorer", path
+def gzipped(name, kind, first, piece=b"", times=0):
+    """A maker of a packed file that begins so and goes on with the same."""
+
+    def make(folder):
+        with gzip.open(folder / name, "wb", compresslevel=1) as file:
+            file.write(first)
+            for _ in range(times):
+                file.write(piece)
+        return kind, folder / name
+
+    return make
+
+
+PACKET = struct.pack("<HHHdHBHB", 0xFE54, 1, 0, 1.7e9, 1, 1, 1, 1) + b"\0\0"
 
 
 def long_line(folder):
     path = folder / "sea009_M3_gli.csv"
     path.write_text("Timestamp,Depth\n" + "1," * 4_000_000 + "\n")
     return "seaexplorer", path
-
-
-def packets(folder):
-    path = folder / "Data.lsf.gz"
-    packet = struct.pack("<HHHdHBHB", 0xFE54, 1, 0, 1.7e9, 1, 1, 1, 1) + b"\0\0"
-    with gzip.open(path, "wb") as file:
-        for _ in range(400):
-            file.write(packet * 2**16)
-    return "lsf", path
 
 
 def lz4_blocks(folder):
@@ -80,8 +91,6 @@ def lz4_blocks(folder):
 
 
 def deflated(folder):
-    import netCDF4
-
     path = folder / "a.nc"
     with netCDF4.Dataset(path, "w") as file:
         file.createDimension("time", 50_000_000)
@@ -93,8 +102,6 @@ def deflated(folder):
 
 def empty_hdf5(folder):
     """Chunks that were never written."""
-    import netCDF4
-
     path = folder / "a.mat"
     with netCDF4.Dataset(path, "w") as file:
         for name in ("depth", "latitude", "longitude"):
@@ -102,13 +109,6 @@ def empty_hdf5(folder):
             group.createDimension("n", 10**9)
             group.createVariable("value", "i1", ("n",), zlib=True, chunksizes=(10**6,))
     return "lrauv", path
-
-
-def endless_line(folder):
-    path = folder / "Data.lsf.gz"
-    with gzip.open(path, "wb") as file:
-        file.write(bytes(2**25))
-    return "lsf", path
 
 
 def parquet(folder):
@@ -132,15 +132,20 @@ def parquet_of_zeros(folder):
     return "slocum", path
 
 
+TABLE = gzipped("sea009_M3_gli.csv.gz", "seaexplorer", b"Timestamp,Depth\n", b"1,0\n" * 2**18, 400)
+PACKETS = gzipped("Data.lsf.gz", "lsf", b"", PACKET * 2**16, 400)
+ENDLESS_LINE = gzipped("Data.lsf.gz", "lsf", bytes(2**25))
+
+
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (gzip_table, "unpacks to"), (long_line, "Expected 3 fields"), (packets, "unpacks to"),
+        (TABLE, "unpacks to"), (long_line, "Expected 3 fields"), (PACKETS, "unpacks to"),
         (lz4_blocks, "unpacks to"), (deflated, "unpacks to"), (empty_hdf5, "unpacks to"),
-        (endless_line, "first line of more than"), (parquet_of_zeros, "unpacks to"), (parquet, ""),
+        (ENDLESS_LINE, "first line of more than"), (parquet_of_zeros, "unpacks to"), (parquet, ""),
     ],
 )  # fmt: skip
-def test_a_small_file_fills_no_memory(make, told, tmp_path):
+def test_a_small_file_fills_no_memory(imported, make, told, tmp_path):
     kind, path = make(tmp_path)
     said, most = imported(kind, path)
     assert most < MOST
@@ -177,7 +182,7 @@ def write_jump(path, jump, rows=1):
 
 
 @pytest.mark.parametrize("rows", ["dives", "gaps", "file"])
-def test_a_clock_that_jumps_once_costs_its_row_alone(tmp_path, rows):
+def test_a_clock_that_jumps_once_costs_its_row_alone(imported, tmp_path, rows):
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows=rows))
     write_jump(tmp_path / "right.csv", 0.0)
@@ -194,7 +199,7 @@ def test_a_clock_that_jumps_once_costs_its_row_alone(tmp_path, rows):
 
 
 @pytest.mark.parametrize("jump", [2e7, 1e8, 1e9])
-def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(tmp_path, jump):
+def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(imported, tmp_path, jump):
     """So many rows that nobody can say which clock is right: both parts stay."""
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows="dives").replace("gap_s = 1e12\n", ""))
@@ -206,7 +211,7 @@ def test_a_part_of_a_log_whose_clock_is_years_off_fills_no_memory(tmp_path, jump
     assert found.sizes["mission"] == 2
 
 
-def test_a_row_that_is_a_hole_is_left_out(tmp_path):
+def test_a_row_that_is_a_hole_is_left_out(imported, tmp_path):
     mapping = tmp_path / "m.toml"
     mapping.write_text(MAPPING.format(rows="file"))
     write_jump(tmp_path / "jump.csv", 2e7)
@@ -264,8 +269,6 @@ def test_a_table_of_text_is_what_it_was(tmp_path):
 
 def test_a_packed_log_of_a_vehicle_is_read(tmp_path):
     """Plain dives compress by far less than the bound."""
-    from logs import pack
-
     pytest.importorskip("dbdreader")
     content = write_dbd(tmp_path, Flight())[0].read_bytes()
     assert len(content) < 0.2 * MOST_UNPACKED * len(pack(content))

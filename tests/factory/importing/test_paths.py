@@ -21,11 +21,6 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def header_with(content, crc):
-    """A log that lists its sensors itself, with another number of the list."""
-    return content.replace(b"sensor_list_crc: 0badcafe", b"sensor_list_crc: " + crc, 1)
-
-
 @pytest.fixture
 def place(tmp_path):
     """A folder below others, so that a path that leads out of it stays in the test's own."""
@@ -35,14 +30,11 @@ def place(tmp_path):
     return found
 
 
-@pytest.fixture
-def own(place):
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
     """Content of a log that lists its sensors itself."""
-    path, cache = write_dbd(place, FLIGHT, factored=False)
-    content = path.read_bytes()
-    path.unlink()
-    cache.unlink()
-    return content
+    pytest.importorskip("dbdreader")
+    return write_dbd(tmp_path_factory.mktemp("own"), FLIGHT, factored=False)[0].read_bytes()
 
 
 def tree(folder):
@@ -52,7 +44,7 @@ def tree(folder):
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("crc", HOSTILE)
 def test_the_number_of_a_list_of_sensors_is_no_path(place, own, tmp_path, crc, packed):
-    content = header_with(own, crc.encode())
+    content = own.replace(b"sensor_list_crc: 0badcafe", b"sensor_list_crc: " + crc.encode(), 1)
     log = place / ("a.dcd" if packed else "a.dbd")
     log.write_bytes(pack(content) if packed else content)
     (tmp_path / "one" / "beside.cac").write_bytes(b"mine")
@@ -117,17 +109,22 @@ def test_names_of_files_are_plain_and_one_text_has_one():
         assert len(name) <= MOST_STEM + 9
 
 
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """A store of logs."""
+    folder = tmp_path_factory.mktemp("store")
+    return write_store(slocum(folder, FLIGHT)[0], folder / "real.zarr")
+
+
 @pytest.mark.parametrize("name", ["../../beside", "/tmp/glider-twin-export", "a\0b", "é" * 200])
-def test_exports_stay_in_their_folder(place, tmp_path, name, monkeypatch):
-    dataset, _ = slocum(place, FLIGHT)
-    store = write_store(dataset, tmp_path / "one" / "real.zarr")
+def test_exports_stay_in_their_folder(store, tmp_path, name, monkeypatch):
+    bags = tmp_path / "one" / "bags"
+    bags.parent.mkdir()
     with LogStore(store) as run:
         monkeypatch.setattr(LogStore, "deployments", (name,) * len(run))
         monkeypatch.setattr(
             LogStore, "missions_of", lambda self, one: list(range(len(self))) if one == name else []
         )
-        before = {p for p in tmp_path.rglob("*") if p.is_file()}
-        bags = tmp_path / "one" / "bags"
         for stem, missions in files(run, range(len(run))):
             assert Path(stem).name == stem
             assert missions == list(range(len(run)))
@@ -136,5 +133,4 @@ def test_exports_stay_in_their_folder(place, tmp_path, name, monkeypatch):
                 pytest.importorskip("mcap")
             for path in EXPORTERS[kind].export(run, range(len(run)), bags / kind):
                 assert path.parent == bags / kind
-    after = {p for p in tmp_path.rglob("*") if p.is_file()}
-    assert all(bags in path.parents for path in after - before)
+    assert all(bags in path.parents for path in tmp_path.rglob("*") if path.is_file())

@@ -34,7 +34,7 @@ def signals(samples=400, **extra):
 
 
 def metres(found):
-    return offset(found.latitude, found.longitude, *ORIGIN)  # type: ignore[attr-defined]
+    return offset(found.latitude, found.longitude, *ORIGIN)
 
 
 def test_dives_are_where_the_vehicle_was_and_met_their_fixes(store):

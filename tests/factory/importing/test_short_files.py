@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from logs import slocum
+from logs import slocum, told
 
 from factory.importing import TRUNCATED, import_logs
 from factory.importing.deployment_log import Channel
@@ -40,10 +40,6 @@ def row(dataset, name, number=0):
     start = dataset["start_time"].values[number]
     begin = start.astype("datetime64[ms]").astype(float) / 1e3 if start.dtype.kind == "M" else start
     return begin + dataset["time"].values[:count], dataset[name].values[number, :count]
-
-
-def said(report, action):
-    return [f"{one.subject}: {one.detail}" for one in report.entries if one.action == action]
 
 
 @pytest.fixture
@@ -90,11 +86,11 @@ def test_the_file_that_ends_is_blamed_and_no_sign(cut):
     time, values = row(dataset, "measured_pitch")
     last = time[np.isfinite(values)][-1]
     moment = np.datetime64(round(last), "s").astype("datetime64[m]").astype(str).replace("T", " ")
-    (why,) = [one for one in said(report, "note") if "the depth goes on for" in one]
+    (why,) = [one for one in told(report, "note") if "the depth goes on for" in one]
     assert f"{TRUNCATED}the flight log ends at {moment[:-1]}" in why
     minutes = float(why.partition("goes on for ")[2].split()[0])
     assert minutes == pytest.approx((DEEP.dive_times(0)[1] - last) / 60.0, abs=3.0)
-    blamed = [one for one in said(report, "suspect") if "sign" in one or "column" in one]
+    blamed = [one for one in told(report, "suspect") if "sign" in one or "column" in one]
     assert blamed == []
 
 
@@ -114,7 +110,7 @@ def test_a_flight_log_that_begins_late_is_told_and_nothing_is_held_before(tmp_pa
     time, values = row(dataset, "measured_pitch")
     assert np.isnan(values[time < late - 60.0]).all()
     assert np.isfinite(values[time > late + 60.0]).mean() > 0.95
-    assert any("the flight log begins at" in one for one in said(report, "note"))
+    assert any("the flight log begins at" in one for one in told(report, "note"))
 
 
 def test_a_science_that_ends_early_leaves_no_water(tmp_path):
@@ -195,7 +191,7 @@ def test_a_row_ends_where_its_depth_ends(tmp_path):
     )
     dataset, report = import_logs("csv", [path], mapping=mapping)
     assert float(dataset["dive_duration"][0]) == pytest.approx(599.0, abs=1.0)
-    assert any(TRUNCATED in one and "10 min" in one for one in said(report, "left out"))
+    assert any(TRUNCATED in one and "10 min" in one for one in told(report, "left out"))
 
 
 @pytest.mark.parametrize(
@@ -224,4 +220,4 @@ def test_two_computers_of_the_same_end_lose_nothing(tmp_path):
     dataset, report = import_logs("slocum", [tmp_path])
     for name in FLIGHT_COMPUTER:
         assert np.isfinite(row(dataset, name)[1]).all(), name
-    assert not any(TRUNCATED in one for one in said(report, "note"))
+    assert not any(TRUNCATED in one for one in told(report, "note"))

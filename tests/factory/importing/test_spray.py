@@ -14,11 +14,9 @@ from twin.records.store import write_store
 FLIGHT = Flight(dives=4, depth=400.0, speed=0.3, surface=900.0)
 
 
-def test_dives_are_made_again_of_their_middles(tmp_path):
-    path = write_spray(tmp_path / "CUGN_line_90.nc", FLIGHT)
-    dataset, report = import_logs("spray", [path])
-    assert sniff(path) == "spray"
-    assert report.deployments == ("spray-7",)
+def check(dataset, report, deployment):
+    """Every dive has its way, its current, its depths and the water of its climb."""
+    assert report.deployments == (deployment,)
     assert report.rows == report.rows_with_fixes == FLIGHT.dives
     for dive in range(FLIGHT.dives):
         row = dataset.isel(mission=dive)
@@ -37,6 +35,13 @@ def test_dives_are_made_again_of_their_middles(tmp_path):
         climbing = np.isfinite(warm) & (np.arange(len(depth)) > there.sum() / 2 + 2) & (depth > 15)
         assert climbing.sum() > 10
         np.testing.assert_allclose(warm[climbing], 15.0 - 0.02 * depth[climbing], atol=0.05)
+
+
+def test_dives_are_made_again_of_their_middles(tmp_path):
+    path = write_spray(tmp_path / "CUGN_line_90.nc", FLIGHT)
+    dataset, report = import_logs("spray", [path])
+    assert sniff(path) == "spray"
+    check(dataset, report, "spray-7")
     notes = [e.detail for e in report.entries if e.subject == path.name and e.action == "note"]
     assert any("made again" in note for note in notes)
 
@@ -74,23 +79,7 @@ def write_rows(path, *, upper=False):
 def test_profiles_without_times_are_read_as_bins_are(tmp_path, upper):
     path = write_rows(tmp_path / "sp028.nc", upper=upper)
     assert sniff(path) == "spray"
-    dataset, report = import_logs("spray", [path])
-    assert report.deployments == ("sp028_2023",)
-    assert report.rows == report.rows_with_fixes == FLIGHT.dives
-    for dive in range(FLIGHT.dives):
-        row = dataset.isel(mission=dive)
-        start, end = FLIGHT.dive_times(dive)
-        assert float(row["dive_duration"]) == pytest.approx(end - start, abs=1e-3)
-        moved = FLIGHT.displacement(start, end)
-        assert float(row["displacement_north"]) == pytest.approx(moved[0], rel=2e-3)
-        assert float(row["vehicle_dac_east"]) == pytest.approx(FLIGHT.east)
-        depth, warm = row["measured_depth"].values, row["measured_temperature"].values
-        known = FLIGHT.state(start + 60.0 * np.arange(len(depth)))["depth"]
-        there = np.isfinite(depth)
-        np.testing.assert_allclose(depth[there], known[there], atol=6.0)
-        both = np.isfinite(warm) & (np.arange(len(depth)) > there.sum() / 2 + 2) & (depth > 15)
-        assert both.sum() > 10
-        np.testing.assert_allclose(warm[both], 15.0 - 0.02 * depth[both], atol=0.05)
+    check(*import_logs("spray", [path]), "sp028_2023")
     for kind in ("og1", "ngdac"):
         refused("looks like spray: use `factory import spray`", kind, [path])
     with netCDF4.Dataset(path, "a") as file:  # what the reader makes times of

@@ -40,8 +40,7 @@ def currents(tmp_path, **reported):
     """Why each of three dives is suspect whose vehicle reported these currents [m/s]."""
     ends = np.array([FLIGHT.dive_times(k)[1] + 60.0 for k in range(3)])
     log = dataclasses.replace(
-        plain_log(),
-        auxiliary={f"dac_{n}": Channel(ends, np.array(v)) for n, v in reported.items()},
+        plain_log(), auxiliary={f"dac_{n}": Channel(ends, np.array(v)) for n, v in reported.items()}
     )
     tally = Tally()
     log = within_limits(log, tally)
@@ -81,7 +80,7 @@ def test_a_current_that_no_ocean_has_marks_its_own_dive(tmp_path):
 
 
 def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path):
-    ends = plain_ends()
+    ends = np.array([row.segment.end for row in rows_by(plain_log())])
     log = dataclasses.replace(
         plain_log(),
         auxiliary={
@@ -91,11 +90,6 @@ def test_a_current_at_the_fix_between_two_dives_marks_the_one_before(tmp_path):
     )
     log = within_limits(log, tally := Tally())
     assert [bool(one) for one in whys(log, doubts=tuple(tally.doubts))] == [False, True, False]
-
-
-def plain_ends():
-    """Times at which the rows of `plain_log` end."""
-    return np.array([row.segment.end for row in rows_by(plain_log())])
 
 
 def test_what_is_made_of_channels_is_within_limits_too():

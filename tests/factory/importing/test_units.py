@@ -1,7 +1,5 @@
 """Units of logs: a declaration converts, contradictions are told, and guesses come last."""
 
-from __future__ import annotations
-
 import dataclasses
 from datetime import UTC, datetime
 
@@ -9,7 +7,7 @@ import gsw
 import netCDF4
 import numpy as np
 import pytest
-from logs import refused
+from logs import details, refused
 
 from factory import samples
 from factory.importing import import_logs
@@ -63,13 +61,9 @@ def og1(folder, *, flight=FLIGHT, **more):
     return [path]
 
 
-def told(report, action):
-    return {e.subject: e.detail for e in report.entries if e.action == action}
-
-
 def doubted(report):
     """What is suspect, but for the heading: the vehicle of these files never turns."""
-    return {k: v for k, v in told(report, "suspect").items() if k != "measured_heading"}
+    return {k: v for k, v in details(report, "suspect").items() if k != "measured_heading"}
 
 
 def largest(dataset, name):
@@ -113,7 +107,7 @@ def test_a_declared_pressure_is_converted(tmp_path, unit, size, beside):
         rewritten(paths, "depth", "m", lambda v: v * np.nan)
     dataset, report = import_logs("ngdac", paths)
     assert largest(dataset, "measured_pressure") == pytest.approx(60.39, abs=0.6)
-    assert "pressure" not in told(report, "repaired")
+    assert "pressure" not in details(report, "repaired")
 
 
 @pytest.mark.parametrize("depth", [25.0, 90.0, 900.0])
@@ -124,7 +118,7 @@ def test_the_air_in_a_pressure_is_no_other_unit(tmp_path, depth):
     dataset, report = import_logs("ngdac", paths)
     assert report.rows == flight.dives
     assert largest(dataset, "measured_depth") == pytest.approx(depth, abs=0.5 + 0.006 * depth)
-    assert "air's pressure" in told(report, "repaired")["pressure"]
+    assert "air's pressure" in details(report, "repaired")["pressure"]
 
 
 def test_a_pressure_that_contradicts_its_unit_and_its_depth(tmp_path):
@@ -133,11 +127,11 @@ def test_a_pressure_that_contradicts_its_unit_and_its_depth(tmp_path):
     paths = rewritten(write_ngdac(tmp_path / "a", FLIGHT), "pressure", "dbar", lambda v: v / 10.0)
     dataset, report = import_logs("ngdac", paths)
     assert largest(dataset, "measured_depth") == pytest.approx(60.0, abs=0.6)
-    assert "was in bar where dbar is declared" in told(report, "repaired")["pressure"]
+    assert "was in bar where dbar is declared" in details(report, "repaired")["pressure"]
     (tmp_path / "b").mkdir()
     paths = rewritten(write_ngdac(tmp_path / "b", FLIGHT), "pressure", "dbar", lambda v: v / 3.0)
     _, report = import_logs("ngdac", paths)
-    assert "do not belong together" in told(report, "suspect")["pressure"]
+    assert "do not belong together" in details(report, "suspect")["pressure"]
 
 
 def test_words_that_are_no_unit_of_the_variable(tmp_path):
@@ -146,15 +140,15 @@ def test_words_that_are_no_unit_of_the_variable(tmp_path):
     rewritten(paths, "depth", "smoot", lambda v: v)
     dataset, report = import_logs("ngdac", paths)
     assert "measured_temperature" not in dataset
-    assert "it is one of m s-1" in told(report, "left out")["temperature"]
-    assert "'smoot' is not known: taken as m" in told(report, "suspect")["depth"]
+    assert "it is one of m s-1" in details(report, "left out")["temperature"]
+    assert "'smoot' is not known: taken as m" in details(report, "suspect")["depth"]
 
 
 @pytest.mark.parametrize("speed", [3.5, 10.0, 1e30])
 def test_no_sea_has_a_current_of_more_than_3_metres_per_second(tmp_path, speed):
     paths = rewritten(write_ngdac(tmp_path, FLIGHT), "u", "m s-1", lambda v: v * 0.0 + speed)
     dataset, report = import_logs("ngdac", paths)
-    assert "no sea has it" in told(report, "suspect")["dac_north and dac_east"]
+    assert "no sea has it" in details(report, "suspect")["dac_north and dac_east"]
     if "vehicle_dac_east" in dataset:
         assert not np.isfinite(dataset["vehicle_dac_east"]).any()
 
@@ -166,7 +160,7 @@ def test_kelvin_that_are_called_celsius_are_told(tmp_path):
     )  # fmt: skip
     dataset, report = import_logs("ngdac", paths)
     assert 0.0 < largest(dataset, "measured_temperature") <= 10.0 + 1e-4
-    assert "was in K" in told(report, "repaired")["temperature"]
+    assert "was in K" in details(report, "repaired")["temperature"]
 
 
 def test_values_of_no_unit_are_told(tmp_path):
@@ -175,7 +169,7 @@ def test_values_of_no_unit_are_told(tmp_path):
         lambda v: 800.0 + np.arange(v.size),
     )  # fmt: skip
     _, report = import_logs("ngdac", paths)
-    assert "most of its values are impossible" in told(report, "suspect")["temperature"]
+    assert "most of its values are impossible" in details(report, "suspect")["temperature"]
 
 
 @pytest.mark.parametrize(
@@ -211,7 +205,7 @@ def test_radian_that_are_called_degrees_are_told_by_the_sinking(tmp_path, depth)
     assert largest(dataset, "measured_pitch") == pytest.approx(26.0, abs=0.1)
     assert float(np.nanmedian(dataset["measured_roll"])) == pytest.approx(-4.0, abs=0.1)
     assert float(np.nanmedian(dataset["measured_heading"])) == pytest.approx(40.0, abs=0.1)
-    assert set(told(report, "repaired")) >= {"PITCH", "ROLL", "GLIDER_HEADING"}
+    assert set(details(report, "repaired")) >= {"PITCH", "ROLL", "GLIDER_HEADING"}
 
 
 def test_a_level_vehicle_is_no_vehicle_in_radian(tmp_path):
@@ -219,14 +213,14 @@ def test_a_level_vehicle_is_no_vehicle_in_radian(tmp_path):
     swing = 0.5 * np.sin(np.arange(len(SLOW.time)))
     dataset, report = import_logs("og1", og1(tmp_path, flight=SLOW, PITCH=(swing, "deg")))
     assert largest(dataset, "measured_pitch") == pytest.approx(0.5, abs=0.01)
-    assert "below 1.5 degree" in told(report, "suspect")["PITCH"]
+    assert "below 1.5 degree" in details(report, "suspect")["PITCH"]
 
 
 def test_degrees_stay_degrees(tmp_path):
     state = SLOW.state(SLOW.time)
     dataset, report = import_logs("og1", og1(tmp_path, flight=SLOW, PITCH=(state["pitch"], "deg")))
     assert largest(dataset, "measured_pitch") == pytest.approx(26.0, abs=0.1)
-    assert "PITCH" not in told(report, "repaired")
+    assert "PITCH" not in details(report, "repaired")
     assert not doubted(report)
 
 
@@ -315,7 +309,7 @@ def test_the_unit_of_a_matlab_log_is_told_where_it_is_none(tmp_path):
     dataset, report = import_logs("lrauv", [path])
     assert report.rows == FLIGHT.dives
     assert "measured_temperature" not in dataset
-    assert "it is one of V" in told(report, "left out")["sea_water_temperature"]
+    assert "it is one of V" in details(report, "left out")["sea_water_temperature"]
 
 
 # --- a CTD that is off ---------------------------------------------------------------------------
@@ -411,7 +405,7 @@ def test_a_mapped_pressure_with_the_air_in_it_beside_a_depth(tmp_path):
     )
     dataset, report = import_logs("csv", [path], mapping=mapping)
     assert largest(dataset, "measured_pressure") == pytest.approx(60.4, abs=0.6)
-    assert "air's pressure" in told(report, "repaired")["measured_pressure"]
+    assert "air's pressure" in details(report, "repaired")["measured_pressure"]
 
 
 # --- the words -----------------------------------------------------------------------------------
@@ -661,8 +655,6 @@ def test_degrees_and_minutes_are_still_told():
 
 
 def test_an_og1_temperature_in_kelvin_is_converted_once(tmp_path):
-    import netCDF4
-
     path = write_og1(tmp_path / "a.nc", FLIGHT)
     with netCDF4.Dataset(path, "a") as file:
         warm = 281.15 + 0.01 * np.sin(np.arange(len(file["TIME"])))

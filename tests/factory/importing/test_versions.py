@@ -10,7 +10,7 @@ import warnings
 import netCDF4
 import numpy as np
 import pytest
-from logs import refused
+from logs import refused, told
 
 from factory import samples
 from factory.importing import import_logs, netcdf
@@ -28,10 +28,6 @@ DAY = 86400.0
 
 def moment_of(time):
     return datetime.datetime.fromtimestamp(time, datetime.UTC)
-
-
-def told(report, action):
-    return [f"{one.subject}: {one.detail}" for one in report.entries if one.action == action]
 
 
 # ---- dates

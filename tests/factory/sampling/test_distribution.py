@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from factory.sampling.distribution import (
     Choice,
-    Distribution,
     Fixed,
     LogUniform,
     Normal,
@@ -20,7 +19,7 @@ from twin.errors import InputError
 
 numbers = st.floats(-1e6, 1e6, allow_nan=False)
 intervals = st.tuples(numbers, numbers).map(sorted).filter(lambda pair: pair[0] < pair[1])
-distributions: st.SearchStrategy[Distribution] = st.one_of(
+distributions = st.one_of(
     numbers.map(Fixed),
     intervals.map(lambda pair: Uniform(*pair)),
     intervals.map(lambda p: Uniform(*p, ((p[0] - 1.0, p[0] + 0.4 * (p[1] - p[0])),))),

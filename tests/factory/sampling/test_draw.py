@@ -35,7 +35,7 @@ def many(request):
 
 def test_every_value_follows_its_declared_distribution(many):
     spread, missions = many
-    found: dict[str, list[float | str]] = defaultdict(list)
+    found = defaultdict(list)
     for parameters in missions:
         for name, value in parameters.values.items():
             found[name].append(value)

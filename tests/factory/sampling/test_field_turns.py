@@ -1,7 +1,5 @@
 """Missions of preset `field` turn as the gliders of real logs do."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ HOURS = 4.0
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    path: Path = tmp_path_factory.mktemp("turns") / "field.zarr"
+    path = tmp_path_factory.mktemp("turns") / "field.zarr"
     generate(make_recipe(preset="field", hours=HOURS, seed=5), path, workers=2)
     return GeneratedStore(path)
 

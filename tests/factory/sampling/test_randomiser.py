@@ -11,6 +11,7 @@ from twin.errors import InputError, VehicleError
 from twin.physics.model_block import header
 from twin.physics.mujoco_model import compile_model, refit
 from twin.physics.native import block as b
+from twin.physics.start import Ballast
 from twin.vehicle.vehicle import load_vehicle
 
 GLIDER = load_vehicle("glider")
@@ -83,8 +84,6 @@ class Heavier:
     """Draws ballast alone."""
 
     def draw(self, random):
-        from twin.physics.start import Ballast
-
         return Conditions(ballast=Ballast(depth=50.0, heavy=random.uniform(0.01, 0.02)))
 
 

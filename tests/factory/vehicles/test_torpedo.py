@@ -21,6 +21,7 @@ from factory.sampling.parameters import ADDED_MASS, declared, parameter_table
 from factory.sampling.recipe import make_recipe
 from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError, VehicleError
+from twin.physics.true_signals import declare_parts
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 FILE = Path(__file__).parents[2] / "vehicles" / "torpedo.xml"
@@ -138,8 +139,6 @@ def test_a_spread_that_no_mission_can_draw_is_refused(torpedo, old, new, message
 
 
 def test_a_part_with_the_name_of_a_signal_is_refused(torpedo):
-    from twin.physics.true_signals import declare_parts
-
     elevator = dataclasses.replace(torpedo.part("elevator"), name="pitch")
     vehicle = dataclasses.replace(torpedo, parts=(elevator,), steering={})
     with pytest.raises(VehicleError, match="must not be called 'pitch'"):

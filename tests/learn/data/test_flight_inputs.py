@@ -72,13 +72,7 @@ def test_a_run_learns_from_it_and_leaves_the_papers_test_out(field, tmp_path, mo
     monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     said = []
     run = learn.fit(
-        field,
-        folder=tmp_path / "run",
-        epochs=1,
-        members=1,
-        hidden=6,
-        layers=1,
-        say=said.append,
+        field, folder=tmp_path / "run", epochs=1, members=1, hidden=6, layers=1, say=said.append
     )
     assert set(run.features) > set(FEATURES)
     assert (run.hulls, run.spread) == (CLEAN, HULLS[CLEAN])

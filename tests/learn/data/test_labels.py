@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from navigation import PERIOD, steady_mission, write_store
 
-from learn.data.dataset import MissionSequence
-from learn.data.labels import (
-    STORE_CURRENT,
-    LabelConfig,
-    count_labels,
-    label_config,
-    measured,
-)
+from learn.data.dataset import MissionSequence, filled
+from learn.data.labels import STORE_CURRENT, LabelConfig, count_labels, label_config, measured
 from learn.data.preparation import prepare
 from learn.data.stores import few_labels, few_missions, labels_in
 from learn.networks.base import NetworkConfig
@@ -113,15 +107,12 @@ def test_labels_reach_the_training_with_their_gaps_and_change_no_input(tmp_path)
         for ours, theirs in ((data.train, truth.train), (data.validation, truth.validation)):
             np.testing.assert_array_equal(ours.inputs[0], theirs.inputs[0])
             assert theirs.weights[0].all()
-            np.testing.assert_array_equal(np.flatnonzero(ours.weights[0] == 0), lost(20))
+            lost = sorted({*np.flatnonzero(LOCK == 0), 20})
+            np.testing.assert_array_equal(np.flatnonzero(ours.weights[0] == 0), lost)
             assert np.isfinite(ours.targets[0]).all()
         wanted = data.train.targets[0] * data.normalisation.target_scale
         wanted = wanted + data.normalisation.target_mean
         assert wanted[data.train.weights[0] > 0] == pytest.approx(level, abs=1e-6)
-
-
-def lost(*outliers):
-    return sorted({*np.flatnonzero(LOCK == 0), *outliers})
 
 
 def test_division_by_samples_leaves_gaps_out_of_every_part(tmp_path):
@@ -254,8 +245,6 @@ def test_settings_of_labels_are_kept_and_refused_where_they_have_no_use(flown_st
 
 
 def test_the_holes_of_a_log_are_not_filled_with_labels():
-    from learn.data.dataset import filled
-
     log = np.array([1.0, np.nan, np.nan, 0.7])
     np.testing.assert_array_equal(filled("measured_dvl_surge", log), log)
     assert np.isfinite(filled("measured_pitch", log)).all()

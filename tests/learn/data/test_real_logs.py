@@ -1,11 +1,7 @@
 """Real logs in learn: truth with holes, sample periods, splits, folds, dead reckoning of rows."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +34,7 @@ SMALL = NetworkConfig(kind="mlp", hidden=8, layers=1)
 SHORT = TrainingConfig(seconds=0.0, epochs=2, validations=2)
 
 
-def log_store(folder: Path, flight: Flight = FLIGHT, period: float = 4.0) -> Path:
+def log_store(folder, flight=FLIGHT, period=4.0):
     """An imported Slocum whose Doppler log saw the speed below 12 m."""
     files = write_slocum(folder, flight)
     time = flight.time[::2]
@@ -54,16 +50,16 @@ def log_store(folder: Path, flight: Flight = FLIGHT, period: float = 4.0) -> Pat
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: Any) -> Path:
+def store(tmp_path_factory):
     return log_store(tmp_path_factory.mktemp("logs"))
 
 
-def config(store: Path, **changes: Any) -> FitConfig:
+def config(store, **changes):
     base = FitConfig(store=str(store), features=INPUTS, network=SMALL, training=SHORT)
     return dataclasses.replace(base, **changes)
 
 
-def test_dives_are_divided_in_blocks_of_time() -> None:
+def test_dives_are_divided_in_blocks_of_time():
     assert blocks(1).tolist() == [2]
     assert blocks(2).tolist() == [0, 2]
     assert blocks(3).tolist() == [0, 1, 2]
@@ -75,12 +71,12 @@ def test_dives_are_divided_in_blocks_of_time() -> None:
         assert (np.diff(found) >= 0).all()
 
 
-def test_an_imported_store_has_all_parts(store: Path) -> None:
+def test_an_imported_store_has_all_parts(store):
     parts = [m.split for m in load_missions(store, ("measured_depth",))]
     assert parts == ["train"] * 4 + ["validation", "test"]
 
 
-def test_missing_truth_weighs_nothing(store: Path) -> None:
+def test_missing_truth_weighs_nothing(store):
     data = prepare(store, target="surge", features=INPUTS)
     for target, weight in zip(data.train.targets, data.train.weights, strict=True):
         assert np.isfinite(target).all()
@@ -90,7 +86,7 @@ def test_missing_truth_weighs_nothing(store: Path) -> None:
     assert data.normalisation.target_mean == pytest.approx(FLIGHT.speed, rel=1e-6)
 
 
-def test_missing_truth_in_a_simulated_store_is_an_error(small_store: Path, tmp_path: Path) -> None:
+def test_missing_truth_in_a_simulated_store_is_an_error(small_store, tmp_path):
     dataset = open_store(small_store).load()
     dataset["true_surge"][0, 5] = np.nan
     broken = write_store(dataset, tmp_path / "broken.zarr")
@@ -98,14 +94,12 @@ def test_missing_truth_in_a_simulated_store_is_an_error(small_store: Path, tmp_p
         prepare(broken, target="surge", features=("depth_rate",))
 
 
-def test_a_log_without_truth_cannot_be_learned_from(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_without_truth_cannot_be_learned_from(tmp_path, monkeypatch):
     store = stored(tmp_path / "plain.zarr", "slocum", write_slocum(tmp_path, FLIGHT), period=4.0)
     with pytest.raises(StoreError, match=r"no truth to learn surge from.*learn evaluate RUN"):
         prepare(store, target="surge", features=INPUTS)
 
-    def started(*_: object, **__: object) -> None:
+    def started(*_, **__):
         raise AssertionError("read or trained for nothing")
 
     monkeypatch.setattr("learn.training.fitting.load_missions", started)
@@ -114,12 +108,12 @@ def test_a_log_without_truth_cannot_be_learned_from(
         fit(config(store), tmp_path / "run")
 
 
-def test_a_missing_channel_says_what_to_type(store: Path) -> None:
+def test_a_missing_channel_says_what_to_type(store):
     with pytest.raises(StoreError, match=r"no channel measured_roll_rate.*--without roll_rate"):
         prepare(store, target="surge", features=("roll_rate", "depth_rate"))
 
 
-def test_a_finer_store_is_thinned_and_a_coarser_one_refused(store: Path) -> None:
+def test_a_finer_store_is_thinned_and_a_coarser_one_refused(store):
     whole = load_missions(store, ("measured_depth",))[0]
     thin = load_missions(store, ("measured_depth",), period=8.0)[0]
     assert thin.period == 8.0
@@ -131,7 +125,7 @@ def test_a_finer_store_is_thinned_and_a_coarser_one_refused(store: Path) -> None
             load_missions(store, ("measured_depth",), period=wanted)
 
 
-def test_holes_in_inputs_are_bridged_and_truth_is_not() -> None:
+def test_holes_in_inputs_are_bridged_and_truth_is_not():
     holes = np.array([1.0, np.nan, 3.0, np.nan])
     np.testing.assert_allclose(filled("measured_pitch", holes), [1, 2, 3, 3])
     assert np.isnan(filled("true_surge", holes)).sum() == 2
@@ -140,7 +134,7 @@ def test_holes_in_inputs_are_bridged_and_truth_is_not() -> None:
     np.testing.assert_allclose(np.sin(np.deg2rad(turned[1])), 0.0, atol=1e-9)
 
 
-def test_sparse_truth_survives_thinning() -> None:
+def test_sparse_truth_survives_thinning():
     values = np.full(12, np.nan)
     values[1::2] = np.arange(1, 12, 2)
     np.testing.assert_array_equal(nearest(values, 2), [1, 3, 5, 7, 9, 11])
@@ -148,7 +142,7 @@ def test_sparse_truth_survives_thinning() -> None:
     np.testing.assert_array_equal(nearest(np.arange(12.0), 3), [0, 3, 6, 9])
 
 
-def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
+def test_training_goes_on_from_a_run(store, tmp_path):
     first = fit(config(store, period=8.0), tmp_path / "first")
     assert first.period == 8.0
     # no step: what comes out is what went in
@@ -171,7 +165,7 @@ def test_training_goes_on_from_a_run(store: Path, tmp_path: Path) -> None:
         fit(wrong, tmp_path / "y")
 
 
-def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path) -> None:
+def test_a_dive_that_is_left_out_is_seen_by_no_network(store):
     held = prepare(store, target="surge", features=INPUTS, held_out=(2,))
     assert len(held.train.inputs) + len(held.validation.inputs) == 5
     assert fit_settings(store, features=INPUTS, held_out=[2]).held_out == (2,)
@@ -180,7 +174,7 @@ def test_a_dive_that_is_left_out_is_seen_by_no_network(store: Path) -> None:
 # --- dead reckoning -----------------------------------------------------------------------------
 
 
-def row_of(start: float, moved: tuple[float, float], current: tuple[float, float]) -> LogReference:
+def row_of(start, moved, current):
     """A level flight north for 1000 s at `moved` over the water, in a uniform current."""
     samples, period = 501, 2.0
     duration = period * (samples - 1)
@@ -198,7 +192,7 @@ def row_of(start: float, moved: tuple[float, float], current: tuple[float, float
     return LogReference.of(mission, load_vehicle("graver-2005"), LabelConfig())
 
 
-def test_the_current_of_the_row_before_is_carried_over() -> None:
+def test_the_current_of_the_row_before_is_carried_over():
     estimate = Estimate(surge=np.full(501, 0.3), sway=np.zeros(501))
     probe = row_of(0.0, (0.0, 0.0), (0.0, 0.0)).moved(estimate)
     assert probe is not None
@@ -217,7 +211,7 @@ def test_the_current_of_the_row_before_is_carried_over() -> None:
     assert "sway" not in score.squared
 
 
-def test_rows_far_apart_or_of_another_vehicle_lend_no_current() -> None:
+def test_rows_far_apart_or_of_another_vehicle_lend_no_current():
     first = LogRow(deployment="a", start=0.0, duration=1000.0, displacement=(0.0, 0.0))
     late = dataclasses.replace(first, start=1000.0 + 3700.0)
     other = dataclasses.replace(first, start=1010.0, deployment="b")
@@ -226,9 +220,7 @@ def test_rows_far_apart_or_of_another_vehicle_lend_no_current() -> None:
     assert dataclasses.replace(first, start=1010.0).follows(first)
 
 
-def test_the_card_of_a_run_on_logs_speaks_of_logs(
-    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_card_of_a_run_on_logs_speaks_of_logs(store, tmp_path, monkeypatch):
     monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     settings = {"inputs": "glider", "network": "mlp", "hidden": 4, "epochs": 1, "members": 1}
     run = learn.fit(store, folder=tmp_path / "first", **settings)
@@ -246,7 +238,7 @@ def test_the_card_of_a_run_on_logs_speaks_of_logs(
     assert f"weights to start from: run {run.folder}, trained on {store}, logs" in card
 
 
-def test_the_card_tells_simulation_then_real(store: Path, tmp_path: Path) -> None:
+def test_the_card_tells_simulation_then_real(store, tmp_path):
     description = {
         "settings": {"store": str(store), "start": "runs/sim"},
         "store": {"source_format": "seaglider", "platform": "sg171"},

@@ -55,10 +55,7 @@ class Oracle:
 
 
 def oracles(missions, **surge):
-    return {
-        "surge": Oracle("surge", missions, **surge),
-        "sway": Oracle("sway", missions),
-    }
+    return {"surge": Oracle("surge", missions, **surge), "sway": Oracle("sway", missions)}
 
 
 def fixed_mission(**more):

@@ -95,8 +95,10 @@ def test_every_kind_gives_in_c_what_it_gives_in_python(kind, sizes, mission, tmp
 
 
 @needs_compiler
-def test_every_feature_is_in_c_what_it_is_in_python(mission, tmp_path):
+def test_every_feature_is_in_c_what_it_is_in_python(mission, tmp_path, monkeypatch):
     """A network that passes one feature through shows it; each program has two of them."""
+    quick = tuple(flag for flag in FLAGS if not flag.startswith("-O"))
+    monkeypatch.setattr("learn.networks.c_export.FLAGS", quick)
     names = PLAIN
     matrix = mission.features(names)
     networks = networks_of("mlp", names, mission, hidden=len(names), layers=1)

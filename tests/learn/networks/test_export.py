@@ -2,6 +2,7 @@
 
 import json
 import logging
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import torch
 from navigation import PERIOD, trimmed_mission
 from onnx import helper
 
+from learn.commands.trained import ExportNetwork
 from learn.data.dataset import MissionSequence
 from learn.data.sequences import Normalisation
 from learn.networks.base import NetworkConfig, build_network
@@ -24,12 +26,13 @@ from learn.networks.onnx_export import (
 )
 from learn.networks.predictor import Predictor
 from learn.seams import NETWORKS
-from twin.errors import StoreError
+from twin.cli.console import Console
+from twin.errors import InputError, StoreError
 
 FEATURES = ("sin_roll", "sin_pitch", "cos_pitch", "depth_rate", "pump")
 
 
-def predictor(kind="elman", **sizes) -> Predictor:
+def predictor(kind="elman", **sizes):
     torch.manual_seed(3)
     sizes = {"hidden": 7, "layers": 2, **sizes}
     config = NetworkConfig(kind=kind, inputs=len(FEATURES), period=PERIOD, **sizes)
@@ -149,3 +152,19 @@ def test_a_model_that_differs_is_not_kept(mission, tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="differs by"):
         export_step(network, tmp_path / "step.onnx", mission)
     assert not (tmp_path / "step.onnx").exists()
+
+
+# --- `learn export` says how to install what it needs, before it reads anything
+
+
+@pytest.mark.parametrize("package", ["onnx", "onnxscript", "onnxruntime"])
+def test_export_needs_the_extra_onnx(package, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=rf'{package},.* pip install "glider-twin\[onnx\]"$'):
+        ExportNetwork(run_folder=tmp_path / "none").run(Console("learn"))
+
+
+def test_running_a_model_needs_the_extra_onnx(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(InputError, match=r'pip install "glider-twin\[onnx\]"$'):
+        StepModel(tmp_path / "none.onnx")

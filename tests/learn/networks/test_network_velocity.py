@@ -1,7 +1,5 @@
 """A trained run on board: sample by sample what its networks say of whole missions."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path
@@ -16,11 +14,12 @@ import twin
 from learn.data.dataset import MissionSequence, load_missions
 from learn.data.sequences import Normalisation
 from learn.networks.base import NetworkConfig, build_network
-from learn.networks.network_estimator import FASTEST, NetworkVelocity
+from learn.networks.network_estimator import FASTEST, NetworkFlight, NetworkVelocity
 from learn.networks.predictor import Ensemble, Predictor
 from learn.run import open_run
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
+from twin.logs.flight_estimator import ESTIMATORS
 from twin.navigation.estimators import VELOCITY_ESTIMATORS
 from twin.navigation.estimators.base import VelocityDeviation
 from twin.navigation.features import select_features
@@ -199,3 +198,37 @@ def test_a_state_of_other_networks_is_refused():
     large = NetworkVelocity({n: ensemble("gru", n, matrix) for n in ("surge", "sway")}, PERIOD)
     with pytest.raises(InputError, match="of other networks"):
         large.restore(small.state())
+
+
+# --- A trained run as an estimator of `twin flight`
+
+
+STORE = OLD / "simulated.zarr"
+
+
+def test_the_velocities_are_those_of_the_run():
+    estimator = NetworkFlight.open(str(OLD / "run"))
+    found = twin.estimate_flight(STORE, estimator=estimator)
+    assert found.estimator == "network"
+    predicted = {one.mission: one for one in estimator.run.predict(STORE)}
+    assert found.flown
+    for one in found.missions:
+        if one.dive.motion is None:
+            continue
+        step = round(estimator.run.period / found.store.period)
+        surge = predicted[one.dive.mission].surge
+        np.testing.assert_allclose(one.dive.motion.surge[::step][: len(surge)], surge, rtol=1e-6)
+        assert np.isfinite(one.dive.motion.heave).all()
+        under = one.dive.depth > 1.0
+        assert np.hypot(*one.dive.velocity.T)[under].mean() > 0.1
+
+
+def test_it_is_an_entry_point_and_needs_a_run_of_network_flight(tmp_path):
+    points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
+    place = f"{NetworkFlight.__module__}:{NetworkFlight.__name__}"
+    assert points[ESTIMATORS.group] == {NetworkFlight.kind: place}
+    assert ESTIMATORS.check("network", NetworkFlight) is NetworkFlight
+    with pytest.raises(InputError, match="network:runs/NAME"):
+        NetworkFlight.open("")
+    with pytest.raises((InputError, StoreError)):
+        NetworkFlight.open(str(tmp_path))

@@ -21,6 +21,7 @@ from learn.report.result_tables import (
     track_rows,
     velocity_rows,
     verdicts,
+    without_track,
 )
 from learn.report.run_page import build_page
 from learn.report.track_figures import error_figure, track_3d_figure, track_figure, water_lines
@@ -216,8 +217,6 @@ def test_the_uncertainty_says_whether_the_end_lies_inside(judged):
 
 
 def test_the_page_says_why_a_method_has_no_track_through_the_water(judged):
-    from learn.report.result_tables import without_track
-
     without = {**judged.figures["baselines"]["steady_flight"], "dr_water_percent_mean": None}
     figures = {**judged.figures, "baselines": {"dvl": without, "onboard": without}}
     said = without_track(figures, "water")

@@ -107,10 +107,7 @@ def test_missions_come_in_the_order_that_is_asked_for_each_with_its_own_vehicle(
 
 def test_scales_are_of_all_training_missions_and_of_no_other(stores):
     options = {"target": "surge", "features": FEATURES}
-    with (
-        prepare(stores, **options) as both,
-        prepare(stores, **options, resident=False) as streamed,
-    ):
+    with prepare(stores, **options) as both, prepare(stores, **options, resident=False) as streamed:
         inputs = np.concatenate(both.train.inputs)
         assert len(both.train.inputs) == 4
         assert np.abs(inputs.mean(0)).max() < 1e-4

@@ -1,24 +1,31 @@
 """Streaming: training from the store gives what training from memory gives, in bounded memory."""
 
 import json
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import torch
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
-from learn_missions import write_synthetic_store
+from learn_missions import FLAGS, PERIOD, write_dataset, write_synthetic_store
 
 from learn.data.preparation import prepare, training_lengths
 from learn.data.sequences import ahead
-from learn.networks.base import NetworkConfig
+from learn.networks.base import NetworkConfig, build_network
+from learn.training.feed import SampleFeed, WindowFeed, feed_for
 from learn.training.fit_config import FitConfig
 from learn.training.optimiser import TrainingConfig
 from learn.training.resources import choose_residence, free_memory
 from learn.training.trainer import Trainer, mean_squared_error
 from twin.errors import InputError, StoreError
-from twin.navigation.features import select_features
+from twin.navigation.features import INPUT_SETS, select_features
+from twin.records.attributes import SIMULATED_ATTRIBUTES
+from twin.records.reader import MissionStore
+from twin.records.schema import SCHEMA_VERSION, VARIABLES
 from twin.records.windows import buffers
 
 FEATURES = select_features(("attitude", "depth_rate", "glide_speed"))
@@ -112,10 +119,7 @@ def test_a_streamed_training_goes_on_within_a_buffer(store, tmp_path):
 
 def test_scales_and_sequences_are_equal_both_ways(store):
     options = {"target": "surge", "features": FEATURES}
-    with (
-        prepare(store, **options) as kept,
-        prepare(store, **options, resident=False) as streamed,
-    ):
+    with prepare(store, **options) as kept, prepare(store, **options, resident=False) as streamed:
         assert kept.normalisation == streamed.normalisation
         places = np.array([4, 0, 2])
         one, other = kept.train.take(places), streamed.train.take(places)
@@ -128,8 +132,6 @@ def test_scales_and_sequences_are_equal_both_ways(store):
 
 
 def test_a_store_that_goes_away_under_a_training_is_an_error(tmp_path):
-    import shutil
-
     path = write_synthetic_store(tmp_path / "s.zarr", LENGTHS, SPLITS)
     with prepare(path, target="surge", features=FEATURES, resident=False) as data:
         (chunk,) = list((path / "measured_depth").rglob("c"))
@@ -181,8 +183,6 @@ def test_the_memory_decides_and_is_told(store):
 
 
 def test_a_store_larger_than_its_memory_is_streamed(tmp_path, monkeypatch):
-    from twin.records.reader import MissionStore
-
     path = write_synthetic_store(tmp_path / "s.zarr", [300] * 4, [0, 0, 0, 1])
     many = np.full(40_000, 20_000)  # what the store says of its missions; nothing is read
     config = config_of(path, buffer=2**17)
@@ -231,12 +231,6 @@ def test_memory_is_bounded_by_the_buffer_and_not_by_the_store(tmp_path):
 
 def _write_flat(path, missions, samples):
     """Missions of a few channels, quickly written."""
-    import xarray as xr
-    from learn_missions import FLAGS, PERIOD, write_dataset
-
-    from twin.records.attributes import SIMULATED_ATTRIBUTES
-    from twin.records.schema import SCHEMA_VERSION, VARIABLES
-
     time = PERIOD * np.arange(samples)
     wave = np.sin(time / 50.0, dtype=np.float32)
     scale = np.linspace(0.5, 1.0, missions, dtype=np.float32)[:, None]
@@ -263,14 +257,68 @@ def _write_flat(path, missions, samples):
 def test_a_validation_of_streamed_missions_is_that_of_those_in_memory(store):
     import torch
 
-    from learn.networks.base import build_network
-
     torch.manual_seed(0)
     network = build_network(NetworkConfig(kind="elman", inputs=len(FEATURES), hidden=4, layers=1))
     options = {"target": "surge", "features": FEATURES}
-    with (
-        prepare(store, **options) as kept,
-        prepare(store, **options, resident=False) as streamed,
-    ):
+    with prepare(store, **options) as kept, prepare(store, **options, resident=False) as streamed:
         one = mean_squared_error(network, kept.train)
         assert mean_squared_error(network, streamed.train) == one
+
+
+# --- Feeds: windows or single samples, every sample once
+
+
+CONFIG = TrainingConfig(window=64, washin=16, full_window=128, samples=100)
+
+
+@pytest.fixture(scope="module")
+def sway(small_store):
+    return prepare(small_store, target="sway", features=select_features(INPUT_SETS["full"]))
+
+
+def feed_of(data, kind, sequences=None):
+    torch.manual_seed(0)
+    sequences = sequences or data.train
+    config = NetworkConfig(
+        kind=kind, inputs=len(data.normalisation.features), period=data.period, hidden=6, layers=1
+    )
+    network = build_network(config)
+    return feed_for(network, sequences, CONFIG), network
+
+
+@pytest.mark.parametrize(
+    ("kind", "feed"), [("elman", WindowFeed), ("ema", SampleFeed), ("mlp", SampleFeed)]
+)
+def test_an_epoch_counts_every_sample_once(sway, kind, feed):
+    made, _ = feed_of(sway, kind)
+    assert isinstance(made, feed)
+    groups = made.epoch(np.random.default_rng(0))
+    assert len(groups) > 1
+    assert sum(made.squared_error(group)[1] for group in groups) == sway.train.samples
+    both = sum(made.squared_error(group)[1] for group in made.everything())
+    assert both == 2 * sway.train.samples
+
+
+@pytest.mark.parametrize("kind", ["ema", "mlp"])
+def test_the_error_over_all_samples_is_that_of_free_runs_and_of_their_mirror_images(sway, kind):
+    made, network = feed_of(sway, kind)
+    with torch.no_grad():
+        errors = [float(made.squared_error(group)[0]) for group in made.everything()]
+    train = sway.train
+    image = type(train)(
+        [x * train.mirror.inputs for x in train.inputs],
+        [y * np.float32(train.mirror.target) for y in train.targets],
+        train.weights,
+    )
+    both = [mean_squared_error(network, sequences) for sequences in (train, image)]
+    assert sum(errors) == pytest.approx(sum(both) * train.samples, rel=1e-4)
+    assert both[0] != pytest.approx(both[1], rel=1e-4)
+
+
+def test_samples_without_a_label_are_not_shown(sway):
+    train = sway.train
+    weights = [w.copy() for w in train.weights]
+    weights[0][10:40] = 0.0
+    made, _ = feed_of(sway, "ema", type(train)(train.inputs, train.targets, weights, None))
+    groups = made.epoch(np.random.default_rng(0))
+    assert sum(made.squared_error(group)[1] for group in groups) == train.samples - 30

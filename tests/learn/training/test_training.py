@@ -6,12 +6,15 @@ import json
 import math
 import os
 import pickle
+import time
 import zipfile
 
 import numpy as np
 import pytest
 import torch
 
+import learn.training.trainer
+from learn.data.dataset import load_missions
 from learn.data.preparation import prepare
 from learn.files import write_sealed
 from learn.networks.base import NetworkConfig
@@ -21,7 +24,7 @@ from learn.training.checkpoint import write_checkpoint
 from learn.training.optimiser import TrainingConfig, step_size
 from learn.training.trainer import Trainer, mean_squared_error, pick_device
 from twin.errors import InputError, StoreError
-from twin.navigation.features import DEFAULT_GROUPS, select_features
+from twin.navigation.features import DEFAULT_GROUPS, channels_of, select_features
 
 SMALL = NetworkConfig(kind="elman", hidden=10, layers=2)
 SOAP = TrainingConfig(
@@ -73,10 +76,6 @@ def test_every_network_trains(surge, kind):
 
 
 def test_validation_takes_a_fifth_of_a_time_budget_at_most(surge, monkeypatch):
-    import time
-
-    import learn.training.trainer
-
     def slow(network, sequences):
         start = time.thread_time()
         while time.thread_time() - start < 0.2:
@@ -186,8 +185,6 @@ def test_the_schedule_rises_then_falls_to_zero():
 
 def test_a_time_budget_is_kept(surge):
     """The budget is computing time of the training itself, so a busy machine changes nothing."""
-    import time
-
     config = dataclasses.replace(ADAM, seconds=1.0, epochs=0)
     start = time.thread_time()
     trained = trainer(surge, config).run()
@@ -228,20 +225,14 @@ def test_a_missing_gpu_is_an_error_only_when_demanded(monkeypatch):
         pick_device("cuda")
 
 
-def predictor_of(data, seed=0):
-    config = dataclasses.replace(ADAM, epochs=1, validations=1, seed=seed)
-    return Predictor(trainer(data, config).run().network, data.normalisation)
-
-
 @pytest.fixture(scope="module")
 def predictors(surge):
-    return [predictor_of(surge, seed) for seed in (0, 1, 2)]
+    brief = dataclasses.replace(ADAM, epochs=1, validations=1)
+    trained = (trainer(surge, dataclasses.replace(brief, seed=seed)).run() for seed in (0, 1, 2))
+    return [Predictor(one.network, surge.normalisation) for one in trained]
 
 
 def test_predictions_do_not_depend_on_the_company(predictors, small_store):
-    from learn.data.dataset import load_missions
-    from twin.navigation.features import channels_of
-
     missions = load_missions(small_store, channels_of(predictors[0].features))
     together = predictors[0].predict(missions)
     assert [len(v) for v in together] == [m.samples for m in missions]
@@ -306,9 +297,6 @@ def test_networks_of_older_versions_have_no_hash_and_are_read(predictors, tmp_pa
 
 
 def test_an_ensemble_has_mean_and_spread(predictors, small_store):
-    from learn.data.dataset import load_missions
-    from twin.navigation.features import channels_of
-
     missions = load_missions(small_store, channels_of(predictors[0].features), limit=2)
     mean, spread = Ensemble(tuple(predictors)).predict(missions)[1]
     runs = np.stack([p.predict(missions)[1] for p in predictors])

@@ -1,11 +1,7 @@
 """Logs of a propelled vehicle without depth: networks learn a Doppler log and are judged by it."""
 
-from __future__ import annotations
-
 import dataclasses
 import html
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +25,7 @@ SPEEDS = (1.4, 1.6)
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: Any) -> Path:
+def store(tmp_path_factory):
     """Two runs at speeds of their own, the same in every sample."""
     folder = tmp_path_factory.mktemp("auv")
     for name, speed in zip(RUNS, SPEEDS, strict=True):
@@ -41,7 +37,7 @@ def store(tmp_path_factory: Any) -> Path:
     return write_store(dataset, folder / "auv.zarr")
 
 
-def config(store: Path, **changes: Any) -> FitConfig:
+def config(store, **changes):
     base = FitConfig(
         store=str(store),
         features=select_features(("attitude", "gyroscope")),
@@ -53,7 +49,7 @@ def config(store: Path, **changes: Any) -> FitConfig:
     return dataclasses.replace(base, **changes)
 
 
-def test_the_page_of_a_run_says_that_it_learned_from_the_log(store: Path, tmp_path: Path) -> None:
+def test_the_page_of_a_run_says_that_it_learned_from_the_log(store, tmp_path):
     run = fit(config(store), tmp_path / "run")
     page = html.unescape(finish(run).report.read_text(encoding="utf-8"))
     assert "Labels and reference are the Doppler log's cleaned velocities, at" in page
@@ -64,9 +60,7 @@ def test_the_page_of_a_run_says_that_it_learned_from_the_log(store: Path, tmp_pa
     assert "hold a velocity through the water" not in card
 
 
-def test_a_log_without_depth_is_evaluated_by_its_velocities(
-    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_without_depth_is_evaluated_by_its_velocities(store, tmp_path, monkeypatch):
     monkeypatch.setattr("twin.show.figures.page_layout.Page._figure", lambda *_: "")
     run = learn.fit(
         store, folder=tmp_path / "run", features=("attitude", "gyroscope"), network="mlp",

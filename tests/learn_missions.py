@@ -1,7 +1,6 @@
 """Synthetic missions: a kinematic glider, quasi-steady with lags, in the store's layout."""
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -11,7 +10,7 @@ from twin.records.attributes import SIMULATED_ATTRIBUTES
 from twin.records.schema import SCHEMA_VERSION, VARIABLES
 
 
-def write_synthetic_store(path: Path, lengths, splits=None, drop=(), edit=None):
+def write_synthetic_store(path, lengths, splits=None, drop=(), edit=None):
     """A store with missions of these lengths; `splits` are numbers of FLAGS, None leaves them out.
 
     `drop` names variables to leave out; `edit(arrays)` may change the arrays before writing.
