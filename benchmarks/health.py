@@ -320,7 +320,7 @@ def outcome(one: Judged, name: str, level: float) -> tuple[bool, ...]:
 
 
 def counts(ones: Sequence[Judged], name: str, level: float) -> dict[str, int]:
-    """What a detector makes of deployments; those without a fault do not count."""
+    """Count the outcomes of a detector on deployments that have a fault, by name."""
     found = [outcome(one, name, level) for one in ones if one.onset is not None]
     sums = np.array(found, int).reshape(-1, len(COUNTED)).sum(0)
     return dict(zip(COUNTED, sums.tolist(), strict=True))

@@ -117,5 +117,5 @@ def wait(process: int, *, kill: bool = False) -> int:
 
 
 def done(work: Callable[[], object]) -> bool:
-    """Whether a fork that does something ends well."""
+    """Do something in a fork; True where it ended without an error."""
     return wait(fork(work)) == DONE

@@ -247,8 +247,8 @@ def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
 
 
 def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float]]:
-    """Of each forecast: surfacings ahead, whether the interval held it, its width, and by how much
-    its middle and the rival were off [s]."""
+    """Rows of forecasts: surfacings ahead, whether the interval held the time, its width [s], the
+    error of its middle [s] and that of the rival [s]."""
     schedule, rng = SurfacingSchedule(), np.random.default_rng(0)
     found = []
     for k, dive in enumerate(dives):

@@ -80,7 +80,7 @@ def costs(one: Ran, at: str = "") -> dict[str, object]:
 
 
 def measure(dives: int, place: Path) -> dict[str, object]:
-    """Of a deployment of so many dives."""
+    """Measure the first pass of a deployment, the pass of its last dive, and a replay."""
     source, later = place / "arrived", place / "later"
     source.mkdir()
     later.mkdir()

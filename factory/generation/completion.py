@@ -113,7 +113,7 @@ Array = tuple[str, NDArray[Any], Mapping[str, Any]]
 
 
 def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """What a store keeps of all its missions, but for what its plan says and what says nothing."""
+    """Arrays over missions of a store, without those of its plan and those that say nothing."""
     counted: dict[str, NDArray[Any]] = {
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),

@@ -249,7 +249,7 @@ def close_locks() -> None:
 def check_target(
     recipe: Recipe, store: StorePath, *, resume: bool, overwrite: bool, alone: bool = False
 ) -> bool:
-    """Whether the store is there already, complete and of this recipe.
+    """Check the place of a store; True where it is complete and of this recipe already.
 
     Args:
       alone: nobody else works for this store: what runs of other recipes have begun is removed

@@ -20,17 +20,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factory.seams import IMPORTERS
 from twin.errors import InputError, UnknownName
 from twin.geodesy import from_tangent_plane
+from twin.numbers import Array as Array
 from twin.plugins import imported
 
 if TYPE_CHECKING:
     import netCDF4
-
-Array = NDArray[np.float64]
 
 START = 1_700_000_000.0
 """[s] Unix time at which a flight begins, afloat."""

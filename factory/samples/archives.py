@@ -21,9 +21,8 @@ ZERO = 631_152_000.0
 
 def write_og1(path: Path, flight: Flight) -> Path:
     """Write an OG1.0 file: radian, minutes since 1970, a heading that says it is magnetic."""
-    time = flight.time
-    state = flight.state(time)
-    latitude, longitude = (np.where(state["under"] > 0, np.nan, v) for v in flight.position(time))
+    time, state = flight.with_fixes()
+    latitude, longitude = state["latitude"], state["longitude"]
     minutes, samples = "minutes since 1970-01-01", ("N_MEASUREMENTS",)
     magnetic = {"long_name": "magnetic heading", "units": "degree"}
     return write_netcdf(

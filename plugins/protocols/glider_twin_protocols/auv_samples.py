@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from factory.samples import Flight, add_variables, named, write_netcdf
+from factory.samples import Array, Flight, add_variables, named, write_netcdf
 from twin.geodesy import from_tangent_plane, to_tangent_plane
 
-Array = NDArray[np.float64]
 SINCE_1970 = "seconds since 1970-01-01T00:00:00Z"
 
 

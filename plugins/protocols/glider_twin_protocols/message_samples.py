@@ -14,12 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from factory.samples import Flight
-
-Array = NDArray[np.float64]
-
+from factory.samples import Array, Flight
 
 # --- ROS 2 --------------------------------------------------------------------------------------
 

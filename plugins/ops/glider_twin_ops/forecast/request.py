@@ -256,7 +256,7 @@ class Known:
         return self.pool.filters[FILTER]
 
     def at(self, time: float) -> Known:
-        """The same later, at a unix time [s]: what was known of the current has aged.
+        """Age the knowledge of the current to a unix time [s].
 
         Raises:
           InputError: the time is more than a minute before the last fix.
@@ -272,7 +272,7 @@ class Known:
         return self
 
     def check_begin(self, latitude: float, longitude: float, time: float) -> str:
-        """Whether the logs tell anything of a place [degree] and a unix time [s]; else why not.
+        """Check that the logs are near enough to a place [degree] and a unix time [s].
 
         Returns:
           A warning where they are old or from elsewhere; empty where not.
@@ -363,7 +363,7 @@ def aim_of(path: str | Path) -> str:
 
 
 def begun(start: Origin | str | None, known: Known | None) -> tuple[Origin, Known, str]:
-    """Where and when a forecast begins, what is known then, and a warning where that is little.
+    """Place and time at which a forecast begins, the knowledge then, and a warning if it is poor.
 
     Args:
       start: a place with its time, or LAT,LON,TIME in UTC; None: the last fix of the logs.

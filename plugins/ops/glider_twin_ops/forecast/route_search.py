@@ -219,7 +219,7 @@ class Search:
 
     @functools.cached_property
     def edges(self) -> NDArray[np.bool_]:
-        """Which edges of each node may be taken, (north, east, edge): they end in the water's
+        """Mask of the allowed edges of each node, (north, east, edge): they end in the water's
         region and meet no polygon."""
         rows, columns = len(self.water.north), len(self.water.east)
         here = np.indices((rows, columns)).transpose(1, 2, 0)[:, :, None]

@@ -311,7 +311,7 @@ INTERVAL = (2.5, 97.5)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scores:
-    """Of some surfacings, by method in [m/h]; None where nothing could be scored."""
+    """Errors of some surfacings by method [m/h]; None where nothing could be scored."""
 
     segments: int
     """Surfacings scored"""

@@ -66,7 +66,7 @@ ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Beliefs:
-    """What is believed of the parameters after each dive; arrays are over dives first."""
+    """State estimate of the parameters after each dive; the first axis of arrays is the dive."""
 
     parameters: tuple[UnknownParameter, ...]
     nominal: tuple[float, ...]
@@ -167,7 +167,7 @@ def _said(problem: DepthRates, about: Array) -> list[tuple[Array, Array]]:
 def _scaled(
     said: list[tuple[Array, Array]], steps: Array
 ) -> tuple[list[tuple[Array, Array]], Array]:
-    """What dives say, and the walks, as large as make the first dives' innovations likeliest."""
+    """Information of the dives and steps of the random walk, scaled to the first innovations."""
 
     def louder(noise: float) -> list[tuple[Array, Array]]:
         return [(matrix / noise**2, pulled / noise**2) for matrix, pulled in said]
@@ -207,9 +207,10 @@ def _filtered(
 def _innovation(
     matrix: Array, pulled: Array, mean: Array, covariance: Array
 ) -> tuple[Array, float]:
-    """What a dive alone says less what was believed, whitened, in the dive's own directions, the
-    best told one last, NaN for directions that it does not tell; and the logarithm of the root of
-    its covariance's determinant."""
+    """Innovation of a dive, whitened, along the eigenvectors of its information.
+
+    The best observed direction is last; unobserved ones are NaN. Returned too is half the logarithm
+    of the determinant of its covariance."""
     strength, ways = np.linalg.eigh(matrix)
     told = strength > 1e-9 * max(float(strength.max()), 1e-30)
     found = np.full(len(mean), np.nan)
