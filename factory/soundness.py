@@ -307,7 +307,7 @@ class ReplayComparison:
 
     @property
     def identical(self) -> bool:
-        """Whether all bytes are equal."""
+        """True if all bytes are equal."""
         return not self.different
 
 

@@ -250,7 +250,7 @@ class StoredFlight(MissionStore):
 
 
 def is_flight(attributes: dict[Any, Any]) -> bool:
-    """Whether `attributes` belong to a store of single flights, not to one of the factory."""
+    """True if `attributes` belong to a store of single flights, not to one of the factory."""
     return SCENARIO in attributes and SETTINGS not in attributes
 
 

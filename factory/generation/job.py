@@ -135,7 +135,7 @@ class Job:
 
     @property
     def local(self) -> bool:
-        """Whether the store is a folder of this machine."""
+        """True if the store is a folder of this machine."""
         return isinstance(self.store, Path)
 
     @property

@@ -38,7 +38,7 @@ class Preset:
     survey_sensors: str
     """Sensor suite of vehicles with a propeller"""
     fixed_missions: bool = False
-    """Whether the missions are given, not sampled"""
+    """True if the missions are given, not sampled"""
     changes: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Distributions that replace those of the column, if the vehicle has the parameter"""
 

@@ -82,17 +82,17 @@ SIMULATED_ATTRIBUTES = {
 
 
 def is_logged(attributes: Mapping[str, Any]) -> bool:
-    """Whether `attributes` belong to a store of logs, which `factory import` wrote."""
+    """Return whether `attributes` belong to a store of logs, which `factory import` wrote."""
     return SOURCE_FORMAT in attributes
 
 
 def says_simulated(attributes: Mapping[str, Any]) -> bool:
-    """Whether the comment of a store of logs says that a simulation made the logs."""
+    """Return whether the comment of a store of logs says that a simulation made the logs."""
     return "simulated" in str(attributes.get(COMMENT, ""))
 
 
 def is_missions(attributes: Mapping[str, Any]) -> bool:
-    """Whether `attributes` belong to a store of missions, simulated or logged."""
+    """Return whether `attributes` belong to a store of missions, simulated or logged."""
     return attributes.get(SCHEMA) == CONVENTIONS[SCHEMA]
 
 

@@ -67,11 +67,11 @@ class LogRow:
 
     @property
     def powered(self) -> bool:
-        """Whether a thruster propelled the dive, so that its sink rate is not that of a glide."""
+        """True if a thruster propelled the dive, so that its sink rate is not that of a glide."""
         return self.driven > DRIVEN
 
     def follows(self, before: LogRow) -> bool:
-        """Whether this dive is of the deployment of `before` and starts shortly after its end."""
+        """True if this dive is of the deployment of `before` and starts shortly after its end."""
         gap = self.start - (before.start + before.duration)
         return self.deployment == before.deployment and -OVERLAP <= gap < FOLLOWS_WITHIN
 
@@ -148,7 +148,7 @@ class LogStore(MissionStore):
 
     @property
     def simulated(self) -> bool:
-        """Whether the store's comment says that a simulation made the logs."""
+        """True if the store's comment says that a simulation made the logs."""
         return says_simulated(self.attributes)
 
     @functools.cached_property

@@ -38,7 +38,7 @@ MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write t
 
 
 def is_store(path: str | StorePath) -> bool:
-    """Whether `path` is a folder with a zarr v3 group of missions, complete or damaged."""
+    """Return whether `path` is a folder with a zarr v3 group of missions, complete or damaged."""
     try:
         return is_missions(read_attributes(path))
     except StoreError:
@@ -46,14 +46,14 @@ def is_store(path: str | StorePath) -> bool:
 
 
 def is_derived(path: str | StorePath) -> bool:
-    """Whether `path` is a zarr group that this program wrote and that holds no missions.
+    """Return whether `path` is a zarr group that this program wrote and that holds no missions.
 
     Tracks are an example. A command that replaces such a group must not replace a store."""
     return is_complete(path) and is_listed(path) and not is_store(path)
 
 
 def is_complete(path: str | StorePath) -> bool:
-    """Whether `path` holds a zarr v3 group; its metadata file is written last."""
+    """Return whether `path` holds a zarr v3 group; its metadata file is written last."""
     return files_at(path).exists(METADATA)
 
 
@@ -72,7 +72,7 @@ def begun(path: str | StorePath) -> list[StorePath]:
 
 
 def is_unfinished(path: str | StorePath) -> bool:
-    """Whether `factory generate` began the store at `path` and did not complete it."""
+    """Return whether `factory generate` began the store at `path` and did not complete it."""
     return not is_complete(path) and bool(begun(path))
 
 
@@ -93,7 +93,7 @@ def read_attributes(path: str | StorePath) -> dict[str, Any]:
 
 
 def is_there(path: StorePath) -> bool:
-    """Whether a path or address holds anything; raises OSError."""
+    """Return whether a path or address holds anything; raises OSError."""
     return path.exists() if isinstance(path, Path) else any(files_at(path).all_keys())
 
 
@@ -147,7 +147,7 @@ SIGNATURES = (b"\x89HDF", b"CDF")
 
 
 def is_flight(path: str | StorePath) -> bool:
-    """Whether `path` is a file or a zarr folder that `twin flight` wrote."""
+    """Return whether `path` is a file or a zarr folder that `twin flight` wrote."""
     path = store_path(path)
     try:
         if not isinstance(path, Path) or path.is_dir():

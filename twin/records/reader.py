@@ -111,7 +111,7 @@ class MissionStore:
         return int(self.dataset.sizes.get(MISSION, 0))
 
     def __contains__(self, name: object) -> bool:
-        """Whether the store has an array called `name`."""
+        """Return whether the store has an array called `name`."""
         return name in self.dataset
 
     def _repr_html_(self) -> str:
@@ -148,7 +148,7 @@ class MissionStore:
 
     @property
     def logged(self) -> bool:
-        """Whether the missions are logged dives."""
+        """True if the missions are logged dives."""
         return self.kind == "logged"
 
     @property
@@ -158,7 +158,7 @@ class MissionStore:
 
     @property
     def says_vehicle(self) -> bool:
-        """Whether the store contains the description of the vehicle that flew the missions."""
+        """True if the store contains the description of the vehicle that flew the missions."""
         return SCENARIO in self.attributes or VEHICLE_MJCF in self.attributes
 
     @functools.cached_property

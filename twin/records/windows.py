@@ -166,7 +166,7 @@ class Windows:
 
     @property
     def fits(self) -> bool:
-        """Whether all missions fit into the memory together."""
+        """True if all missions fit into the memory together."""
         return self._size(self._samples) <= self._memory
 
     def load(self) -> Self:

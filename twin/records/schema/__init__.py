@@ -45,7 +45,7 @@ class Variable:
     limits: tuple[float, float] | None = None
     """Lowest and highest possible value; None takes the row of `limits.TABLE` for unit and name."""
     gaps: bool = False
-    """Whether values may be NaN inside a mission: no fix, no lock, no setpoint."""
+    """True if values may be NaN inside a mission: no fix, no lock, no setpoint."""
     comment: str = ""
     """Conventions, and the circumstances in which values are NaN."""
 

@@ -62,12 +62,12 @@ class Damage(NamedTuple):
 
 
 def has_checksums(folder: str | StorePath) -> bool:
-    """Whether a folder has a list, without reading it."""
+    """Return whether a folder has a list, without reading it."""
     return _list_of(files_at(folder)) is not None
 
 
 def is_listed(folder: str | StorePath) -> bool:
-    """Whether a folder's list names every file in it, so that no file is the user's own."""
+    """Return whether a folder's list names every file in it, so that no file is the user's own."""
     try:
         sums = read_checksums(folder)
     except StoreError:

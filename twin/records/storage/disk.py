@@ -93,7 +93,7 @@ def temporary_name(path: Path) -> Path:
 
 
 def is_temporary(one: Path, path: Path) -> bool:
-    """Whether `one` is a temporary file or folder of a writer of `path`."""
+    """Return whether `one` is a temporary file or folder of a writer of `path`."""
     return one.parent == path.parent and one.name.startswith(f".{path.name}{WRITING}")
 
 

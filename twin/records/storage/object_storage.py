@@ -210,7 +210,7 @@ class ObjectFiles(Files):
             return None
 
     def exists(self, key: str) -> bool:
-        """Whether an object has this key."""
+        """Return whether an object has this key."""
         return self.size(key) is not None
 
     def sum(self, key: str) -> FileSum:

@@ -166,7 +166,7 @@ class Files:
             return None
 
     def exists(self, key: str) -> bool:
-        """Whether the key has a file or folder."""
+        """Return whether the key has a file or folder."""
         return (self.folder / key).exists()
 
     def sum(self, key: str) -> FileSum:

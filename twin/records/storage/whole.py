@@ -222,7 +222,7 @@ def _beside(path: str | Path) -> Iterator[tuple[Path, Path]]:
 
 
 def _is_of_writing(error: OSError, target: Path) -> bool:
-    """Whether an error comes from writing `target`, not from a file that the caller read."""
+    """Return whether an error comes from writing `target`, not from a file that the caller read."""
     if error.filename is None:
         return True
     place = Path(os.path.realpath(os.fsdecode(error.filename)))
