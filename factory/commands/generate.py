@@ -44,12 +44,12 @@ class Generate(EngineOption, JsonOption):
     """simulated time of all missions together, such as 10 (hours), 90min or 2d [default: 10];
     preset faulty makes whole deployments with at least this time together [default: 240]"""
     preset: str = "paper"
-    """paper (noise-free, constant current; vehicles with a propeller: still water, the paper's
-    instruments), field (sensor errors, sheared and tidal currents, random changes of the vehicle,
-    GPS at the surface), family (as field, with vehicles far from their file and longer missions),
-    paper-test (the paper's three test missions of a glider), faulty (a glider's deployments of 20
-    to 60 dives as imported logs, half of them with a labelled fault) or faulty-satellite (as
-    faulty, with the data that satellites transmit); docs/howto/health.md explains the last two"""
+    """paper: noise-free, constant current; with a propeller: still water, the paper's instruments.
+    field: sensor errors, sheared and tidal currents, changed vehicles, GPS at the surface.
+    family: as field, with vehicles far from their file and longer missions.
+    paper-test: the paper's three test missions of a glider.
+    faulty: a glider's deployments of 20 to 60 dives as imported logs, half with a labelled fault.
+    faulty-satellite: as faulty, but only the data sent by satellite (see docs/howto/health.md)"""
     seed: int = 0
     """root of every random draw"""
     out: StoreArgument = DEFAULT_OUT

@@ -52,12 +52,12 @@ Forked workers inherit it from their parent."""
 _HELD: set[int] = set()
 """Descriptors of open files with locks"""
 MOST_IN_SHARD = 64
-"""Usual most missions in a shard: 48 h of preset paper, 1 MB per signal, some seconds of work"""
+"""Most missions in a shard, except in large stores: 48 h of preset paper, seconds of work"""
 SHARDS_PER_STORE = 8
 """Least number of shards, if there are enough missions, so that parallel workers end together"""
 SHARDS_ABREAST = 4
-"""Least number of shards with the batched engine, which flies a mission of a batch of 64 in a
-twentieth of the time of a single one"""
+"""Least number of shards with the batched engine. In a batch of 64, a mission takes a twentieth of
+the time of a single one."""
 MOST_SHARDS = 192
 """Most shards of a store; beyond it shards grow, so a million missions stay below 20 000 files."""
 ROWS = 65_536

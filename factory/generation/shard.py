@@ -49,8 +49,8 @@ _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 
 @contextlib.contextmanager
 def alone() -> Iterator[None]:
-    """Run one task at a time in this process, even if the executor has threads, because MuJoCo's
-    warnings, numba's tables and staging folders belong to the whole process.
+    """Run one task at a time in this process, even if the executor has threads. MuJoCo's warnings,
+    numba's tables and staging folders belong to the whole process.
 
     Afterwards return freed memory to the system. glibc would keep it in fragments, and a process
     that flies for days would grow.

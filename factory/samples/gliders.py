@@ -84,8 +84,8 @@ def write_dbd(
 ) -> list[Path]:
     """Write a binary flight log and its cache file, with sensors in native units and GPS.
 
-    The log has 14 lines of text, the tag `s` with numbers that show the byte order, then for each
-    cycle the tag `d`, two bits per sensor (0 no value, 1 unchanged, 2 new) and the new values.
+    The log has 14 lines of text, then the tag `s` with numbers that show the byte order. Each cycle
+    has the tag `d`, two bits per sensor (0 no value, 1 unchanged, 2 new) and the new values.
 
     Args:
       columns: columns of a science log (.ebd) that replace all sensors; time first.

@@ -46,7 +46,7 @@ class Recipe:
     """Settings of a store; equal recipes give equal arrays."""
 
     preset: str = "paper"
-    """One of PRESETS"""
+    """Name of the preset, a key of PRESETS"""
     hours: float | None = None
     """[h] Time of all missions; None: DEFAULT_HOURS, or the duration of the preset's missions"""
     seed: int = 0
@@ -58,7 +58,7 @@ class Recipe:
     sensors: str | SensorSuite | None = None
     """Sensor suite, or its name such as field+turbidity; None: the preset's"""
     current: str | Mapping[str, Any] | None = None
-    """One current for all missions: the text of `twin simulate --current`, or the description in a
+    """Current of all missions: the text of `twin simulate --current`, or the description in a
     store; None samples a current for each mission."""
     engine: str = ENGINES[0]
     """Physics engine, one of ENGINES"""

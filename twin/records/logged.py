@@ -53,7 +53,7 @@ OVERLAP = 1.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogRow:
-    """One dive of a log."""
+    """Dive of a log: its times, displacement and propulsion."""
 
     deployment: str
     start: float
@@ -236,7 +236,7 @@ class LogStore(MissionStore):
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class LoggedTrajectory(Trajectory):
-    """One dive of a log, or several in a row, on one clock and in one frame."""
+    """Dives of a log, one or several in a row, on one clock and in one frame."""
 
     sources: dict[str, str]
     """Source of each true_* signal, such as {"true_north": "corrected track"}"""

@@ -1,7 +1,7 @@
 """Presence: find out whether a path or address holds a store, an unfinished one or something else.
 
-This module also checks the names of new stores and the schema version of existing ones, and
-recognises the files of `twin flight`, so that an error can name them.
+This module also checks the names of new stores and the schema version of existing ones. It
+recognises files of `twin flight`, so that an error can name them.
 
 Only metadata and file names are read, no arrays.
 """

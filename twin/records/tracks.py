@@ -47,7 +47,7 @@ CORRECTED = "corrected"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class NamedTrack:
-    """One horizontal track with its name for legends."""
+    """Horizontal track with its name for legends."""
 
     name: str
     time: Array

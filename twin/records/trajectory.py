@@ -44,7 +44,7 @@ INNOVATIONS = "fix_innovations"
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class Trajectory(Mapping[str, Array]):
-    """One mission, sampled at a fixed period: a mapping from signal names to arrays.
+    """Mission sampled at a fixed period: a mapping from signal names to arrays.
 
     `signals` maps schema names to float64 arrays of shape (time,). `states` (time, columns) holds
     MuJoCo's qpos, qvel, act and ctrl, from which any sample can be rendered or resumed; for a
@@ -60,7 +60,7 @@ class Trajectory(Mapping[str, Array]):
     complete: bool = True
     """False when the simulation stopped early (unstable)."""
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
-    """How the run ended, and its origin: vehicle, mission, scenario and sensors as JSON"""
+    """End and origin of the run: reason, vehicle, mission, scenario and sensors as JSON"""
 
     def __getitem__(self, name: str) -> Array:
         try:

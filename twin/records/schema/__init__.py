@@ -34,13 +34,13 @@ A battery shift of 1e-7 m moves pitch by 1e-4 degree."""
 
 @dataclasses.dataclass(frozen=True)
 class Variable:
-    """One stored signal."""
+    """Stored signal."""
 
     name: str
     units: str
     """Unit in CF's (UDUNITS) spelling; "1" is dimensionless."""
     long_name: str
-    """A short noun phrase"""
+    """Meaning, a short noun phrase"""
     standard_name: str | None = None
     limits: tuple[float, float] | None = None
     """Lowest and highest possible value; None takes the row of `limits.TABLE` for unit and name."""

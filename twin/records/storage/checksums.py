@@ -48,7 +48,7 @@ FILES_AT_ONCE = 1000
 
 
 class Damage(NamedTuple):
-    """One file that differs from the list."""
+    """File that differs from the list."""
 
     path: str
     """Path relative to the folder, with slashes"""

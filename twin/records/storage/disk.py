@@ -1,8 +1,8 @@
 """Disk: writes that survive a power cut, atomic renames, locks and temporary files.
 
 `sync` of a file puts its content on the disk; `sync` of its folder puts its name there. A rename
-syncs the content first and the folder afterwards, so a power loss leaves the old content or the
-new content under the name, never half of it.
+syncs the content first and the folder afterwards. So a power loss leaves the complete old content
+or the complete new content under the name.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ SCHEMES = {"s3": "Amazon S3 and what speaks like it", "gs": "Google Cloud", "az"
 """Allowed schemes of an address (the part before ://), with the storage that each one means"""
 MARK = "://"
 _ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(?:/+(.*))?", re.DOTALL)
-"""An address with both slashes, or with the single slash that `Path` leaves"""
+"""Pattern of an address with both slashes, or with the single slash that `Path` leaves"""
 
 
 class Url(PurePosixPath):
@@ -106,7 +106,7 @@ def file_sum(path: Path) -> FileSum:
 
 
 class GiantFile(OSError, ValueError):
-    """A file is larger than its type ever is: it is damaged, or made to fill the memory."""
+    """Error of a file that is too large for its type: damaged, or made to fill the memory."""
 
 
 class Files:

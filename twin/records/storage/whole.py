@@ -1,4 +1,4 @@
-"""Whole: write files and folders atomically, so that a name holds complete content or none.
+"""Whole files and folders: atomic writes, so that a name has complete content or none.
 
 A writer fills a hidden folder `.NAME.writing-TOKEN` beside NAME, syncs it to the disk, and renames
 the content to NAME in one step. Old content stays until that rename. The writer holds a lock on the
