@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from twin.records import LogStore
 
 FORMATS = (".png", ".pdf", ".svg")
-"""Endings of a page's file"""
+"""Allowed endings of a page's file"""
 
 
 @dataclass(frozen=True, kw_only=True)

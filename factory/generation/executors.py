@@ -85,8 +85,8 @@ def _watch_parent() -> None:
 def dask_executor(address: str) -> Iterator[Executor]:
     """Yield an executor with the workers of the dask scheduler at `address`.
 
-    An address is such as tcp://127.0.0.1:8786; clusters of dask-jobqueue and dask-kubernetes have
-    one too. Workers may come and go.
+    Example of an address: tcp://127.0.0.1:8786. Clusters of dask-jobqueue and dask-kubernetes have
+    an address too. Workers may join and leave.
 
     Raises:
       InputError: dask.distributed is not installed, no scheduler answers, or a worker lacks this

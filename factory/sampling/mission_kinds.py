@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DEPTH, ALTITUDE = "depth", "altitude"
 TIME_RESERVE = 1.5
-"""[1] Steady duration of all sampled dives over the mission's, if segments have no time limit"""
+"""[1] Steady duration of all sampled dives and climbs, relative to the mission's duration"""
 DEPTHS = ("max_depth_m", "min_depth_m", "pitch_deg", "climb_pitch_deg")
 DRIVEN = ("net_mass_kg", "climb_net_mass_kg", "speed_m_s")
 """Parameters of propulsion: net masses for a pump, speed for a propeller"""
@@ -65,7 +65,7 @@ class MissionKind:
         raise NotImplementedError
 
     def deepest_m(self, drawn: Drawn) -> float:
-        """[m] Deepest depth of the segment; 0 if it follows the sea floor or stays at the top."""
+        """[m] Deepest depth of the segment; 0 if it follows the floor or stays at the surface."""
         return 0.0
 
     def segment(self, drawn: Drawn, heading_deg: float, vehicle: Vehicle) -> tuple[Segment, float]:

@@ -42,7 +42,7 @@ NET_MASS = (0.3, 0.9), (0.5, 0.9)
 """[1] Default range of a segment's net mass in presets paper and field, relative to the largest net
 mass that the pump can make"""
 ROTATION = 0.75, 0.65
-"""[1] Default range (+-) of a spiral's rotation, relative to the turning part's travel, likewise"""
+"""[1] Largest rotation of a spiral in presets paper and field, relative to the part's travel"""
 STRAIGHT = 0.1
 """[1] Fraction of the rotation's range about 0 that is left out, since such spirals are straight"""
 SPEED = (0.8, 1.1)

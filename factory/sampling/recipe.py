@@ -130,7 +130,7 @@ class Recipe:
         if self.engine == "lanes":
             from twin.physics.lanes import flown_abreast
 
-            for _ in flown_abreast([self._lane] * (self.abreast + 1)):  # a full batch and a single
+            for _ in flown_abreast([self._lane] * (self.abreast + 1)):  # full batch and one more
                 pass
 
     @cached_property

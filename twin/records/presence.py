@@ -116,10 +116,10 @@ def check_ending(path: str | StorePath) -> None:
 
 
 def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
-    """Raise StoreError when a newer program wrote a store, or one that is not ours.
+    """Raise StoreError if a newer or an unknown program wrote a store.
 
     Args:
-      attributes: of the store.
+      attributes: attributes of the store.
     """
     try:
         version = int(attributes[VERSION])
