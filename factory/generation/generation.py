@@ -144,7 +144,7 @@ def reported(store: StorePath) -> Iterator[None]:
         if isinstance(store, Path):
             what += "; finished missions are kept: make room or a writable place, then continue "
             what += "with --resume"
-        elif not isinstance(error, PermissionError | NotADirectoryError):  # these come before any mission
+        elif not isinstance(error, PermissionError | NotADirectoryError):  # before any mission
             what += "; finished missions are kept: continue with --resume"
         raise StoreError(what) from error
 
