@@ -156,7 +156,7 @@ def _currents(logs: LogStore, missions: list[int], turns: dict[int, Array]) -> t
             latitude, longitude, north, east = np.array(rows).T
             found.append(
                 Currents(latitude=latitude, longitude=longitude, north=north, east=east,
-                         name=_called(logs, kind), colour=colour)
+                         name=_label(logs, kind), colour=colour)
             )  # fmt: skip
     return tuple(found)
 
@@ -170,7 +170,7 @@ def averaged(logs: LogStore, missions: list[int], kind: str) -> Array:
     """
     if kind == PROFILER:
         names = [f"true_current_{name}" for name in AXES]
-        return np.array([[_middle(logs.signal(n, k), np.mean) for n in names] for k in missions])
+        return np.array([[_average(logs.signal(n, k), np.mean) for n in names] for k in missions])
     prefix = {OURS: "dac", THEIRS: "vehicle_dac"}[kind]
     return np.stack([logs.number(f"{prefix}_{name}")[missions] for name in AXES], axis=1)
 
@@ -187,12 +187,12 @@ def current_errors(logs: LogStore, missions: list[int]) -> dict[str, float]:
     if not common.any():
         return {}
     return {
-        _called(logs, kind): float(np.sqrt(np.mean(np.sum((values - truth)[common] ** 2, axis=1))))
+        _label(logs, kind): float(np.sqrt(np.mean(np.sum((values - truth)[common] ** 2, axis=1))))
         for kind, values in kinds.items()
     }
 
 
-def _called(logs: LogStore, kind: str) -> str:
+def _label(logs: LogStore, kind: str) -> str:
     """Name of a source of currents for labels."""
     if kind == THEIRS:
         return BASE_STATION if "seaglider" in logs.source else VEHICLE
@@ -236,7 +236,7 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
         ("speed between fixes", "[m/s]", (("over_ground", "over ground", DIVE),)),
         ("current", "[m/s]", (
             ("current_ours", "ours", OURS_COLOUR),
-            ("current_theirs", _called(logs, THEIRS), THEIRS_COLOUR),
+            ("current_theirs", _label(logs, THEIRS), THEIRS_COLOUR),
             ("current_profiler", PROFILER, style.COMMAND),
         )),
     )  # fmt: skip
@@ -288,8 +288,8 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
         found["deepest"].append(deepest)
         for flag, speed, angle in ((1.0, "sink", "pitch_down"), (2.0, "rise", "pitch_up")):
             there = (phase == flag) & known
-            found[speed].append(100.0 * abs(_middle(rate[there])))
-            found[angle].append(_middle(pitch[there]))
+            found[speed].append(100.0 * abs(_average(rate[there])))
+            found[angle].append(_average(pitch[there]))
     duration = logs.number(DIVE_DURATION)[missions]
     moved = [logs.number(f"displacement_{axis}")[missions] for axis in ("north", "east")]
     return {
@@ -303,7 +303,7 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
     }
 
 
-def _middle(values: Array, of: Callable[[Array], Any] = np.median) -> float:
+def _average(values: Array, of: Callable[[Array], Any] = np.median) -> float:
     """Median or mean of the finite values; NaN without any."""
     values = values[np.isfinite(values)]
     return float(of(values)) if values.size else float("nan")

@@ -95,7 +95,7 @@ def verify_store(
         _check_layout(run, "mission", DURATION, check)
     if not check.problems:
         _check_parameters(run, checks["parameters"])
-    return _read(run, checks, _check_mission, watch, workers)
+    return _check_all(run, checks, _check_mission, watch, workers)
 
 
 def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1) -> StoreReport:
@@ -116,10 +116,10 @@ def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1)
         _check_fixes(logs, checks["fixes"])
         for dive, why in enumerate(logs.suspect):
             checks[SUSPECT].expect(not why, f"dive {dive}: {why}")
-    return _read(logs, checks, _check_dive, watch, workers)
+    return _check_all(logs, checks, _check_dive, watch, workers)
 
 
-def _read(
+def _check_all(
     stored: GeneratedStore | LogStore, checks: dict[str, StoreCheck], check: MissionCheck,
     watch: Watch | None, workers: int,
 ) -> StoreReport:  # fmt: skip
@@ -326,7 +326,7 @@ def replay_mission(run: GeneratedStore, mission: int) -> ReplayComparison:
             f"store {run.path}: mission {mission} is not of this recipe: {other}; `factory verify` "
             "finds all such missions"
         )
-    flight = _flown(run, mission, attempt, run.sensor_constants(mission))
+    flight = _fly_again(run, mission, attempt, run.sensor_constants(mission))
     samples, again = int(run.samples[mission]), len(flight.trajectory.time)
     if again != samples:
         raise StoreError(
@@ -368,13 +368,13 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
         )
     try:
         with quiet_mujoco():
-            _flown(run, mission, attempt)
+            _fly_again(run, mission, attempt)
     except REPLACED as error:
         return known[mission, attempt], reason(error)
     return known[mission, attempt], "flew to its end"
 
 
-def _flown(
+def _fly_again(
     run: GeneratedStore, mission: int, attempt: int, drawn: Mapping[str, float] | None = None
 ) -> FlownSignals:
     recipe, seed = run.recipe, sensor_seed(run.seed, mission, attempt)

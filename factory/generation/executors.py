@@ -47,7 +47,7 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
     """
     fork = fork and "fork" in multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("fork" if fork else "spawn")
-    executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
     with warnings.catch_warnings():
         # Python 3.12 warns of forks in a process with threads; here these are idle pools of
         # numeric libraries, which allow forks
@@ -65,7 +65,7 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
             raise
 
 
-def _begin() -> None:
+def _prepare_worker() -> None:
     """Prepare a new worker: close inherited locks, set signals, and watch the parent."""
     close_locks()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

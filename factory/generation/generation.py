@@ -127,7 +127,7 @@ def generate(
                     recipe.warm()
                     most = min(workers or processors(), len(shards))
                     executor = pool.enter_context(local_pool(most, fork=job.local))
-                for shard, failures in _flown(executor, job, shards):
+                for shard, failures in _fly_shards(executor, job, shards):
                     report_shard(job, shard, failures, watch)
             complete(job)
             job.give_name()
@@ -173,7 +173,7 @@ def fly(job: Job, shard: int) -> tuple[int, ...]:
     return fly_shard(job, shard)
 
 
-def _flown(
+def _fly_shards(
     pool: Executor | None, job: Job, shards: Sequence[int]
 ) -> Iterator[tuple[int, tuple[int, ...]]]:
     """Fly shards in a pool; yields each finished shard, in any order, with its failed attempts."""

@@ -46,10 +46,10 @@ DIGITS = 16
 """Number of digits of a recipe's hash in the name of its folder"""
 MARKER = re.compile(r"done/(\d{7,12})-(\d{7,12})")
 """Key of a shard's marker, with the shard's first and last mission"""
-_READY: dict[str, Recipe] = {}
+_LAST_RECIPE: dict[str, Recipe] = {}
 """Last recipe of this process by its hash, kept so that it is planned and compiled only once.
 Forked workers inherit it from their parent."""
-_HELD: set[int] = set()
+_LOCKS: set[int] = set()
 """Descriptors of open files with locks"""
 MOST_IN_SHARD = 64
 """Most missions in a shard, except in large stores: 48 h of preset paper, seconds of work"""
@@ -108,8 +108,8 @@ class Job:
     def __init__(self, recipe: Recipe, store: StorePath):
         self.store, self.recipe, self.digest = store, recipe, recipe.digest
         self._text = json.dumps(recipe.document())
-        _READY.clear()
-        _READY[self.digest] = recipe
+        _LAST_RECIPE.clear()
+        _LAST_RECIPE[self.digest] = recipe
 
     def __getstate__(self) -> dict[str, Any]:
         return {"store": self.store, "digest": self.digest, "_text": self._text}
@@ -121,11 +121,11 @@ class Job:
         Raises:
           StoreError: libraries here have other versions, which would make other bytes.
         """
-        found = _READY.get(self.digest)
+        found = _LAST_RECIPE.get(self.digest)
         if found is None:
             found = read_recipe(json.loads(self._text))
-            _READY.clear()
-            _READY[self.digest] = found
+            _LAST_RECIPE.clear()
+            _LAST_RECIPE[self.digest] = found
         return found
 
     @functools.cached_property
@@ -228,7 +228,7 @@ def locked(store: StorePath, *, shared: bool = False) -> Iterator[None]:
         return
     folder.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o644)
-    _HELD.add(descriptor)
+    _LOCKS.add(descriptor)
     try:
         if not lock(descriptor, shared=shared):
             raise StoreError(
@@ -236,14 +236,14 @@ def locked(store: StorePath, *, shared: bool = False) -> Iterator[None]:
             )
         yield
     finally:
-        _HELD.discard(descriptor)
+        _LOCKS.discard(descriptor)
         os.close(descriptor)
 
 
 def close_locks() -> None:
     """Close the locks that a forked process inherits: only the parent may hold them."""
-    while _HELD:
-        os.close(_HELD.pop())
+    while _LOCKS:
+        os.close(_LOCKS.pop())
 
 
 def check_target(
@@ -276,7 +276,7 @@ def check_target(
     if complete and not overwrite:
         if not resume:
             raise StoreError(f"store {store} already exists; {way}")
-        settings = _settings(store)
+        settings = _read_settings(store)
         if differences(settings, recipe.describe()) and Job(recipe, store).folder in others:
             raise StoreError(
                 f"store {store} is of other settings, and one of these was begun in its place: "
@@ -293,7 +293,7 @@ def check_target(
         if not resume:
             again = ", --overwrite starts again" if local else ""
             raise StoreError(f"store {store} is incomplete: --resume completes it{again}")
-        _check_same(store, _document(other)[SETTINGS], recipe, way)
+        _check_same(store, _read_document(other)[SETTINGS], recipe, way)
     return False
 
 
@@ -307,20 +307,20 @@ class Unfinished(NamedTuple):
 def unfinished(path: StorePath) -> Unfinished | None:
     """Describe an unfinished store; None if the store is complete or there is none."""
     for folder in [] if is_complete(path) else begun(path):
-        return Unfinished(_document(folder)[SETTINGS], missions_kept(folder))
+        return Unfinished(_read_document(folder)[SETTINGS], missions_kept(folder))
     return None
 
 
 def recipe_begun(path: StorePath) -> Recipe:
     """Read the recipe of an unfinished run from its folder; raises StoreError."""
-    return read_recipe(_document(path))
+    return read_recipe(_read_document(path))
 
 
 def recipe_of(store: StorePath) -> Recipe:
     """Read the recipe of a complete store; raises StoreError."""
     attributes = read_attributes(store)
     changes, vehicle = json.loads(attributes.get(CHANGES, "{}")), attributes.get(VEHICLE_MJCF)
-    return read_recipe({SETTINGS: _settings(store), CHANGES: changes, VEHICLE_MJCF: vehicle})
+    return read_recipe({SETTINGS: _read_settings(store), CHANGES: changes, VEHICLE_MJCF: vehicle})
 
 
 def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe, way: str) -> None:
@@ -334,7 +334,7 @@ def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe, way: s
         )
 
 
-def _document(path: StorePath) -> dict[str, Any]:
+def _read_document(path: StorePath) -> dict[str, Any]:
     """Read the file with the recipe of an unfinished run."""
     try:
         document: dict[str, Any] = json.loads(files_at(path).read_small(RECIPE))
@@ -346,7 +346,7 @@ def _document(path: StorePath) -> dict[str, Any]:
     return document
 
 
-def _settings(store: StorePath) -> dict[str, Any]:
+def _read_settings(store: StorePath) -> dict[str, Any]:
     attributes = read_attributes(store)
     check_version(attributes, store)
     if is_logged(attributes):

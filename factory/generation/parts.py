@@ -109,7 +109,7 @@ def generate_part(
             return 0, 0
         with locked(store, shared=True):
             job.begin()
-            part = _fixed(job, part)
+            part = _recount_part(job, part)
             note(store, recipe, f"{history} (part {part.index} of {part.count})")
             mine = part.shards(job.layout)
             missing = missing_shards(job, mine, watch)
@@ -143,11 +143,11 @@ def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
             with locked(store):
                 missing = missing_shards(job, job.layout.shards)
             if missing:
-                raise StoreError(_missing(job, missing))
+                raise StoreError(_describe_missing(job, missing))
     return generate(recipe, store, resume=True, history="factory finish"), recipe
 
 
-def _fixed(job: Job, part: StorePart) -> StorePart:
+def _recount_part(job: Job, part: StorePart) -> StorePart:
     """Return the part with the count of the array's first run. If some tasks run again, Slurm
     counts only these.
 
@@ -157,7 +157,7 @@ def _fixed(job: Job, part: StorePart) -> StorePart:
     if not job.files.exists(ARRAY):
         array = {"first": part.first, "count": part.count}
         job.files.write(ARRAY, json.dumps(array).encode(), safe=True)
-    first, count = _array(job)
+    first, count = _read_array(job)
     if not 0 <= part.index - first < count:
         raise InputError(
             f"part {part.index}: {job.store} was begun in {count} parts, {first} to "
@@ -166,7 +166,7 @@ def _fixed(job: Job, part: StorePart) -> StorePart:
     return StorePart(part.index, count, first)
 
 
-def _array(job: Job) -> tuple[int, int]:
+def _read_array(job: Job) -> tuple[int, int]:
     """Read the first index and the number of parts that the array's first task wrote.
 
     Raises:
@@ -185,13 +185,13 @@ def _array(job: Job) -> tuple[int, int]:
     return first, count
 
 
-def _missing(job: Job, shards: list[int]) -> str:
+def _describe_missing(job: Job, shards: list[int]) -> str:
     """Error message with the parts that have to run again, as an option for Slurm."""
     missing = sum(len(job.layout.missions_of(shard)) for shard in shards)
     start = f"{missing} of {job.layout.missions} missions of {job.store} are missing"
     if not job.files.exists(ARRAY):
         return f"{start}: complete it with the command that began it and --resume"
-    first, count = _array(job)
+    first, count = _read_array(job)
     parts = sorted({shard % count + first for shard in shards})
     groups = itertools.groupby(enumerate(parts), lambda one: one[1] - one[0])
     runs = [[part for _, part in group] for _, group in groups]  # as Slurm writes them: 1,3-5

@@ -42,7 +42,7 @@ MOST_SAMPLES = 500_000
 """Most samples in a batch of missions; each sample takes about 400 bytes of memory."""
 MAX_ATTEMPTS = 20
 """Number of failed attempts at a mission that raises an error: its distributions are impossible."""
-_ALONE = threading.RLock()
+_TASK_LOCK = threading.RLock()
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 """glibc's function that returns freed memory to the system; None with another C library"""
 
@@ -55,7 +55,7 @@ def alone() -> Iterator[None]:
     Afterwards return freed memory to the system. glibc would keep it in fragments, and a process
     that flies for days would grow.
     """
-    with _ALONE:
+    with _TASK_LOCK:
         try:
             yield
         finally:
@@ -99,11 +99,11 @@ def fly_shard(job: Job, number: int) -> tuple[int, ...]:
             job.tree.take({key: writer.folder / key.partition("/")[0] for key in sums})
             job.files.write(job.marker(number), marker.to_bytes(), safe=True)
         elif before.files != sums:
-            raise StoreError(_differ(number, before, marker))
+            raise StoreError(_describe_difference(number, before, marker))
     return tuple(len(one.failures) for one in flown)
 
 
-def _differ(number: int, before: Marker, now: Marker) -> str:
+def _describe_difference(number: int, before: Marker, now: Marker) -> str:
     """Error message for two processes that made a shard with different bytes."""
     names = sorted(before.files.keys() | now.files.keys())
     name = next(n for n in names if before.files.get(n) != now.files.get(n))
@@ -153,7 +153,7 @@ def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMis
         if attempt + 1 == MAX_ATTEMPTS:
             raise InputError(
                 f"mission {mission} failed {MAX_ATTEMPTS} times, last: {reason(error)}; "
-                f"{_to_narrow(recipe, reason(error))}"
+                f"{_advise_narrowing(recipe, reason(error))}"
             )
 
     while len(made) < len(missions):
@@ -194,7 +194,7 @@ def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMis
     return [made[mission] for mission in missions]
 
 
-def _to_narrow(recipe: Recipe, reason: str) -> str:
+def _advise_narrowing(recipe: Recipe, reason: str) -> str:
     """Advice to narrow the distributions that `reason` names, or else those that the user set."""
     words = set(re.findall(r"\w+", reason))
     named = [name for name in recipe.table if name.partition(".")[2] in words] or [*recipe.changes]

@@ -198,11 +198,11 @@ class LogStore(MissionStore):
 
     def fixes(self, mission: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Latitude, longitude [degree] of the fixes at start and end of a dive; NaN without fix."""
-        a, b, c, d = (float(value) for value in self._ends[mission])
+        a, b, c, d = (float(value) for value in self._fix_positions[mission])
         return (a, b), (c, d)
 
     @functools.cached_property
-    def _ends(self) -> Array:
+    def _fix_positions(self) -> Array:
         """Latitude and longitude [degree] of the fixes before and after each dive, (dive, 4)."""
         names = ("start_latitude", "start_longitude", "end_latitude", "end_longitude")
         return np.stack([self.number(name) for name in names], axis=1)

@@ -181,7 +181,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
             f"logs with `factory import KIND FILES --out {quoted(path)}`"
         )
     if not is_complete(path):
-        raise StoreError(f"{path} is {_other(path)}; {MAKERS}")
+        raise StoreError(f"{path} is {_describe_other(path)}; {MAKERS}")
     check_readable(path)
     files = files_at(path)
     attributes = read_attributes(path)
@@ -196,7 +196,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     return dataset
 
 
-def _other(path: StorePath) -> str:
+def _describe_other(path: StorePath) -> str:
     """Describe a path that is no zarr v3 store, for an error message."""
     if isinstance(path, Path):
         if path.is_file():
@@ -245,7 +245,7 @@ def gone_arrays(dataset: xr.Dataset, path: str | StorePath) -> list[str]:
 def check_arrays(dataset: xr.Dataset, path: str | StorePath) -> None:
     """Raise StoreError that names the first missing array, or the first missing file of a chunk."""
     for name in gone_arrays(dataset, path)[:1]:
-        raise _gone(name, path)
+        raise _missing_array(name, path)
     for name in map(str, dataset.variables):
         check_chunks(dataset, name, path)
 
@@ -266,7 +266,7 @@ def check_chunks(dataset: xr.Dataset, name: str, path: str | StorePath) -> None:
         return
     files = files_at(place)
     if not files.exists(f"{name}/{METADATA}"):
-        raise _gone(name, path)
+        raise _missing_array(name, path)
     grid = (range(-(-n // size)) for n, size in zip(variable.shape, chunks, strict=True))
     keys = ("/".join((name, "c", *map(str, cell))) for cell in itertools.product(*grid))
     absent = [key for key in keys if not files.exists(key)]
@@ -283,7 +283,7 @@ def check_chunks(dataset: xr.Dataset, name: str, path: str | StorePath) -> None:
         )
 
 
-def _gone(name: str, path: str | StorePath) -> StoreError:
+def _missing_array(name: str, path: str | StorePath) -> StoreError:
     return StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
 
 
@@ -294,7 +294,7 @@ def read_array(dataset: xr.Dataset, name: str, path: str | StorePath) -> np.ndar
       StoreError: the array's files are missing or cannot be decoded.
     """
     if not files_at(path).exists(f"{name}/{METADATA}"):
-        raise _gone(name, path)
+        raise _missing_array(name, path)
     try:
         return np.asarray(dataset[name].values)
     except Exception as error:  # any error of a decoder means damaged files

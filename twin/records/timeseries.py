@@ -98,7 +98,7 @@ def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = 
     names = [n for n in found.signals() if n not in FROM_THE_START and n not in FIXES]
     lengths = [int(found.samples[mission]) for mission in chosen]
     variables = {
-        name: (TIME, _joined(found, lazy, name, chosen, lengths), _attributes(found, name))
+        name: (TIME, _join_signal(found, lazy, name, chosen, lengths), _attributes(found, name))
         for name in names
     }
     said = LOGGED if found.logged else FLOWN
@@ -194,7 +194,7 @@ def _attributes(store: MissionStore, name: str) -> dict[str, Any]:
     return {**array.attrs, **flags}
 
 
-def _joined(
+def _join_signal(
     store: MissionStore, lazy: xr.Dataset, name: str, missions: list[int], lengths: list[int]
 ) -> Any:
     """Join a signal of missions end to end; with dask the samples are not read yet."""

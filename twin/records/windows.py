@@ -94,7 +94,7 @@ class Windows:
         self.channels, self.length, self.stride = tuple(channels), length, stride
         self._memory = memory
         self._pid: int | None = os.getpid()
-        self._forget()
+        self._drop_missions()
         reader = self._reader()
         known = reader.signals()
         for name in self.channels:
@@ -162,7 +162,7 @@ class Windows:
         """Close the store's files and drop the decoded missions."""
         if self._open is not None:
             self._open[1].close()
-        self._forget()
+        self._drop_missions()
 
     @property
     def fits(self) -> bool:
@@ -176,7 +176,7 @@ class Windows:
           StoreError: a file is damaged.
         """
         if self.fits:
-            self._keep(list(self._samples))
+            self._keep_missions(list(self._samples))
         return self
 
     def read(self, numbers: Sequence[int] | NDArray[np.integer[Any]]) -> Floats:
@@ -189,14 +189,14 @@ class Windows:
         wanted = np.asarray(numbers, np.int64)
         missions = self.missions[wanted]
         if self.fits:
-            return self._copied(self._keep(np.unique(missions).tolist()), wanted)
+            return self._copy_windows(self._keep_missions(np.unique(missions).tolist()), wanted)
         found = np.empty((len(wanted), self.length, len(self.channels)), np.float32)
         for mission in np.unique(missions).tolist():  # each mission is decoded only once
             places = np.flatnonzero(missions == mission)
-            found[places] = self._copied(self._keep([mission]), wanted[places])
+            found[places] = self._copy_windows(self._keep_missions([mission]), wanted[places])
         return found
 
-    def _copied(self, some: Missions, numbers: NDArray[np.int64]) -> Floats:
+    def _copy_windows(self, some: Missions, numbers: NDArray[np.int64]) -> Floats:
         """Copy windows by number out of decoded missions."""
         found = np.empty((len(numbers), self.length, len(self.channels)), np.float32)
         missions, starts = self.missions[numbers].tolist(), self.starts[numbers].tolist()
@@ -229,7 +229,7 @@ class Windows:
 
         def ready(part: NDArray[np.int64]) -> Missions:
             missions = np.unique(self.missions[part]).tolist()
-            return self._keep(missions) if self.fits else self._decoded(missions)
+            return self._keep_missions(missions) if self.fits else self._decoded(missions)
 
         with ThreadPoolExecutor(1, "windows") as reader:
             coming = reader.submit(ready, parts[0])
@@ -238,7 +238,7 @@ class Windows:
                 if after is not None:
                     coming = reader.submit(ready, after)
                 for first in range(0, len(part), size):
-                    yield self._copied(some, part[first : first + size])
+                    yield self._copy_windows(some, part[first : first + size])
                 del some  # frees this buffer before the next read begins
 
     def _order(self, seed: int | None, epoch: int) -> list[NDArray[np.int64]]:
@@ -264,7 +264,7 @@ class Windows:
     def _size(self, missions: Sequence[int] | dict[int, int]) -> int:
         return self._sample_bytes * sum(self._samples[mission] for mission in missions)
 
-    def _keep(self, missions: Sequence[int]) -> Missions:
+    def _keep_missions(self, missions: Sequence[int]) -> Missions:
         """Decode missions and keep as many as fit; the ones unused for longest are dropped first.
 
         Args:
@@ -309,7 +309,7 @@ class Windows:
                 self._open = (here, MissionStore(self.path))
         return self._open[1]
 
-    def _forget(self) -> None:
+    def _drop_missions(self) -> None:
         self._open, self._kept, self._bytes = None, OrderedDict(), 0
 
 

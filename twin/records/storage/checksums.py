@@ -63,7 +63,7 @@ class Damage(NamedTuple):
 
 def has_checksums(folder: str | StorePath) -> bool:
     """Return whether a folder has a list, without reading it."""
-    return _list_of(files_at(folder)) is not None
+    return _list_key(files_at(folder)) is not None
 
 
 def is_listed(folder: str | StorePath) -> bool:
@@ -72,7 +72,7 @@ def is_listed(folder: str | StorePath) -> bool:
         sums = read_checksums(folder)
     except StoreError:
         return False
-    return all(name in sums for name in _names(files_at(folder)))
+    return all(name in sums for name in _file_keys(files_at(folder)))
 
 
 def write_checksums(folder: str | Path) -> Path:
@@ -83,7 +83,7 @@ def write_checksums(folder: str | Path) -> Path:
     """
     root = Path(folder)
     target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
-    sums = {name: file_sum(root / name) for name in _names(Files(root))}
+    sums = {name: file_sum(root / name) for name in _file_keys(Files(root))}
     target.parent.mkdir(exist_ok=True)
     write_whole(target, list_text(sums, zarr=target.name == ZARR_METADATA))
     return target
@@ -96,7 +96,7 @@ def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
       StoreError: the folder has no list, or the list is damaged.
     """
     files = files_at(folder)
-    key = _list_of(files)
+    key = _list_key(files)
     if key is None:
         raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
     place = f"{files.name}/{key}"
@@ -140,7 +140,7 @@ def check_readable(folder: str | StorePath) -> None:
             return
         sums = read_checksums(place) if has_checksums(place) else {}
         for name, size in large.items():
-            most = sums[name].bytes if name in sums else _declared(place)
+            most = sums[name].bytes if name in sums else _declared_bytes(place)
             if size > most:
                 raise StoreError(
                     f"{folder} is damaged: its file {name} has {size} bytes, and "
@@ -153,7 +153,7 @@ def check_readable(folder: str | StorePath) -> None:
         ) from error
 
 
-def _declared(store: Path) -> int:
+def _declared_bytes(store: Path) -> int:
     """Bytes that the arrays of a zarr store would take in memory; reads metadata only."""
     import zarr
 
@@ -180,7 +180,7 @@ def damaged_files(
     try:
         sums = read_checksums(folder)
     except StoreError as error:
-        key = _list_of(files)
+        key = _list_key(files)
         if key is None:
             raise
         yield Damage(key, "changed", str(error))
@@ -206,15 +206,15 @@ def damaged_files(
         for first in range(0, len(asked), FILES_AT_ONCE):
             yield from filter(None, pool.map(compare, asked[first : first + FILES_AT_ONCE]))
     if chosen is None:
-        yield from (Damage(name, "unknown") for name in _names(files) if name not in sums)
+        yield from (Damage(name, "unknown") for name in _file_keys(files) if name not in sums)
 
 
-def _list_of(files: Files) -> str | None:
+def _list_key(files: Files) -> str | None:
     """Key of the list that a folder has; None without a list."""
     return next((key for key in (ZARR_LIST, LIST) if files.exists(key)), None)
 
 
-def _names(files: Files) -> Iterator[str]:
+def _file_keys(files: Files) -> Iterator[str]:
     """Keys of all files except the list itself."""
     return (key for key in files.all_keys() if key not in (LIST, ZARR_LIST))
 

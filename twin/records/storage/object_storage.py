@@ -180,19 +180,19 @@ class ObjectFiles(Files):
 
     def read(self, key: str) -> bytes:
         """Read an object."""
-        with self._told(key):
+        with self._translate_errors(key):
             return bytes(self._obstore.get(self._objects, key).bytes())
 
     def write(self, key: str, data: bytes, *, safe: bool = False) -> None:
         """Write an object; it is complete and safe when this returns, whatever `safe` is."""
-        with self._told(key):
+        with self._translate_errors(key):
             self._obstore.put(self._objects, key, data)
 
     def take(self, files: Mapping[str, Path]) -> None:
         """Upload files of this machine, several at a time, and remove them."""
 
         def put(key: str) -> None:
-            with self._told(key):
+            with self._translate_errors(key):
                 self._obstore.put(self._objects, key, files[key])
             files[key].unlink()
 
@@ -204,7 +204,7 @@ class ObjectFiles(Files):
     def size(self, key: str) -> int | None:
         """Size [byte] of an object; None if there is none."""
         try:
-            with self._told(key):
+            with self._translate_errors(key):
                 return int(self._obstore.head(self._objects, key)["size"])
         except FileNotFoundError:
             return None
@@ -216,7 +216,7 @@ class ObjectFiles(Files):
     def sum(self, key: str) -> FileSum:
         """Size and hash of an object."""
         digest, size = hashlib.sha256(), 0
-        with self._told(key):
+        with self._translate_errors(key):
             for piece in self._obstore.get(self._objects, key):
                 digest.update(piece)
                 size += len(piece)
@@ -224,14 +224,14 @@ class ObjectFiles(Files):
 
     def sizes(self) -> Iterator[tuple[str, int]]:
         """Key and size [byte] of every object."""
-        with self._told(""):
+        with self._translate_errors(""):
             for some in self._obstore.list(self._objects, chunk_size=LISTED):
                 for one in some:
                     yield str(one["path"]), int(one["size"])
 
     def folders(self) -> list[str]:
         """First parts of the keys that have more than one part, sorted."""
-        with self._told(""):
+        with self._translate_errors(""):
             found = self._obstore.list_with_delimiter(self._objects)["common_prefixes"]
         return sorted(str(name).rstrip("/") for name in found)
 
@@ -243,7 +243,7 @@ class ObjectFiles(Files):
 
     def remove(self, key: str) -> None:
         """Delete an object if there is one."""
-        with contextlib.suppress(FileNotFoundError), self._told(key):
+        with contextlib.suppress(FileNotFoundError), self._translate_errors(key):
             self._obstore.delete(self._objects, key)
 
     def remove_all(self) -> None:
@@ -253,7 +253,7 @@ class ObjectFiles(Files):
                 self.remove(key)
 
     @contextlib.contextmanager
-    def _told(self, key: str) -> Iterator[None]:
+    def _translate_errors(self, key: str) -> Iterator[None]:
         """Translate obstore's errors to an OSError that names the object."""
         from obstore.exceptions import BaseError
 

@@ -57,7 +57,7 @@ def whole_folder(
       WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
     check_folder_target(path, overwrite=overwrite, ours=ours)
-    with _beside(path) as (target, hidden):
+    with _locked_folder(path) as (target, hidden):
         content = hidden / target.name
         content.mkdir()
         yield content
@@ -79,7 +79,7 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
       WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
     check_file_target(path, overwrite=overwrite)
-    with _beside(path) as (target, hidden):
+    with _locked_folder(path) as (target, hidden):
         content = hidden / target.name
         yield content
         if target.exists():
@@ -98,7 +98,7 @@ def check_folder_target(
     Raises:
       WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
-    target = _target(path)
+    target = _resolve_target(path)
     recover(target)
     if not target.exists():
         check_place(target)
@@ -122,7 +122,7 @@ def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
     Raises:
       WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
-    target = _target(path)
+    target = _resolve_target(path)
     check_place(target)
     if target.exists() and not target.is_file():
         what = "a folder" if target.is_dir() else "not a plain file"
@@ -155,7 +155,7 @@ def recover(path: str | Path) -> None:
 
     Does nothing if `path` exists or the writer lives.
     """
-    target = _target(path)
+    target = _resolve_target(path)
     if not target.exists():
         clean(target)
 
@@ -174,7 +174,7 @@ def clean(target: Path) -> None:
             remove(hidden)
 
 
-def _target(path: str | Path) -> Path:
+def _resolve_target(path: str | Path) -> Path:
     """Resolve links: a link stays, and the file or folder that it points to is replaced.
 
     Raises:
@@ -189,17 +189,17 @@ def _target(path: str | Path) -> Path:
 
 
 @contextlib.contextmanager
-def _beside(path: str | Path) -> Iterator[tuple[Path, Path]]:
+def _locked_folder(path: str | Path) -> Iterator[tuple[Path, Path]]:
     """Yield the resolved path and a locked hidden folder beside it, which is removed at the end."""
-    target = _target(path)
+    target = _resolve_target(path)
     hidden, descriptor = None, None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         clean(target)
-        hidden, descriptor = _hidden(target)
+        hidden, descriptor = _make_hidden_folder(target)
         yield target, hidden
     except OSError as error:
-        if not _is_of_writing(error, target):
+        if not _is_write_error(error, target):
             raise
         why = error.strerror or str(error)
         if error.filename is not None and Path(os.fsdecode(error.filename)) in target.parents:
@@ -221,7 +221,7 @@ def _beside(path: str | Path) -> Iterator[tuple[Path, Path]]:
             os.close(descriptor)
 
 
-def _is_of_writing(error: OSError, target: Path) -> bool:
+def _is_write_error(error: OSError, target: Path) -> bool:
     """Return whether an error comes from writing `target`, not from a file that the caller read."""
     if error.filename is None:
         return True
@@ -231,7 +231,7 @@ def _is_of_writing(error: OSError, target: Path) -> bool:
     )
 
 
-def _hidden(target: Path) -> tuple[Path, int]:
+def _make_hidden_folder(target: Path) -> tuple[Path, int]:
     """Make a hidden folder beside the target; returns it and the descriptor that holds its lock."""
     while True:
         hidden = temporary_name(target)
