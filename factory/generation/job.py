@@ -252,8 +252,8 @@ def check_target(
     """Check the path of a store; True if a complete store of this recipe is there already.
 
     Args:
-      alone: whether this process holds the lock alone; then unfinished runs that `overwrite`
-        replaces are removed.
+      alone: whether this process holds the lock alone; then unfinished runs that kept nothing or
+        that `overwrite` replaces are removed.
 
     Raises:
       StoreError: the path holds something else, or an unfinished store of another recipe.

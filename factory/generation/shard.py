@@ -41,7 +41,7 @@ Signals = Mapping[str, NDArray[Any]]
 MOST_SAMPLES = 500_000
 """Most samples in a batch of missions; each sample takes about 400 bytes of memory."""
 MAX_ATTEMPTS = 20
-"""Number of failed attempts at a mission that raises an error: its distributions are impossible."""
+"""Number of failed attempts at a mission after which its distributions count as impossible"""
 _TASK_LOCK = threading.RLock()
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
 """glibc's function that returns freed memory to the system; None with another C library"""

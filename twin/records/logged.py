@@ -71,7 +71,7 @@ class LogRow:
         return self.driven > DRIVEN
 
     def follows(self, before: LogRow) -> bool:
-        """True if this dive is of the deployment of `before` and starts shortly after its end."""
+        """Return whether this dive starts shortly after `before` ends, in the same deployment."""
         gap = self.start - (before.start + before.duration)
         return self.deployment == before.deployment and -OVERLAP <= gap < FOLLOWS_WITHIN
 

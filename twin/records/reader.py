@@ -56,10 +56,10 @@ if TYPE_CHECKING:
 Kind = Literal["simulated", "logged"]
 
 LEAST_SAMPLES = 2
-"""Least number of samples in a mission, since a rate takes two"""
+"""Least number of samples in a mission, because a rate of change needs two"""
 READ_ALONG = 4 * 7200
 """Largest number of unwanted samples that are decoded between two wanted missions. Decoding more
-costs more than another request for a slice."""
+samples costs more than another request for a slice."""
 SPACING = 1e-3
 """[1] Tolerance of time steps relative to the period: rounding of float32 after a day"""
 LOGGED_VEHICLES = {"slocum": "slocum-200", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}

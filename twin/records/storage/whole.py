@@ -6,9 +6,9 @@ hidden folder, which the kernel drops when the process ends. The next writer of 
 hidden folders of dead writers, never the folder of a living one.
 
 A folder replaces another folder by an exchange of names. If the file system has no exchange, the
-old folder is moved into the hidden folder, and then the new folder is renamed. A kill between these
-two renames leaves both folders complete, and `recover` does the second rename. Writers call
-`recover` first; readers call it if nothing has the name.
+old folder is moved into the hidden folder, and then the new folder is renamed to NAME. A kill
+between these two renames leaves both folders complete, and `recover` does the second rename.
+Writers call `recover` first; readers call it if NAME is missing.
 """
 
 from __future__ import annotations
