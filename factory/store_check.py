@@ -28,7 +28,7 @@ Block = Mapping[str, NDArray[np.float32]]
 MissionCheck = Callable[[Any, int, Block, Mapping[str, "StoreCheck"]], None]
 """Function of a store, a mission's number, its signals, and the checks that record the results"""
 MISSIONS_AT_ONCE = 16
-"""Least number of missions that are read together; all signals of 1 h missions take some 100 MB."""
+"""Least number of missions that are read together; missions of some hours take about 100 MB."""
 SAMPLES_AT_ONCE = 16 * 7200
 """Number of samples that are read together, since each request for short missions takes time"""
 WHOLE_SHARD = 4
@@ -228,11 +228,11 @@ def check_signal(
 Array = NDArray[np.float64]
 
 STEP_TOLERANCE_M = 0.3
-"""[m] Largest error of a sample's position change from its velocities; a launch causes 0.08"""
+"""[m] Largest difference of position change and integrated velocity in a step; a launch has 0.08"""
 DRIFT_TOLERANCE_M = 1.0
-"""[m] Largest sum of these errors over a mission"""
+"""[m] Largest sum of these differences over a mission"""
 VELOCITY_TOLERANCE = 1e-4
-"""[m/s] Largest error of velocity over ground as water velocity + current; rounding causes 2e-6"""
+"""[m/s] Largest error of over ground = through the water + current; rounding causes 2e-6"""
 TURN_TOLERANCE = 0.2
 """[rad] Largest sum of a mission's attitude changes minus rates; inflections cause 0.03"""
 

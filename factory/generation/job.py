@@ -52,7 +52,7 @@ Forked workers inherit it from their parent."""
 _LOCKS: set[int] = set()
 """Descriptors of open files with locks"""
 MOST_IN_SHARD = 64
-"""Most missions in a shard, except in large stores: 48 h of preset paper, seconds of work"""
+"""Most missions in a small store's shard: 48 h of preset paper, 1 MB per signal, seconds of work"""
 SHARDS_PER_STORE = 8
 """Least number of shards, if there are enough missions, so that parallel workers end together"""
 SHARDS_ABREAST = 4

@@ -41,7 +41,7 @@ SHALLOWEST_FLOOR_M, DEEPEST_FLOOR_M = 25.0, 130.0
 altitude; the second exceeds the DVL's range in places."""
 PARTS = ("steady", "shear", "tide", "inertial", "ekman", "bottom", "wander")
 WANDER_MEAN, WANDER_STD, WANDER_DIRECTION_STD_DEG = 0.6, 0.2, 30.0
-"""Wandering current: mean and std of its speed relative to the largest, std of its direction"""
+"""Wandering current: mean and std of speed relative to the largest, std of direction [degree]"""
 BOTTOM_ROUGHNESS_M = 1e-3
 """[m] Roughness length of the log layer, for sand"""
 DEEP_MARGIN_M = 100.0

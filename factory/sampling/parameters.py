@@ -44,7 +44,7 @@ mass that the pump can make"""
 ROTATION = 0.75, 0.65
 """[1] Largest rotation of a spiral in presets paper and field, relative to the part's travel"""
 STRAIGHT = 0.1
-"""[1] Fraction of the rotation's range that is left out about 0, where a spiral is nearly straight"""
+"""[1] Fraction of the rotation's range left out about 0, where a spiral would be nearly straight"""
 SPEED = (0.8, 1.1)
 """[1] Default range of speed relative to a propelled vehicle's cruising speed, in both presets"""
 WEIGHTS = {"saw-tooth": 6, "transect": 2, "circle": 1, "lawn-mower": 1, "spiral": 1}
