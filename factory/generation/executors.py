@@ -134,7 +134,7 @@ def _check_workers(client: Any, address: str) -> None:
     except Exception as error:  # an import may raise any error
         found["the scheduler"] = error
     for place, version in found.items():
-        if version != __version__ and not isinstance(version, OSError):  # OSError: worker has left
+        if version != __version__ and not isinstance(version, OSError):  # OSError: it has left
             has = "cannot import it" if isinstance(version, Exception) else "has"
             raise InputError(
                 f"--scheduler {address} needs glider-twin {__version__} on the scheduler and all "

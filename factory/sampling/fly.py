@@ -273,7 +273,7 @@ class GivenCurrent(Current):
     program: Floats
     """Compiled current for the longest mission"""
     description: Mapping[str, Any]
-    """Description for `current_from_dict`, with all defaults filled in"""
+    """Description for `current_from_dict`, with all settings written out"""
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
         """Raise NotImplementedError, since `compile` returns the program."""

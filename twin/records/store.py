@@ -62,8 +62,8 @@ def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fals
       overwrite: replace an existing store, which stays until the new store is complete.
 
     Raises:
-      WriteError: `path` is no store, or it is a store and `overwrite` is False, or the disk
-        refuses.
+      WriteError: `path` exists and is no store, or it is a store and `overwrite` is False, or the
+        disk refuses.
     """
     path = Path(path)
     with whole_folder(path, overwrite=overwrite, ours=is_store) as folder:
@@ -138,8 +138,8 @@ def check_target(path: str | Path, *, overwrite: bool) -> None:
     """Raise the errors of `write_store` before long work begins.
 
     Raises:
-      WriteError: the name has the ending of another format, `path` is no store, or it is a store
-        and `overwrite` is False.
+      WriteError: the name has the ending of another format, `path` exists and is no store, or it
+        is a store and `overwrite` is False.
     """
     check_ending(path)
     check_folder_target(path, overwrite=overwrite, ours=is_store)

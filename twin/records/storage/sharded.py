@@ -94,7 +94,7 @@ class ShardWriter:
     """
 
     def __init__(self, folder: Path, *, missions: int, samples: int):
-        """`missions` is the number in a full shard, `samples` that of the store's longest mission."""
+        """`missions` is the number in a full shard, `samples` the length of the longest mission."""
         import numcodecs
 
         self.folder, self.missions, self.samples = folder, missions, samples
