@@ -141,8 +141,7 @@ AIR = 10.1325
 UNITS = ("dbar", "bar", "Pa", "kPa", "hPa", "MPa", "psi")
 """Units of pressures in logs."""
 _FITS, _FAILS = 0.12, 0.25
-"""Fractions of the depth: a unit that misses it by less than the first fits, by more than the
-second is contradicted."""
+"""Misfit, as a fraction of the depth, up to which a unit fits, and beyond which it does not."""
 _DEEP = 5.0
 """[m] Depth above which the ratio of pressure to depth is not used."""
 _FEWEST, _COMPARED = 10, 10_000
