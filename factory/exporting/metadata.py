@@ -70,7 +70,7 @@ class Metadata:
 
 
 def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
-    """Find metadata in the given file, else in a file beside the store, else in the log; or none.
+    """Find metadata: in the given file, else beside the store, else in the store; or none.
 
     Raises:
       InputError: the file cannot be read or has another layout.

@@ -41,7 +41,7 @@ _SLIGHT = 0.15
 
 
 def in_degrees(kind: str, values: Array) -> bool | None:
-    """Tell from their values whether angles are in degrees; None if radian is possible too.
+    """Tell by their values whether angles are in degrees: True, False (radian) or None (either).
 
     Args:
       kind: a key of `REACH`.
@@ -176,7 +176,7 @@ def attitude_degrees(
 ) -> dict[str, Array]:
     """Convert angles of one log to degrees as declared; leave out those of another quantity.
 
-    Radian that are called degrees show in the sinking: a glider of 0.16 m/s at a third of a degree
+    Radian labelled as degrees show in the sink rate: a glider of 0.16 m/s at a third of a degree
     would fly at 27 m/s. One software writes all its angles in one unit, so that roll and heading
     follow the pitch.
 
@@ -232,7 +232,7 @@ def _is_called_degrees(
     tally: Tally,
     deployment: str,
 ) -> bool:
-    """True if a pitch that is in degrees by its file is in radian; suspect if it is neither."""
+    """True if a pitch declared in degrees is in radian; a pitch that is neither becomes suspect."""
     if one.in_radian or depth is None or not _is_flat(pitch):
         return False
     depth = np.abs(depth)  # some files count depth upward

@@ -62,8 +62,8 @@ LIMITS = {
     "longitude": Limits(low=-180.0, high=360.0),
 }
 """Limits by channel. The ocean has 0 to 12 000 dbar, -2.6 to 45 degC, salinity up to 45, 985 to
-1090 kg m-3. Gliders change depth by at most 2 m/s and shift a battery by at most 20 cm from its
-middle. No current averaged over a dive reaches 3 m/s."""
+1090 kg m-3. Gliders change depth by at most 2 m/s, and exceed no other rate for one sample only. A
+battery is within 20 cm of its middle. A current averaged over a dive is below 3 m/s."""
 CHAINED = frozenset({"measured_pressure", "measured_depth"})
 """Channels in which whole runs of unreachable samples are removed, not only single spikes."""
 FRESH = frozenset({"measured_salinity", "conductivity"})

@@ -36,8 +36,8 @@ _YEAR = 365.25 * 86400.0
 _JUMP = _YEAR
 """[s] Longest silence of a deployment; a longer step in time is a jump of the clock."""
 _FEW = 0.01
-"""Rows beyond such a jump are wrong if they are at most this fraction of the largest group, or a
-single row beside `_SEVERAL`: a clock was reset, or a number is damaged."""
+"""Rows beyond a jump are wrong if they are at most this fraction of the largest group, or one row
+beside `_SEVERAL` others: a reset clock, or a damaged number."""
 _SEVERAL = 10
 LARGEST = 1e30
 """Largest number that a log can hold, in any unit; netCDF's own fill value is 9.97e36."""
@@ -158,7 +158,7 @@ def _opened(path: Path) -> TextIO:
 
 
 def plain(path: Path) -> io.BufferedReader:
-    """A file for reading, unpacked where its name ends with .gz."""
+    """Open a file for reading, unpacked if its name ends with .gz."""
     return unpacked_file(path) if path.suffix.lower() == ".gz" else path.open("rb")
 
 

@@ -64,7 +64,7 @@ class Channel:
 
         Two samples bridge a gap of at most `NEAR` or three usual spacings, whichever is longer. One
         sample covers three usual spacings on either side. A channel reported on change covers all
-        times between its samples, and its longest gap beyond its ends.
+        times between its samples, and beyond its ends as long as its longest gap.
         """
         times = np.asarray(times, np.float64)
         if not len(self):
@@ -315,7 +315,7 @@ def _described(error: Exception) -> str:
 
 @contextlib.contextmanager
 def naming(log: DeploymentLog) -> Iterator[None]:
-    """Turn an exception raised while a log is cut into dives into an InputError with its name.
+    """Turn any exception while a log is cut into dives into an InputError that names the log.
 
     Raises:
       InputError: unchanged if it was raised as such, else in place of the exception.

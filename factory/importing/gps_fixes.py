@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 FIXES = "GPS fixes"
 """Report subject of fixes; the number read is the sum of those kept, removed and left out."""
 STATION_DEPTH = 8.0
-"""[m] Fixes deeper than this are wrong even with rare depths or fixes paired by a shore station."""
+"""[m] Depth beyond which a fix is wrong even with rare depths, or paired by a shore station."""
 _STEPS = 3
 """Fewest steps of nearly one velocity, faster than any drift, that show extrapolation."""
 _ALIKE = 0.3

@@ -135,7 +135,7 @@ def read_logs(
     """Read logs without cutting them; return the files and a log for each deployment.
 
     Raises:
-      InputError: as `import_logs`.
+      InputError: see `import_logs`.
     """
     importer = IMPORTERS[kind]
     try:
@@ -243,7 +243,7 @@ _REASONS = 3
 
 
 class MostUnreadable(InputError):
-    """Half of the files of an import or more cannot be read; the message says why."""
+    """Error of an import: half of the files or more cannot be read; the message says why."""
 
 
 def _with_left_out(error: InputError, tally: Tally) -> InputError:

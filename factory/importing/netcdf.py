@@ -273,7 +273,7 @@ class Geometry:
 
         Args:
           file: open netCDF file.
-          measured: names of measured variables; the largest gives the samples.
+          measured: names of measured variables; the samples are those of the largest.
           subject: file, for errors.
 
         Raises:

@@ -149,7 +149,7 @@ _FEWEST, _COMPARED = 10, 10_000
 _MIDDLE = 45.0
 """[degree] Latitude at which pressure and depth are compared; the error at a pole is 0.3 %."""
 _OFFSET = 5.0
-"""[m] Least median difference of pressure and depth that the air's pressure can cause."""
+"""[m] Least median difference of pressure and depth that is attributed to the air's pressure."""
 
 
 def to_dbar(
@@ -355,7 +355,7 @@ _WINDOW = 5
 """Number of surface intervals in the running median of their depths."""
 
 _PART = 0.5
-"""Fraction of the surface intervals beyond which those that agree show an offset."""
+"""Fraction of surface intervals that must agree before an offset is subtracted."""
 
 _LEAST, _MOST = 0.5, 15.0
 """[m] Smaller offsets are waves and the antenna's height; larger ones are another fault."""

@@ -289,7 +289,7 @@ def _conversion(unit: str, wanted: str) -> tuple[float, float] | str:
 
 
 def _unit(text: str) -> Any:
-    """Parse a text as a UDUNITS unit; None if it is none."""
+    """Parse a text as a UDUNITS unit; None if UDUNITS does not know it."""
     import cf_units  # deferred: the help of the commands does without
 
     try:

@@ -95,7 +95,7 @@ def export_og1_logs(
 
     Raises:
       StoreError: no such mission, or its data cannot be read.
-      InputError: the disk refuses.
+      OSError: the disk refuses.
     """
     for mission in missions:
         logs.check_mission(mission)

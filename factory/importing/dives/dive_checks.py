@@ -186,12 +186,12 @@ STRONGEST_CURRENT = 3.0
 FASTEST_OVER_GROUND = 6.0
 """[m/s] Largest speed over ground: the fastest vehicles swim 3 m/s, a current adds as much."""
 FARTHEST = 1e6
-"""[m] Largest distance of a waypoint or a track from the row's start."""
+"""[m] Largest plausible distance of a waypoint or a track from the row's start."""
 _ELSEWHERE = {"commanded_waypoint": "its waypoint", "measured_onboard": "its own track"}
 _NOTHING = np.zeros(0)
 FLAT, FALLS = 2.0, 0.14
-"""[degree, m/s] A hull with less pitch sinks more slowly: 0.5 kg of net mass over 0.5 m2 of its
-side and a drag coefficient of 1 give 0.13 m/s."""
+"""[degree, m/s] A hull pitched by less than `FLAT` sinks more slowly than `FALLS`: 0.5 kg of net
+mass over 0.5 m2 of its side and a drag coefficient of 1 give 0.13 m/s."""
 
 
 def doubts_of(
@@ -253,8 +253,8 @@ DEEP = 10.0
 
 
 def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
-    """Channel that shows when the vehicle's computer runs in a row: `awake`, or an attitude that is
-    sampled regularly; empty without any."""
+    """Channel that shows when the vehicle's computer runs during a row: `awake`, or an attitude
+    that is sampled regularly; empty without any."""
     for name in ("awake", *ATTITUDE):
         one = log.channel(name).within(segment.start, segment.end)
         if len(one) >= _FEWEST and not one.on_change:

@@ -148,7 +148,7 @@ def _tell_lacking(lacking: Mapping[str, Sequence[str]], tally: Tally, by_depth: 
     """Report names in the files that are not read, and missing channels or fixes.
 
     Args:
-      lacking: deployments without a channel, or without GPS fixes, by its name.
+      lacking: names of deployments, by the channel (or GPS fixes) that they lack.
       by_depth: whether rows without fixes are split by depth.
     """
     tell_unread(tally)

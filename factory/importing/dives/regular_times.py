@@ -45,9 +45,9 @@ DEPTHS = ("measured_depth", "measured_pressure")
 MEASURING = re.compile(r"measured_(pitch|roll|heading|\w+_rate|specific_force_\w)")
 """Signals of sensors that never report on change: unknown without a sample."""
 MOST_HOLES = 100_000
-"""Most samples of a row's grid that may be a gap: six days of 5 s."""
+"""Most samples of a row's grid without a check for gaps: six days at 5 s."""
 _MOST_HOLE = 10.0
-"""Most grid samples of a longer row for each sample that the log has in it."""
+"""Most grid samples for each logged sample in a longer row."""
 _GAP_FACTOR = 3.0
 """Shortest gap, in usual sample spacings."""
 _TRUTH = ("true_surge", "true_sway", "true_heave")

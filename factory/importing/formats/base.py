@@ -198,7 +198,10 @@ def kind_that_takes(
 
 
 def takes(importer: Importer, path: Path) -> bool | None:
-    """Tell whether a kind's reader accepts a file; None if it fails for another reason."""
+    """Tell whether a kind's reader accepts a file; None if it fails for another reason.
+
+    False means that the reader finds the file to be of another kind.
+    """
     try:
         read = imported(importer.read) if isinstance(importer.read, str) else importer.read
         return bool(read([path], ReadOptions(), Tally()))

@@ -152,7 +152,7 @@ def water_of(
 
 _CTD = ("temp_c", "sal_psu")
 _TURNS, _ROLLS = 500.0, 1.5
-"""[counts, degree] Range of the roll mass beyond which the glider's roll exceeds the second."""
+"""[counts, degree] A roll mass that moves over `_TURNS` rolls the glider by more than `_ROLLS`."""
 
 
 def _rolls_in_radian(roll: Array, counts: Array) -> bool:
@@ -255,7 +255,7 @@ PSI = 6894.757
 
 
 def first_time(dives: Columns) -> Array:
-    """[s] Unix time of the last fix before each dive; without any such fix, of another fix."""
+    """[s] Unix time of the last fix before each dive; if no dive has this fix, of another fix."""
     for name in ("gps2_time", "gps1_time", "gpsE_time"):
         if name in dives and np.isfinite(dives[name]).any():
             return dives[name]

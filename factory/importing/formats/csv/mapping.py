@@ -27,7 +27,7 @@ SHIPPED = Path(__file__).parent / "mappings"
 FRAMES = ("FRD", "FLU")
 """Body axes: forward-starboard-down, which stores have, and forward-port-up."""
 LOCKS = {"bottom": 1.0, "water": 2.0}
-"""`measured_dvl_mode` of each lock; 0 is none."""
+"""Values of `measured_dvl_mode` by lock; 0 means no lock."""
 TURNED = frozenset(
     f"{group}_{name}"
     for group in ("measured", "true", "commanded")
@@ -162,7 +162,7 @@ class Mapping:
     deployment_word: str = ""
     """Name of the deployment, or of the column that has it."""
     rows: Literal["dives", "file", "gaps", "minutes"] = "dives"
-    """Kind of rows in the store."""
+    """Kind of rows in the store: dives, whole files, times between gaps, or minutes."""
     minutes: float = 0.0
     """[min] Length of a row, if `rows` is minutes."""
     gap_s: float = 60.0

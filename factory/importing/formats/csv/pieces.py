@@ -216,7 +216,7 @@ _MOST = 0.3
 _ONE_VALUE = 0.1
 """Fraction of the samples beyond which a single value, of either sign, is a sentinel."""
 _FEWEST = 100
-"""Fewest values of a column that never changes that show a fault."""
+"""Fewest values that show a fault in a column that never changes."""
 _WINDOW = 10.0
 """[s] Averaging time to compare track and velocity: a GPS's metre is then 0.1 m/s."""
 _HOLE = 5.0
@@ -230,7 +230,7 @@ SCALE = (0.4, 2.5)
 _CURRENT = 1.5
 """[m/s] Largest difference that a current may cause: stronger ones are rare where vehicles go."""
 _AGREES = 0.5
-"""Least correlation that allows to judge the sign of sway."""
+"""Least size of the correlation from which the sign of sway is judged."""
 
 
 def check_values(

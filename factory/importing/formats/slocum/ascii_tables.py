@@ -1,8 +1,8 @@
 """ASCII tables: reads a Slocum's data as text, as `dbd2asc` and later programs write it.
 
-A header of lines `key: value`, of which `num_ascii_tags` gives the number, comes first. Then come
-`num_label_lines` lines: names of the sensors, their units, their sizes in bytes. Then comes a row
-for each cycle, divided by blanks (Teledyne Webb Research, dbd_file_format.txt).
+A file begins with lines `key: value`; the key `num_ascii_tags` gives their number. Then come
+`num_label_lines` lines: names of the sensors, their units, their sizes in bytes. Each further row
+is a cycle, divided by blanks (Teledyne Webb Research, dbd_file_format.txt).
 """
 
 from __future__ import annotations

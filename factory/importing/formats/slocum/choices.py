@@ -46,8 +46,8 @@ _SAME_ZERO = 2.0
 """[dbar] Sensors that differ by less have one zero: a lag of some seconds, or half a hull's length
 at 26 degree of pitch, makes as much."""
 _DRIFTED, _CLEARLY = 1.0, 5.0
-"""[dbar] A zero must move by more than this, and by more than so many times the differences between
-neighbouring gaps, to count as moved."""
+"""[dbar] A zero counts as moved if it moves by more than `_DRIFTED` and by more than `_CLEARLY`
+times the differences between neighbouring gaps."""
 _NEIGHBOURS = 5
 """Number of gaps in the running median."""
 _AGREE = 25.0
