@@ -176,7 +176,7 @@ def _header(file: TextIO) -> tuple[list[str], str]:
     return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
 
 
-class _Behind(io.TextIOBase):
+class _PaddedTable(io.TextIOBase):
     """Table preceded by a row of empty cells, which gives the parser the largest number of cells.
     The parser trusts the first row, even one with millions of cells."""
 
@@ -198,7 +198,7 @@ def _csv(path: Path) -> Table:
             # a row may end with a separator, so that it has an empty cell more than the header
             cells = range(len(names) + 1)
             frame = pd.read_csv(
-                _Behind(delimiter * len(names) + "\n", file), sep=delimiter, header=None,
+                _PaddedTable(delimiter * len(names) + "\n", file), sep=delimiter, header=None,
                 names=cells, dtype=str, na_filter=False, index_col=False,
             )[1:]  # fmt: skip
     except _UNREADABLE as error:
@@ -268,7 +268,7 @@ def tidy(
     known = np.isfinite(time) & (time >= FIRST_SECOND) & (time <= LAST_SECOND)
     tally.add("left out", subject, ~known, "rows without a possible time")
     tell_standing(time[known], {n: v[known] for n, v in columns.items()}, subject, tally)
-    astray = _astray(time, known)
+    astray = _wrong_clock_rows(time, known)
     tally.add(
         "left out", subject, astray,
         f"rows whose clock had jumped by {_JUMP / _YEAR:g} year or more",
@@ -283,10 +283,10 @@ def tidy(
     out: dict[str, Array] = {}
     for name, values in columns.items():
         out[name] = tally.removed(values, np.isinf(values), name, "infinite")[known][order]
-    return unique, _once(first, out, subject, tally) if repeated else out
+    return unique, _merge_repeats(first, out, subject, tally) if repeated else out
 
 
-def _astray(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _wrong_clock_rows(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """True for the few rows so far in time from the others that their clock was wrong."""
     rows = np.flatnonzero(known)
     rows = rows[np.argsort(time[rows], kind="stable")]
@@ -297,7 +297,7 @@ def _astray(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.isin(np.arange(len(time)), np.concatenate(few) if few else [])
 
 
-def _once(
+def _merge_repeats(
     first: NDArray[np.intp], columns: Mapping[str, Array], subject: str, tally: Tally
 ) -> dict[str, Array]:
     """Merge rows of one time into one row.

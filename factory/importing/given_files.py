@@ -129,14 +129,14 @@ def _inside(importer: Importer, folder: Path, tally: Tally, recursive: bool) -> 
         endings = " ".join(sorted(importer.suffixes))
         raise InputError(
             f"folder {folder} holds no {importer.name} logs ({endings})"
-            f"{'' if recursive else _below(importer, folder)}{_looks_like(every)}"
+            f"{'' if recursive else _hint_below(importer, folder)}{_hint_kind(every)}"
         )
     others = [p.name for p in every if p not in inside and p.name not in importer.beside]
     tally.add("left out", "files", len(others), f"no {importer.name} logs: {summarise(others)}")
     return inside
 
 
-def _below(importer: Importer, folder: Path) -> str:
+def _hint_below(importer: Importer, folder: Path) -> str:
     """Hint for an error: folders below that hold such logs, some of them by name."""
     holding = sorted({path.parent for path in folder.rglob("*") if importer.accepts(path)})
     if not holding:
@@ -149,7 +149,7 @@ _SUGGESTED = 3
 """Largest number of folders that an error names."""
 
 
-def _looks_like(files: Sequence[Path]) -> str:
+def _hint_kind(files: Sequence[Path]) -> str:
     """Hint for an error: the kind of the first file that looks like a log."""
     for path in files:
         try:

@@ -91,12 +91,12 @@ def good_fixes(
         tally.add("removed", FIXES, deep, f"deeper than {STATION_DEPTH:g} m")
         fixes = fixes.keep(~deep)
     elif len(depth):
-        fixes = _afloat(fixes, depth, rules, tally)
+        fixes = _surfaced(fixes, depth, rules, tally)
     keep = np.ones(len(fixes), bool)
     for i in range(1, len(fixes) - 1):
         # away from both neighbours, while these agree with each other
-        if _apart(fixes, i - 1, i, rules) and _apart(fixes, i, i + 1, rules):
-            keep[i] = _apart(fixes, i - 1, i + 1, rules)
+        if _is_far(fixes, i - 1, i, rules) and _is_far(fixes, i, i + 1, rules):
+            keep[i] = _is_far(fixes, i - 1, i + 1, rules)
     tally.add("removed", FIXES, ~keep, "away from their neighbours")
     return fixes.keep(keep)
 
@@ -137,7 +137,7 @@ def coasting(fixes: LoggedFixes, fastest: float) -> Mask:
     return bad
 
 
-def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) -> LoggedFixes:
+def _surfaced(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) -> LoggedFixes:
     """Keep fixes at the surface, and fixes just below it if the receiver has hardly coasted yet."""
     away = np.abs(nearest(depth.time, fixes.time) - fixes.time)
     right = np.clip(np.searchsorted(depth.time, fixes.time), 0, len(depth) - 1)
@@ -160,7 +160,7 @@ def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) 
             coasted += int(keep[i])
     wet = int((~keep).sum())
     if wet > _SHARE * near.sum() and wet >= _LEAST:
-        tally.doubt(FIXES, _clocks(fixes.time, depth, rules), wet)
+        tally.doubt(FIXES, _clock_doubt(fixes.time, depth, rules), wet)
     deeper = f"deeper than {rules.fix_depth:g} m"
     tally.add("removed", FIXES, wet, f"under water: {deeper}")
     tally.add(
@@ -177,7 +177,7 @@ def _just_dived(time: float, depth: Channel, rules: DiveRules) -> bool:
     return bool(before.values.min() <= rules.fix_depth)
 
 
-def _clocks(times: Array, depth: Channel, rules: DiveRules) -> str:
+def _clock_doubt(times: Array, depth: Channel, rules: DiveRules) -> str:
     """Text for the report, with the clock difference that brings fixes to the surface."""
     best, found = 0.0, 0.0
     for k in range(-_SHIFTS, _SHIFTS + 1):
@@ -206,7 +206,7 @@ def _distance(fixes: LoggedFixes, i: int, j: int) -> float:
     return float(np.hypot(*_offset(fixes, i, j)))
 
 
-def _apart(fixes: LoggedFixes, i: int, j: int, rules: DiveRules) -> bool:
+def _is_far(fixes: LoggedFixes, i: int, j: int, rules: DiveRules) -> bool:
     reach = rules.fix_noise + rules.fix_speed * float(fixes.time[j] - fixes.time[i])
     return _distance(fixes, i, j) > reach
 

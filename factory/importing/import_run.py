@@ -117,7 +117,7 @@ def import_logs(
     command += ["--payload", *payload] if payload else []
     command += ["--recursive"] if recursive else []
     dataset.attrs[HISTORY] = f"{stamp}: {shlex.join(command)}"
-    said = _beside(paths) or (logs[0].said if len(logs) == 1 else None)
+    said = _metadata_text(paths) or (logs[0].said if len(logs) == 1 else None)
     if said is not None:
         dataset.attrs[DEPLOYMENT_METADATA] = said
     return dataset, report
@@ -164,7 +164,7 @@ BAG = "rosbag2_bagfile_information"
 """First word of rosbag2's own metadata.yaml, which describes no deployment."""
 
 
-def _beside(paths: Sequence[Path]) -> str | None:
+def _metadata_text(paths: Sequence[Path]) -> str | None:
     """Text of the only metadata file in the logs' folders; None if there is none or several."""
     folders = dict.fromkeys(path.resolve().parent for path in paths)
     found = [folder / name for folder in folders for name in METADATA if (folder / name).is_file()]

@@ -170,11 +170,11 @@ def log_of_messages(
         deployment, channels, mapping, options.variation_deg, tally,
         time=np.unique(np.concatenate(times)), files=times, names=[path.name],
     )  # fmt: skip
-    auxiliary = {**_driven(log), **log.auxiliary}
+    auxiliary = {**_thruster_channel(log), **log.auxiliary}
     return dataclasses.replace(log, period=mapping.period_s, auxiliary=auxiliary)
 
 
-def _driven(log: DeploymentLog) -> dict[str, Channel]:
+def _thruster_channel(log: DeploymentLog) -> dict[str, Channel]:
     """Channel `thruster`: 1 while the first logged screw of the vehicle file turns."""
     if log.model is None:
         return {}

@@ -58,15 +58,15 @@ for line in sys.stdin:
 
     def passes(self, path: Path) -> bool:
         """Tell whether the process returns from the file, with an error or without."""
-        self._leave()
+        self._leave_to_parent()
         stat = path.stat()
         key = str(path.resolve()), stat.st_size, stat.st_mtime_ns
         with self._lock:
-            if key not in self._passed and self._tried(key[0]):
+            if key not in self._passed and self._comes_back(key[0]):
                 self._passed.add(key)
             return key in self._passed
 
-    def _tried(self, path: str) -> bool:
+    def _comes_back(self, path: str) -> bool:
         if self._process is not None and self._process.poll() is not None:
             self.end()  # ended from outside
         if self._process is None:
@@ -90,7 +90,7 @@ for line in sys.stdin:
             return False
         return True
 
-    def _leave(self) -> None:
+    def _leave_to_parent(self) -> None:
         """Leave the process to the parent after a fork: only the parent can wait for it."""
         if self._owner != os.getpid():
             self._owner, self._lock = os.getpid(), threading.Lock()
@@ -98,7 +98,7 @@ for line in sys.stdin:
 
     def end(self) -> None:
         """End the process; the next file starts another."""
-        self._leave()
+        self._leave_to_parent()
         if self._process is not None:
             self._process.communicate()
             self._process = None

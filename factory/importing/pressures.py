@@ -313,7 +313,7 @@ def without_air(
     count, size = int(good.sum()), factor_of(unit, "dbar")
     if low >= _HIGHEST_LAKE * air or counts_upward((values - air) * size):
         return values - air  # `clean` negates a pressure that counts upward
-    swum = {one: _is_swum(time[good], values[good] * factor_of(one, "dbar")) for one in UNITS}
+    swum = {one: _can_dive(time[good], values[good] * factor_of(one, "dbar")) for one in UNITS}
     sizes = {one: factor_of(one, "dbar") for one in UNITS if swum[one]}
     absolute = [one for one, s in sizes.items() if abs(low * s - AIR) < _AT_SURFACE * AIR]
     gauge = [one for one, s in sizes.items() if abs(low * s) < _AFLOAT and (high - low) * s > _SEEN]
@@ -332,7 +332,7 @@ def without_air(
     return np.full(len(values), np.nan)
 
 
-def _is_swum(time: Array, dbar: Array) -> bool:
+def _can_dive(time: Array, dbar: Array) -> bool:
     """True if a vehicle can have been so deep and have changed its depth so fast."""
     _, first = np.unique(np.floor(time), return_index=True)  # noise looks fast in short steps
     rate = np.abs(np.diff(dbar[first]) / np.diff(time[first]))

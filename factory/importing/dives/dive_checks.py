@@ -228,11 +228,11 @@ def doubts_of(
             why = f"more than {FARTHEST / 1e3:g} km from {what}; minutes for degrees?"
             found.append(("GPS fixes", why))
     if log.pieces is None and numbers.get("thruster_fraction", 0.0) <= DRIVEN:
-        found += _too_flat(signals, period)
+        found += _pitch_fault(signals, period)
     return found
 
 
-def _too_flat(signals: Mapping[str, Array], period: float) -> list[Reason]:
+def _pitch_fault(signals: Mapping[str, Array], period: float) -> list[Reason]:
     """Fault of a glide whose pitch is too small for its vertical velocity."""
     needed = ("measured_depth", "measured_pitch", "measured_gap", "measured_phase")
     if any(name not in signals for name in needed):

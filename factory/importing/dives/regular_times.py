@@ -108,7 +108,7 @@ def on_grid(
     signals["measured_gap"] = gap.astype(np.float64)
     stored, depth = log.channel("phase_stored"), signals.get("measured_depth")
     if len(stored):
-        signals["measured_phase"] = _close(stored, times, _step(log, period))
+        signals["measured_phase"] = _value_near(stored, times, _reach(log, period))
     elif depth is not None:
         found = phases(times - times[0], depth, rules.surface_depth)
         signals["measured_phase"] = float_at_fixes(found, depth, segment, period)
@@ -136,24 +136,24 @@ def _on_times(
     """
     gaps = name in VARIABLES and VARIABLES[name].gaps
     if log.gridded and (name in WATER or gaps):
-        return _close(channel, times, _step(log, period))
+        return _value_near(channel, times, _reach(log, period))
     if name in HELD | KNOWN_FROM:
         known = awake & ~_ended(name, channel, times)
         known |= _distance(channel, times) <= period
         if name in KNOWN_FROM:
             known &= times >= channel.time[0]
-        return np.where(known & (channel.time[0] <= times[-1]), _hold(channel, times), np.nan)
+        return np.where(known & (channel.time[0] <= times[-1]), _held_value(channel, times), np.nan)
     # samples just outside belong to the row's ends, samples of other dives do not
     margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
     near = channel.within(times[0] - margin, times[-1] + margin)
     if not len(near):
         return None
     if name in SPARSE:
-        return _close(near, times, 0.5 * period)
+        return _value_near(near, times, 0.5 * period)
     if name in DEPTHS:
-        return _to_fixes(near, segment).at(times)
+        return _extend_to_fixes(near, segment).at(times)
     if name in log.held:
-        values = _hold(near, times)
+        values = _held_value(near, times)
     elif name in ANGLES:
         turned = np.degrees(np.unwrap(np.radians(near.values)))
         values = np.mod(np.interp(times, near.time, turned), 360.0)
@@ -182,7 +182,7 @@ def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
     return times - channel.time[-1] > max(longest, NEAR)
 
 
-def _to_fixes(depth: Channel, segment: LogSegment) -> Channel:
+def _extend_to_fixes(depth: Channel, segment: LogSegment) -> Channel:
     """Extend a depth or pressure that begins or ends deep by a line to the fix at the surface."""
     time, values = depth.time, depth.values
     if segment.start_fix is not None and values[0] > DEEP and time[0] - segment.start > NEAR:
@@ -197,19 +197,19 @@ def _distance(channel: Channel, times: Array) -> Array:
     return np.abs(nearest(channel.time, times) - times)
 
 
-def _close(channel: Channel, times: Array, reach: float) -> Array:
+def _value_near(channel: Channel, times: Array, reach: float) -> Array:
     """Value of the nearest sample within `reach` [s], else NaN."""
     at = nearest(channel.time, times)
     values = channel.values[np.searchsorted(channel.time, at)]
     return np.where(np.abs(at - times) <= reach, values, np.nan)
 
 
-def _step(log: DeploymentLog, period: float) -> float:
+def _reach(log: DeploymentLog, period: float) -> float:
     """[s] Half of the longer sampling interval: the log's or the store's."""
     return 0.5 * max(period, log.period or 0.0)
 
 
-def _hold(channel: Channel, times: Array) -> Array:
+def _held_value(channel: Channel, times: Array) -> Array:
     """Value of the last sample at or before each time; of the first sample before that."""
     index = np.searchsorted(channel.time, times, side="right") - 1
     return channel.values[np.maximum(index, 0)]
@@ -224,7 +224,7 @@ def _gaps(log: DeploymentLog, times: Array, period: float) -> Mask:
     gap = np.zeros(len(times), bool)
     stored = log.channel("gap_stored")
     if len(stored):
-        return _close(stored, times, _step(log, period)) > 0.5
+        return _value_near(stored, times, _reach(log, period)) > 0.5
     margin = _LONGEST_REGULAR * _AROUND
     for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
         channel = _first_of(log, names)
@@ -296,7 +296,7 @@ def _put_waypoint(
     origin = segment.start_fix or segment.end_fix
     if origin is None or not len(latitude) or latitude.time[0] > times[-1]:
         return
-    values = offset(_hold(latitude, times), _hold(longitude, times), *origin)
+    values = offset(_held_value(latitude, times), _held_value(longitude, times), *origin)
     known = (times >= latitude.time[0]) & running(log, segment, times)
     for axis, one in zip(("north", "east"), values, strict=True):
         signals[f"commanded_waypoint_{axis}"] = np.where(known, one, np.nan)
@@ -316,7 +316,7 @@ def _put_times(log: DeploymentLog, times: Array, period: float, signals: dict[st
         kept = log.channel(name.replace("_time", "_original"))
         channel = _first_of(log, sources)
         if len(kept):
-            signals[name] = _close(kept, times, _step(log, period)) - times[0]
+            signals[name] = _value_near(kept, times, _reach(log, period)) - times[0]
         elif len(channel):
             signals[name] = nearest(channel.time, times) - times[0]
 

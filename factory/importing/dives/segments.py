@@ -178,7 +178,7 @@ def _segment(
         if len(around) > 1:
             waited = float(around.time[-1] - around.time[0])
             drift = surface_drift(around)
-    return _between(
+    return _make_segment(
         span, *(None if i is None else _place(fixes, i) for i in (first, last)),
         surface_duration=waited, surface_drift=drift,
     )  # fmt: skip
@@ -192,7 +192,7 @@ def _place(fixes: LoggedFixes, k: int) -> Place:
     return float(fixes.latitude[k]), float(fixes.longitude[k])
 
 
-def _between(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
+def _make_segment(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
     """Make a row of a span [s] between two positions; `stay` is the surface interval before it."""
     moved = NOWHERE
     if first is not None and last is not None:
@@ -297,9 +297,9 @@ def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegmen
     for span in long:
         used |= (fixes.time >= span[0]) & (fixes.time <= span[1])
         inside = fixes.within(*span)
-        ends = [_near(inside, edge) for edge in span]
+        ends = [_place_near(inside, edge) for edge in span]
         rows.append(
-            _between(
+            _make_segment(
                 span, *ends, surface_duration=float("nan"), surface_drift=NOWHERE, inside=inside
             )
         )
@@ -307,7 +307,7 @@ def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegmen
     return rows
 
 
-def _near(fixes: LoggedFixes, time: float) -> Place | None:
+def _place_near(fixes: LoggedFixes, time: float) -> Place | None:
     """Position of the fix nearest to a row's end; None if none is near."""
     if not len(fixes):
         return None

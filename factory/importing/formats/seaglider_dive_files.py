@@ -141,7 +141,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
             time = as_array(variables["time"][:])
             if not time.size:
                 raise InputError(f"{path.name} holds a dive without samples")
-            measured = _known(variables, SAMPLES, tally)
+            measured = _known_columns(variables, SAMPLES, tally)
             for source, column in SAMPLES.items():
                 values = measured.get(column, time)
                 if len(values) != len(time):
@@ -159,11 +159,11 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
                 row |= voltage_and_charge(text_of(variables.get(words)), words)
             moves = {n: as_array(variables[n][:]) for n in PUMPED if n in variables}
             found.tables = {"samples": [samples], "dives": [row], "moves": [moves]}
-            adcp = _known(variables, ADCP, tally)
+            adcp = _known_columns(variables, ADCP, tally)
             found.tables["adcp"] = [adcp] if "u_ttw" in adcp and "time" in adcp else []
             ctd = _ctd(variables, path, tally)
             found.tables["ctd"] = [ctd] if ctd else []
-            carried = {n: _carried(variables, n) for n in payload if n in variables}
+            carried = {n: _payload_channel(variables, n) for n in payload if n in variables}
             found.payload = [carried]
             found.units = {n: unit_in(attributes_of(variables[n])) for n in carried}
             clocks = [str(_clock(variables, n)) for n in carried]
@@ -180,7 +180,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
     return found
 
 
-def _known(variables: Any, names: Mapping[str, str], tally: Tally) -> Columns:
+def _known_columns(variables: Any, names: Mapping[str, str], tally: Tally) -> Columns:
     """Columns of the named variables, without those of another quantity than expected."""
     return {
         column: values
@@ -197,7 +197,7 @@ def _clock(variables: Any, name: str) -> str | None:
     )
 
 
-def _carried(variables: Any, name: str) -> Channel:
+def _payload_channel(variables: Any, name: str) -> Channel:
     """Samples of a payload's variable; empty if no times belong to it."""
     clock = _clock(variables, name)
     if clock is None or len(variables[name].dimensions) != 1:
@@ -264,7 +264,7 @@ def _fixes(variables: Any, tally: Tally) -> Columns:
     row: Columns = {}
     if not set(_FIX_PARTS.values()) <= set(variables):
         return row
-    found = _known(
+    found = _known_columns(
         variables, {n: part for part, n in _FIX_PARTS.items()} | {DILUTION: "hdop"}, tally
     )
     if not set(_FIX_PARTS) <= set(found):
@@ -272,16 +272,16 @@ def _fixes(variables: Any, tally: Tally) -> Columns:
     for part, values in found.items():
         for fix, value in zip(_FIXES, values, strict=False):
             row[f"{fix}_{part}"] = np.array([value])
-    together = _letters(variables.get(FLAGS))
+    together = _flag_letters(variables.get(FLAGS))
     for k, fix in enumerate(_FIXES):
-        flags = _letters(variables.get(_FIX_FLAGS[fix]))[:1] + together[k : k + 1]
+        flags = _flag_letters(variables.get(_FIX_FLAGS[fix]))[:1] + together[k : k + 1]
         if f"{fix}_time" in row and _NO_FIX_QC & set(flags):
             row[f"{fix}_lat"] = np.array([np.nan])
             tally.add("removed", "GPS fixes", 1, "flagged bad by the basestation")
     return row
 
 
-def _letters(flags: Any) -> str:
+def _flag_letters(flags: Any) -> str:
     """Flags as a text, a letter each; empty without the variable."""
     if flags is None:
         return ""
@@ -306,7 +306,7 @@ def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
         return {}
     columns: Columns = {"time": as_array(variables["ctd_time"][:])}
     for source, column in (("temperature", "temp_c"), ("salinity", "sal_psu")):
-        values = _known(variables, {source: column}, tally).get(column)
+        values = _known_columns(variables, {source: column}, tally).get(column)
         if values is None:
             continue
         if len(values) != len(columns["time"]):

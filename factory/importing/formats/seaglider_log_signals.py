@@ -229,9 +229,7 @@ def seaglider_batteries(
 
 
 START, END = "gps2_time", "gpsE_time"
-"""Times of the last fix before a dive and the first after it"""
-START, END = "gps2_time", "gpsE_time"
-"""Times of the last fix before a dive and the first after it"""
+"""Columns of the times of the last fix before a dive and the first fix after it."""
 PUMPED = ("gc_st_secs", "gc_pitch_secs", "gc_vbd_secs", "gc_vbd_i", "gc_vbd_volts")
 """Columns of a move: its start [s], duration of pitch and pump [s], current [A] and voltage [V]."""
 GAUGES = ("log_FG_AHR_10V", "log_FG_AHR_24V", "log_FG_AHR_10Vo", "log_FG_AHR_24Vo")

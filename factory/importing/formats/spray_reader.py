@@ -279,7 +279,7 @@ def _log(
             samples.append((time, part[way] * deep[down[-1]], of, np.append(-1, down)[way]))
     if not samples:
         raise InputError(f"{file}: no profile of {name} has temperature or salinity")
-    time, depth, of, bin_ = _rising(*(np.concatenate(each) for each in zip(*samples, strict=True)))
+    time, depth, of, bin_ = _sorted(*(np.concatenate(each) for each in zip(*samples, strict=True)))
     channels = {"measured_depth": clean("measured_depth", time, depth, tally, subject=file)}
     up = (of >= 0) & (depth > 0.0)
     water = {key: v[of[up].astype(int), bin_[up].astype(int)] for key, v in found.water.items()}
@@ -305,7 +305,7 @@ def _log(
     )
 
 
-def _rising(time: Array, *columns: Array) -> tuple[Array, ...]:
+def _sorted(time: Array, *columns: Array) -> tuple[Array, ...]:
     """Sort columns by time; keep each time once."""
     time, first = np.unique(time, return_index=True)
     return (time, *(column[first] for column in columns))

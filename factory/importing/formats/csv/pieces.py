@@ -125,20 +125,20 @@ def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
             f'"{"s" if words is None else ISO}" in [time]'
         )
     if words is not None:
-        time = _written(words, clock, path, tally)
+        time = _parse_times(words, clock, path, tally)
     else:
         time = table.columns[clock.column] * SECONDS[clock.unit]
         start = clock.start
         if clock.start_from_name is not None:
             start = _start_by_name(path, clock.start_from_name)
-        time = _whole(time, path, tally) if start is None else time + start
+        time = _unix_times(time, path, tally) if start is None else time + start
     if not np.isfinite(time).any():
         raise InputError(f"{path.name}: no row has a time in column {clock.column!r}")
     tally.add("read", clock.column, np.isfinite(time), "as time")
     return time
 
 
-def _written(words: NDArray[Any], clock: Clock, path: Path, tally: Tally) -> Array:
+def _parse_times(words: NDArray[Any], clock: Clock, path: Path, tally: Tally) -> Array:
     """[s] Unix time of written times; times of another layout than the mapping's are counted.
 
     Raises:
@@ -158,7 +158,7 @@ def _written(words: NDArray[Any], clock: Clock, path: Path, tally: Tally) -> Arr
     return time
 
 
-def _whole(time: Array, path: Path, tally: Tally) -> Array:
+def _unix_times(time: Array, path: Path, tally: Tally) -> Array:
     try:
         return unix_seconds(time, path.name, tally)
     except InputError as error:

@@ -129,18 +129,18 @@ def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[
     edges = np.concatenate([[-np.inf], pressure.time, [np.inf]])
     at = np.searchsorted(edges, other.time, side="right") - 1
     inside = (edges[at + 1] - edges[at] > reach) & (edges[at] < other.time)
-    shift = _shift(pressure, other) if inside.any() else None
+    shift = _zero_difference(pressure, other) if inside.any() else None
     if shift is None:
         return pressure, 0
     at, added = at[inside], other.time[inside]
     low, high = edges[at], edges[at + 1]
-    steps = [_step(pressure, other, shift, edge) for edge in (low, high)]
+    steps = [_edge_difference(pressure, other, shift, edge) for edge in (low, high)]
     if sparse:
         gaps = np.concatenate([[np.inf], np.diff(edges), [np.inf]])
         alone = gaps[at] > reach, gaps[at + 2] > reach
         steps = [np.where(lone, np.nan, step) for lone, step in zip(alone, steps, strict=True)]
     # a moved zero: the same difference is left at both edges, in descent and climb
-    moved = _moved(at, 0.5 * (steps[0] + steps[1]))
+    moved = _zero_change(at, 0.5 * (steps[0] + steps[1]))
     shifts = shift + moved
     for edge, step in zip((low, high), steps, strict=True):
         ramp = np.clip(1.0 - np.abs(added - edge) / _RAMP, 0.0, 1.0)
@@ -151,7 +151,7 @@ def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[
     return Channel(time[order], values[order]), len(added)
 
 
-def _moved(hole: NDArray[np.intp], step: Array) -> Array:
+def _zero_change(hole: NDArray[np.intp], step: Array) -> Array:
     """[dbar] Change of the difference of the zeros at each added sample.
 
     The median over neighbouring gaps is used, as the value of a single gap is noise of a turn.
@@ -175,7 +175,7 @@ def _moved(hole: NDArray[np.intp], step: Array) -> Array:
     return np.asarray(found[of])
 
 
-def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
+def _edge_difference(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
     """[dbar] Remaining difference at the edges of gaps; NaN where unknown."""
     there = np.isfinite(edge)
     at = np.where(there, edge, pressure.time[0])
@@ -184,7 +184,7 @@ def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array
     return np.where(there & near & (np.abs(left) < _AGREE), left, np.nan)
 
 
-def _shift(pressure: Channel, other: Channel) -> float | None:
+def _zero_difference(pressure: Channel, other: Channel) -> float | None:
     """[dbar] Excess of `other` over `pressure`; None if they contradict or never meet.
 
     A sensor that answers late, or sits further aft, shows more in one direction and less in the
