@@ -61,10 +61,10 @@ def _write(
 ) -> list[Path]:
     from twin.records.logged import LogStore
 
-    there = str(options.file_dir)
-    if not (re.fullmatch(ABSOLUTE, there) and there.isprintable()):
+    place = str(options.file_dir)
+    if not (re.fullmatch(ABSOLUTE, place) and place.isprintable()):
         raise InputError(
-            f"--file-dir {there!r} must be the absolute path of the files' folder on the server, "
+            f"--file-dir {place!r} must be the absolute path of the files' folder on the server, "
             "such as /data/calypso"
         )
     assert callable(OG1.write)
@@ -131,9 +131,9 @@ def dataset(
     return made
 
 
-def _address(said: object) -> str:
+def _address(value: object) -> str:
     """Address from metadata, with a scheme if it has none."""
-    return re.sub(r"^www\.", "https://www.", str(said))
+    return re.sub(r"^www\.", "https://www.", str(value))
 
 
 def _destination(name: str) -> str:
@@ -170,9 +170,9 @@ def _tags(made: ElementTree.Element, **texts: str) -> None:
         ElementTree.SubElement(made, tag).text = text
 
 
-def _attributes(made: ElementTree.Element, said: Sequence[tuple[str, str, str | None]]) -> None:
+def _attributes(made: ElementTree.Element, items: Sequence[tuple[str, str, str | None]]) -> None:
     added = ElementTree.SubElement(made, "addAttributes")
-    for name, value, kind in said:
+    for name, value, kind in items:
         tag = ElementTree.SubElement(added, "att", {"name": name})
         tag.text = value
         if kind is not None:

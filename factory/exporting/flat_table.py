@@ -102,9 +102,9 @@ def _about(run: MissionStore) -> dict[str, str]:
     if isinstance(run, GeneratedStore):
         return {"title": "SIMULATED underwater glider missions", "settings": str(run.settings)}
     if isinstance(run, StoredFlight):
-        said = {key: str(run.attributes[key]) for key in (TITLE, "vehicle", "mission", SCENARIO)}
+        about = {key: str(run.attributes[key]) for key in (TITLE, "vehicle", "mission", SCENARIO)}
         places = {mission: run.place(mission) for mission in range(len(run))}
-        return {**said, "places": json.dumps(places)}
+        return {**about, "places": json.dumps(places)}
     return {key: str(run.attributes[key]) for key in (TITLE, COMMENT, PLATFORM, HISTORY)}
 
 

@@ -114,20 +114,20 @@ def parse_metadata(text: str, path: str) -> Metadata:
             f"metadata {path} has no section `metadata` (or `global`) with title, institution and "
             "the like: pyglider's deployment.yml has it"
         )
-    said = _words(path, loaded, GLOBAL)
+    words = _words(path, loaded, GLOBAL)
     vehicle = _words(path, loaded, (VEHICLE,))
     sections = (loaded.get(name) for name in DEVICES)
     devices = next((one for one in sections if isinstance(one, dict)), {})
     return Metadata(
-        attributes={SPELT.get(name, name): text for name, text in said.items() if name not in OWN},
+        attributes={SPELT.get(name, name): text for name, text in words.items() if name not in OWN},
         devices={
             str(name).lower(): _words(path, devices, (name,))
             for name in devices
             if isinstance(devices[name], dict)
         },
-        wmo=said.get("wmo_id", "") or vehicle.get("WMO", ""),
-        serial=said.get("glider_serial", "") or vehicle.get("serial", ""),
-        model=said.get("glider_model", "") or vehicle.get("type", ""),
+        wmo=words.get("wmo_id", "") or vehicle.get("WMO", ""),
+        serial=words.get("glider_serial", "") or vehicle.get("serial", ""),
+        model=words.get("glider_model", "") or vehicle.get("type", ""),
     )
 
 

@@ -275,8 +275,8 @@ def tidy(
     )  # fmt: skip
     known &= ~astray
     time = time[known]
-    late = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
-    tally.add("sorted", subject, late.size, "rows earlier than one before them")
+    earlier = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
+    tally.add("sorted", subject, earlier.size, "rows earlier than one before them")
     order = np.argsort(time, kind="stable")
     unique, first = np.unique(time[order], return_index=True)
     repeated = time.size - unique.size

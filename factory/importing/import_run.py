@@ -117,9 +117,9 @@ def import_logs(
     command += ["--payload", *payload] if payload else []
     command += ["--recursive"] if recursive else []
     dataset.attrs[HISTORY] = f"{stamp}: {shlex.join(command)}"
-    said = _metadata_text(paths) or (logs[0].said if len(logs) == 1 else None)
-    if said is not None:
-        dataset.attrs[DEPLOYMENT_METADATA] = said
+    text = _metadata_text(paths) or (logs[0].said if len(logs) == 1 else None)
+    if text is not None:
+        dataset.attrs[DEPLOYMENT_METADATA] = text
     return dataset, report
 
 
@@ -207,7 +207,7 @@ def _read_others(
       InputError: no file is left, or the reader fails at no single file.
     """
 
-    def alone(path: Path) -> None:
+    def read_alone(path: Path) -> None:
         try:
             read([path], options, Tally())
         except OtherKind:
@@ -215,7 +215,7 @@ def _read_others(
         except InputError:
             return  # not damaged; it may need another file
 
-    good = [path for path, _ in each_file(paths, alone, tally)]
+    good = [path for path, _ in each_file(paths, read_alone, tally)]
     if len(good) == len(paths):
         names = summarise([path.name for path in paths], 3)
         raise InputError(

@@ -223,6 +223,6 @@ def _sensor(name: str, metadata: Metadata) -> dict[str, str]:
 
 
 def _signal(name: str, values: Array, stored: str, **more: str) -> tuple[str, Og1Variable]:
-    told = VARIABLES[stored].attributes()
-    told["long_name"] = TERMS["long_names"].get(stored, told["long_name"])
-    return variable(name, values, like="signal", **{**told, **more})
+    known = VARIABLES[stored].attributes()
+    known["long_name"] = TERMS["long_names"].get(stored, known["long_name"])
+    return variable(name, values, like="signal", **{**known, **more})

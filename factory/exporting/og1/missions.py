@@ -178,9 +178,9 @@ def phases(depth: Array, velocity_down: Array) -> NDArray[np.int8]:
 
 
 def _signal(name: str, values: Array, stored: str, **more: str) -> tuple[str, Og1Variable]:
-    told = VARIABLES[stored].attributes()
-    told["long_name"] = f"{TERMS['long_names'].get(stored, told['long_name'])} (simulated)"
-    return variable(name, values, like="signal", **{**told, **more})
+    known = VARIABLES[stored].attributes()
+    known["long_name"] = f"{TERMS['long_names'].get(stored, known['long_name'])} (simulated)"
+    return variable(name, values, like="signal", **{**known, **more})
 
 
 def corrected_places(track: JoinedDives, found: FlownTracks) -> Variables:

@@ -104,11 +104,11 @@ def _began(
         if name not in place
     ]
     nominal = str(place.get(NOMINAL, " and ".join(lacking)))
-    said = str(place.get(START_TIME, DEFAULT_TIME))
-    start = datetime.datetime.fromisoformat(said).replace(tzinfo=datetime.UTC)
+    date = str(place.get(START_TIME, DEFAULT_TIME))
+    start = datetime.datetime.fromisoformat(date).replace(tzinfo=datetime.UTC)
     if start < EARLIEST:
         raise StoreError(
-            f"mission {mission} of {run.path} begins at {said}: OG1.0 has no dates "
+            f"mission {mission} of {run.path} begins at {date}: OG1.0 has no dates "
             f"before {EARLIEST:%Y-%m-%d}; fly it at a later start time"
         )
     latitude = float(place.get(START_LATITUDE, default.latitude_deg))

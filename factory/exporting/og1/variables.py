@@ -117,15 +117,15 @@ def variable(
       like: variable whose attributes are used if `og1.yaml` has none for `name`.
       more: further attributes; `kind` and `fill` set how the values are stored.
     """
-    told = {**TERMS["variables"][like or name], **more}
-    kind, fill = told.pop("kind", "f8"), told.pop("fill", None)
-    dimensions = () if told.pop("once", False) else (N_MEASUREMENTS,)
+    attributes = {**TERMS["variables"][like or name], **more}
+    kind, fill = attributes.pop("kind", "f8"), attributes.pop("fill", None)
+    dimensions = () if attributes.pop("once", False) else (N_MEASUREMENTS,)
     if fill and not dimensions and np.isfinite(values):
         fill = None
-    if meanings := told.pop("flags", None):
-        told["flag_values"] = np.array(list(meanings), np.int8)
-        told["flag_meanings"] = " ".join(meanings.values())
-    return name, Og1Variable(np.asarray(values), told, fill and float(fill), dimensions, kind)
+    if meanings := attributes.pop("flags", None):
+        attributes["flag_values"] = np.array(list(meanings), np.int8)
+        attributes["flag_meanings"] = " ".join(meanings.values())
+    return name, Og1Variable(np.asarray(values), attributes, fill and float(fill), dimensions, kind)
 
 
 def deployment(start: float, latitude: float, longitude: float) -> Variables:

@@ -144,8 +144,8 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
                 f"{path.name}: {', '.join(lacking)}: no places or times by their units"
             )
         for name in ("time", "time_uv"):
-            said = attributes_of(variables[name])
-            numbers[name] = seconds_of(numbers[name], said, f"{path.name} {name}", tally)
+            attributes = attributes_of(variables[name])
+            numbers[name] = seconds_of(numbers[name], attributes, f"{path.name} {name}", tally)
         bins = known("depth")
         if not bins:
             raise InputError(f"{path.name}: depth is no length by its unit")

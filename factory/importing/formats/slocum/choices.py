@@ -78,8 +78,8 @@ def slocum_pressure(
         one = native.get(name, EMPTY)
         if len(one) < 2:
             continue
-        beside = depth.at(one.time) if len(depth) else None
-        dbar = to_dbar(one.values, beside, name, tally, native="bar")
+        depths = depth.at(one.time) if len(depth) else None
+        dbar = to_dbar(one.values, depths, name, tally, native="bar")
         channel = clean("measured_pressure", one.time, dbar, tally, subject=name)
         if len(channel) > 2:
             found[name] = channel
@@ -95,9 +95,9 @@ def slocum_pressure(
     best = min(enough, key=lambda n: noise[n])
     pressure = found.pop(best)
     others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
-    said = f"from {best}" + (f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else "")
-    said += f" (not {others})" if others else ""
-    tally.add("note", "measured_pressure", len(pressure), said)
+    note = f"from {best}" + (f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else "")
+    note += f" (not {others})" if others else ""
+    tally.add("note", "measured_pressure", len(pressure), note)
     for name in sorted(found, key=lambda n: noise[n]):
         pressure, added = filled(pressure, found[name], sparse=name == "m_depth")
         tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
@@ -137,8 +137,8 @@ def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[
     steps = [_edge_difference(pressure, other, shift, edge) for edge in (low, high)]
     if sparse:
         gaps = np.concatenate([[np.inf], np.diff(edges), [np.inf]])
-        alone = gaps[at] > reach, gaps[at + 2] > reach
-        steps = [np.where(lone, np.nan, step) for lone, step in zip(alone, steps, strict=True)]
+        single = gaps[at] > reach, gaps[at + 2] > reach
+        steps = [np.where(lone, np.nan, step) for lone, step in zip(single, steps, strict=True)]
     # a moved zero: the same difference is left at both edges, in descent and climb
     moved = _zero_change(at, 0.5 * (steps[0] + steps[1]))
     shifts = shift + moved
@@ -194,17 +194,17 @@ def _zero_difference(pressure: Channel, other: Channel) -> float | None:
     left = pressure.time[np.clip(step - 1, 0, len(pressure) - 1)]
     right = pressure.time[np.clip(step, 0, len(pressure) - 1)]
     near = (np.abs(other.time - left) < _HOLE) & (np.abs(right - other.time) < _HOLE)
-    beside = pressure.at(other.time)
-    shallow = near & (beside < _SHALLOW)
+    below = pressure.at(other.time)
+    shallow = near & (below < _SHALLOW)
     near = shallow if shallow.any() else near
-    difference = other.values - beside
+    difference = other.values - below
     rate = np.gradient(other.values, other.time)
-    ways = [near & (rate > _RATE), near & (rate < -_RATE)]
-    if min(int(way.sum()) for way in ways) < _ENOUGH:
-        ways = [near]
-    if not ways[0].any():
+    directions = [near & (rate > _RATE), near & (rate < -_RATE)]
+    if min(int(direction.sum()) for direction in directions) < _ENOUGH:
+        directions = [near]
+    if not directions[0].any():
         return None
-    shift = float(np.mean([np.median(difference[way]) for way in ways]))
+    shift = float(np.mean([np.median(difference[direction]) for direction in directions]))
     if abs(shift) < _SAME_ZERO:
         return 0.0
     return shift if abs(shift) < _AGREE else None
