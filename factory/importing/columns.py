@@ -37,7 +37,7 @@ _JUMP = _YEAR
 """[s] Longest silence of a deployment; a longer step in time is a jump of the clock."""
 _FEW = 0.01
 """Rows beyond a jump are wrong if they are at most this fraction of the largest group, or one row
-beside `_SEVERAL` others: a reset clock, or a damaged number."""
+beside `_SEVERAL` others. A clock was reset, or a number is damaged."""
 _SEVERAL = 10
 LARGEST = 1e30
 """Largest number that a log can hold, in any unit; netCDF's own fill value is 9.97e36."""

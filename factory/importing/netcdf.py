@@ -262,10 +262,10 @@ COUNTS = ("row_size", "rowsize")
 class Geometry:
     """Samples of a file, and the index of each along every dimension.
 
-    The layouts are those of CF's chapter 9: a variable along the samples; one value for a profile
-    or a trajectory whose samples lie one after the other, counted by a variable with
-    `sample_dimension` (ERDDAP's `rowSize`); an index of the profile at each sample, with
-    `instance_dimension`; arrays of profiles by samples, padded.
+    The layouts are those of CF's chapter 9. A variable lies along the samples. One value holds for
+    a profile or a trajectory, whose samples are counted by a variable with `sample_dimension`
+    (ERDDAP's `rowSize`). An index with `instance_dimension` gives the profile of each sample.
+    Arrays of profiles by samples are padded.
     """
 
     def __init__(self, file: Any, measured: Sequence[str], subject: str) -> None:

@@ -179,7 +179,7 @@ class DiveRules:
     min_depth: float = 5.0
     """[m] An interval between fixes that goes deeper is a dive; otherwise it is surface time."""
     min_stretch: float = 30.0
-    """[s] A dive is below `min_depth` for this long at a stretch: a sensor at the surface shows
+    """[s] A dive is below `min_depth` for this long at a stretch. A sensor at the surface shows
     single depths of 5 to 14 m when air and waves pass it."""
     min_duration: float = 60.0
     """[s] Shorter dives are left out and counted."""
@@ -194,8 +194,8 @@ class DiveRules:
     """[s] Time after leaving the surface in which a receiver goes on with its last velocity, and
     vehicles log these positions."""
     coast: float = 40.0
-    """[m] A fix logged in `fix_lag` is used if it is nearer than this to the last surface fix: two
-    fixes differ as much anyway. 0 uses none of them, so that rows start at the surface."""
+    """[m] A fix logged within `fix_lag` is used if it is nearer than this to the last surface fix.
+    Two fixes differ as much anyway. With 0 no such fix is used, and rows start at the surface."""
     coast_speed: float = 3.5
     """[m/s] Three or more steps at one velocity above this are no drift: the receiver coasts."""
     fix_speed: float = 4.0

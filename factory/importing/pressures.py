@@ -1,9 +1,9 @@
 """Pressures of a log: dbar below the surface, with their unit checked and the air's part removed.
 
 A declared unit stands unless the file's own depth, the flight or the air at the surface contradict
-it and fit exactly one other unit; that unit is used and counted. Other contradictions are suspect.
+it. If exactly one other unit fits, that unit is used and counted; else the log is suspect.
 
-`zeroed` subtracts from the whole log what a depth sensor shows at the surface.
+`zeroed` subtracts from the whole log the depth that a sensor shows at the surface.
 """
 
 from __future__ import annotations

@@ -196,7 +196,7 @@ class CacheShelf:
         self._named = named
         self._places: dict[Path, dict[str, Path]] = {}
         self._listing: dict[Path, dict[str, Path]] = {}
-        self._told: dict[str, str] = {}
+        self._reasons: dict[str, str] = {}
         self._checked: set[tuple[str, tuple[int, ...]]] = set()
 
     def prepare(self, path: Path, plain: Path, header: Mapping[str, str]) -> None:
@@ -258,9 +258,9 @@ class CacheShelf:
                 self._listing[folder] = _self_listing(folder)
             if name in self._listing[folder]:
                 return self._listing[folder][name]
-        if name not in self._told:
-            self._told[name] = _missing(name, found, folders)
-        raise InputError(f"{path.name}: {self._told[name]}")
+        if name not in self._reasons:
+            self._reasons[name] = _missing(name, found, folders)
+        raise InputError(f"{path.name}: {self._reasons[name]}")
 
 
 def _caches_in(folder: Path) -> dict[str, Path]:

@@ -188,7 +188,7 @@ def _zero_difference(pressure: Channel, other: Channel) -> float | None:
     """[dbar] Excess of `other` over `pressure`; None if they contradict or never meet.
 
     A sensor that answers late, or sits further aft, shows more in one direction and less in the
-    other: the mean of descent and climb is the difference at rest. A small one counts as 0.
+    other. The mean of descent and climb is the difference at rest; a small one counts as 0.
     """
     step = np.searchsorted(pressure.time, other.time)
     left = pressure.time[np.clip(step - 1, 0, len(pressure) - 1)]
