@@ -132,7 +132,7 @@ def parse_metadata(text: str, path: str) -> Metadata:
 
 
 def _refuse_bombs(events: Iterable[Any], path: str) -> None:
-    """Raise InputError before values that refer to each other, or nest, grow without end."""
+    """Refuse a text whose references or nesting would make values grow without end."""
     depth = references = 0
     for event in events:
         kind = type(event).__name__

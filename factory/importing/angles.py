@@ -62,7 +62,7 @@ def to_degrees(
 ) -> Array:
     """Convert native radian to degrees; a column that is in degrees already is kept, counted.
 
-    Values that cannot be such an angle become NaN, are counted, and do not decide the unit.
+    Impossible values become NaN, are counted, and do not decide the unit.
 
     Args:
       kind: a key of `REACH`.
@@ -96,7 +96,7 @@ _TURN = 378.0
 _NEARLY_ALL = 0.95
 """Fraction of the values that a unit must fit; the rest can be sentinels."""
 _LEVEL, _FLAT = 0.01, 0.5 * np.pi
-"""Range of a pitch in radian; no glider dives with so little in degrees."""
+"""Range of a dive's largest pitch in radian; in degrees it would be too flat for a dive."""
 FLYING = 20.0
 """[m] Depth beyond which a glider must have pitched."""
 

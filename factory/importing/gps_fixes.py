@@ -1,4 +1,4 @@
-"""GPS fixes: those that a vehicle cannot have had, such as under water, are removed and counted.
+"""GPS fixes: impossible ones, such as fixes under water, are removed and counted.
 
 Columns of a receiver show whether it has a fix: quality, dilution of precision, satellites.
 """
@@ -29,11 +29,11 @@ _ALIKE = 0.3
 _LONGEST_STEP = 60.0
 """[s] Longest step of a receiver's extrapolation."""
 _NEAR = 120.0
-"""[s] Longest time between a fix and a depth that says anything about it."""
+"""[s] Longest time between a fix and the depth by which it is judged."""
 _SHARE, _LEAST = 0.5, 5
 """The clocks are suspect if more than this fraction, and this number, of fixes is under water."""
 _QUARTER, _SHIFTS = 900.0, 96
-"""[s] Step of the clock differences tried, as of time zones, and their number either way."""
+"""[s] Step of the clock differences tried, as of time zones, and number of steps either way."""
 _FITS = 0.9
 """Fraction of the fixes that a clock difference must bring to the surface to be reported."""
 QUALITIES = ("quality", "fix_quality", "gps_quality")

@@ -109,7 +109,7 @@ class NgdacProfile(NamedTuple):
     platform: str
     """Model of the glider, if the file names it."""
     sensors: dict[str, str]
-    """Names of columns, by the sensor of an actuator that they come from."""
+    """Names of columns, by the actuator's sensor."""
     series: bool
     """True if the file holds a whole deployment."""
 

@@ -102,7 +102,7 @@ class Signal:
         return self.wanted(name) not in ("1", PRACTICAL)
 
     def turn(self, name: str, frame: Frame) -> float:
-        """Sign that converts the column to the store's axes."""
+        """Sign that turns the column into the store's axes."""
         turned = (self.frame or frame) == "FLU" and name in TURNED
         return -self.sign if turned else self.sign
 
@@ -153,12 +153,11 @@ class Mapping:
     frame: Frame = "FRD"
     """Body axes of the file."""
     dvl_lock: Literal["bottom", "water"] | None = None
-    """Reference of the Doppler log where no column gives it: the lock holds wherever there is a
-    velocity."""
+    """Reference of the Doppler log if no column gives it; it holds wherever there is a velocity."""
     model: str | None = None
-    """Vehicle file whose parts the controls are; it models the vehicle in the store."""
+    """Vehicle file whose parts the controls move; it models the vehicle in the store."""
     deployment: Literal["file", "name", "column"] = "file"
-    """Distinction of deployments: by file, by one name for all, or by a column."""
+    """Criterion that separates deployments: file, one name for all, or column."""
     deployment_word: str = ""
     """Name of the deployment, or of the column that has it."""
     rows: Literal["dives", "file", "gaps", "minutes"] = "dives"
@@ -196,7 +195,7 @@ def row_times(
     """Start and end [s] of each row of a deployment; None where its rows are dives.
 
     A gap in the times that is longer than the mapping's ends a row, whatever rows are. Rows of
-    minutes divide the time between gaps into equal parts of about that length.
+    minutes divide the time between gaps into equal parts of about `minutes`.
 
     Args:
       time: [s] of the deployment, increasing.

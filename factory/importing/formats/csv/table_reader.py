@@ -215,8 +215,8 @@ def _spacing(time: Array) -> float | None:
 
 
 def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) -> LoggedFixes:
-    """GPS fixes: a position that a log repeats in every row is one fix, at its first row; repeats
-    at the log's start are old. Positions while the receiver reports no fix are removed."""
+    """GPS fixes: a repeated position is one fix, at its first row; at the log's start it is old,
+    and left out. Positions without a fix by the receiver are removed."""
     both = np.intersect1d(latitude.time, longitude.time)
     if len(fix) and both.size:
         said = fix.values[np.maximum(np.searchsorted(fix.time, both, side="right") - 1, 0)] > 0.0

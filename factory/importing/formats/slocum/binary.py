@@ -110,7 +110,7 @@ def read_slocum_binary(
     Raises:
       ModuleNotFoundError: dbdreader (GPL, an optional extra) is not installed.
       InputError: no file can be decoded: not a Slocum file, cut within its header, or its cache
-        file is missing or another one's. Or no file has depth or pressure.
+        file is missing or belongs to another. Or no file has depth or pressure.
     """
     reader = _decoder()
     wanted = (*WANTED, *payload_names(options.payload))

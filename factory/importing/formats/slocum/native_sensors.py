@@ -263,7 +263,7 @@ def _ctd(
 
 
 def at_common_times(native: Mapping[str, Channel], names: Sequence[str]) -> list[Array]:
-    """Times of the first sensor, and all the sensors at these times; NaN without a sample."""
+    """Times of the first sensor, and values of all sensors at these times; NaN without a sample."""
     first = native.get(names[0], EMPTY)
     others = [_at_samples(native.get(name, EMPTY), first.time) for name in names[1:]]
     return [first.time, first.values, *others]
