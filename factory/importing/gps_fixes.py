@@ -31,7 +31,7 @@ _LONGEST_STEP = 60.0
 _NEAR = 120.0
 """[s] Longest time between a fix and the depth by which it is judged."""
 _SHARE, _LEAST = 0.5, 5
-"""The clocks are suspect if more than this fraction, and this number, of fixes is under water."""
+"""Fraction, and number, of fixes under water beyond which the clocks are suspect."""
 _QUARTER, _SHIFTS = 900.0, 96
 """[s] Step of the clock differences tried, as of time zones, and number of steps either way."""
 _FITS = 0.9

@@ -46,7 +46,7 @@ class SimulatedMission:
     name: str
     """Identifier of the mission, without spaces."""
     said: str
-    """One sentence on the mission; it names which of place and date are nominal."""
+    """Sentence on the mission; it names which of place and date are nominal."""
     vehicle: str
     latitude: float
     """[degree] Latitude of the origin."""

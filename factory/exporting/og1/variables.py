@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Og1Variable:
-    """One variable of the file."""
+    """Variable of the file."""
 
     values: NDArray[Any]
     attributes: Mapping[str, Any]

@@ -62,12 +62,12 @@ _PHASE_FLAGS = sorted(PHASES)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveRow:
-    """One row of the store."""
+    """Row of the store: one dive."""
 
     deployment: str
-    """Name of the deployment"""
+    """Name of the deployment."""
     platform: str
-    """Make of the vehicle"""
+    """Make of the vehicle."""
     segment: LogSegment
     signals: dict[str, Array]
     numbers: dict[str, float]
@@ -75,7 +75,7 @@ class DiveRow:
     vehicle counts its dives."""
     positions: Positions
     suspect: str = ""
-    """Reason why no ocean or vehicle allows the row's values; empty for a sound row"""
+    """Reason why no ocean or vehicle allows the row's values; empty for a sound row."""
 
 
 NUMBERS: dict[str, tuple[str, str]] = {

@@ -145,11 +145,11 @@ class Positions(NamedTuple):
     """Positions of a row's samples."""
 
     latitude: Array
-    """[degree], (time,), NaN where unknown"""
+    """[degree] North, (time,); NaN where unknown."""
     longitude: Array
-    """[degree], (time,)"""
+    """[degree] East, (time,)."""
     method: str
-    """One of `twin.records.coordinates.METHODS`"""
+    """Method, one of `twin.records.coordinates.METHODS`."""
 
 
 def row_positions(

@@ -24,7 +24,7 @@ NOWHERE = (float("nan"), float("nan"))
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogSegment:
-    """One row: a dive between two fixes, or the part of it in the log."""
+    """Segment of a log, one row: a dive between two fixes, or the part of it in the log."""
 
     start: float
     """[s] Unix time of the last fix before the dive, else of the first sample."""

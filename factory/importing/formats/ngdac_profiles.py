@@ -146,8 +146,8 @@ ACTUATORS = {
     # the mass turns to starboard for positive angles, ours to port
     "AngPos": ("measured_rotation", "degree", "degree", -1.0),
 }
-"""For each sensor: channel of the store, its unit, the sensor's own unit where a file declares
-none, and the sign."""
+"""Channel of the store, its unit, the sensor's own unit where a file declares none, and the sign,
+by the vehicle's sensor."""
 
 RECKONS = "DeadReckoning"
 """Sensor of a SeaExplorer: 1 where its position is dead-reckoned, 0 at a GPS fix."""

@@ -231,7 +231,7 @@ an oil bladder."""
 _MOVES = 1e-6
 """Range below which a pump does not move, in any unit from cm3 to m3."""
 _PART = 0.05
-"""A pump that moves by less than this fraction of the other's range is at rest and noisy."""
+"""Fraction of the other pump's range below which a pump is at rest and noisy."""
 
 
 def slocum_pump(
