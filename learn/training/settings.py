@@ -37,7 +37,7 @@ class FitSettings:
     """Settings of a training; None takes the resumed run's value, or the default."""
 
     network: Annotated[str | None, NETWORK] = None
-    """type of network; elman is the paper's [default: ema]"""
+    """kind of network [default: ema, the paper's is elman]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
     layers: int | None = None
@@ -56,15 +56,16 @@ class FitSettings:
     optimiser: Annotated[str | None, OPTIMISER] = None
     """soap or adam with a schedule, or scg, the paper's conjugate gradients [default: soap]"""
     seconds: Seconds | None = None
-    """training time of each network, such as 120 (seconds) or 10min. Preparation and evaluation
-    take more time: 10 s with one member take about 36 s in all [default: 120]"""
+    """training time of each network, such as 120 (seconds) or 10min; preparation and evaluation
+    come on top (10 s of one member take about 36 s in all); two are trained side by side
+    [default: 120]"""
     epochs: int | None = None
     """passes over the training missions instead of a time (scg: iterations); repeatable"""
     window: int | None = None
-    """networks with trained memory: counted samples of a training window; longer windows teach a
+    """networks with trained memory: counted samples of a training window; longer ones teach a
     longer memory [default: 128]"""
     washin: int | None = None
-    """samples before each window that warm up the network's state [default: 48]"""
+    """samples before each window in which the network finds its state [default: 48]"""
     seed: int | None = None
     """seed of initial weights and order; every network's own seed derives from it [default: 0]"""
     members: int | None = None
