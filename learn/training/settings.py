@@ -81,8 +81,7 @@ class FitSettings:
     labels; store: the store's current; or NORTH,EAST in m/s, 0,0 in still water
     [default: none]"""
     smoothing: Annotated[str | None, SMOOTHING] = None
-    """--labels dvl: smoothing after outliers are removed; causal looks back only
-    [default: gaussian]"""
+    """--labels dvl: smoothing after outlier removal; causal looks back only [default: gaussian]"""
     period: float | None = None
     """seconds between samples, a multiple of the store's, for example a real log's period"""
     start: Path | None = None
