@@ -147,7 +147,7 @@ def write_evaluation_page(folder: Path, run: Run, found: RunEvaluation, *, histo
 
 
 def _each_store(run: Run, test: RunEvaluation) -> list[Study]:
-    """One table with a row per store, if the run was trained on several; else no table."""
+    """Table with a row per store, if the run was trained on several; else no table."""
     stores = test.figures.get("stores", {})
     if not stores:
         return []

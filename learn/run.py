@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 RUNS = Path("runs")
 DEFAULT_STORE = Path("data/missions.zarr")
-"""Where `factory generate` puts a store by default."""
+"""Default path of a store, as in `factory generate`."""
 DESCRIPTION = "run.json"
 METRICS = "metrics.jsonl"
 EVALUATION = "evaluation.json"

@@ -120,7 +120,7 @@ class Hulls:
         return self._familiar.outside(np.array(ended(self._flight, mission)))
 
     def figures(self) -> dict[str, Any]:
-        """Share of scores above 1, their median, and the constant that most often deviates most."""
+        """Share of scores above 1, median score, and the constant that sets most of the scores."""
         far = np.array([one for one, _ in self._found])
         names = [name for _, name in self._found]
         return {

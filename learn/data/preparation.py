@@ -43,7 +43,7 @@ TRUTH = LabelConfig()
 TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
 """Sign of each velocity in a mission's mirror image, port for starboard."""
 VALIDATING = 4
-"""With held-out rows, every fourth of the other rows validates."""
+"""Number of rows of which one validates, in a training with held-out rows."""
 DIVISION_EDGES = {"train": (0.0, 0.7), "validation": (0.7, 0.85), "test": (0.85, 1.0)}
 """Ranges of a uniform random number that put a sample in each part of the paper's division."""
 

@@ -1,7 +1,7 @@
 """Familiarity: detect hulls unlike the training's, and limit the networks' bias on other vehicles.
 
 A hull with biofouling gives inputs that are usual one by one. The Mahalanobis distance of all
-inputs hardly shows the hull. The flight filter's constants do, compared with their mean and
+inputs hardly shows such a hull. The flight filter's constants do, compared with their mean and
 standard deviation over the training missions.
 
 A vehicle model outside the training can move as no training mission did, for example dive stalled.
@@ -80,7 +80,7 @@ def training_hulls(stores: Stores, features: Sequence[str], period: float | None
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Familiarity:
-    """Statistics of CONSTANTS, the flight filter's, at the end of training missions."""
+    """Training missions' mean and standard deviation of the flight filter's final CONSTANTS."""
 
     mean: tuple[float, ...]
     deviation: tuple[float, ...]
@@ -170,7 +170,7 @@ LASTS_S = 60.0
 """[s] Time constant of the mean difference: longer than an inflection, shorter than a glide"""
 SHARE = 0.5
 """[1] Fraction of validation samples within the limit. It was chosen from 0.5, 0.68 and 0.9, and
-LASTS_S from 20, 60 and 200 s, on Slocums and Seagliders outside the training of three models."""
+LASTS_S from 20, 60 and 200 s, on Slocums and Seagliders with networks of three other vehicles."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -53,7 +53,7 @@ class PlacedCurrent:
     current: DiveCurrent
     latitude: float
     longitude: float
-    """[degree] Longitude; likewise the latitude"""
+    """[degree] Longitude; the latitude has the same unit"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -156,7 +156,7 @@ def _signals(topic: str, kind: str, ned: bool) -> Iterator[tuple[str, Signal]]:
             return
         if kind == "sensor_msgs/msg/NavSatFix":
             if group == "true":
-                return  # a store makes the true track of its own start
+                return  # the true track follows from true north and east
             if topic == "/measured/track":
                 signal = signal.removeprefix("gps_")
             yield signal, Signal(column=f"{name} {field}", unit=unit)
@@ -198,7 +198,7 @@ def column_of(field: str, found: dict[str, Array]) -> Array:
 
 
 def unit_quaternions(found: dict[str, Array], topic: str, tally: Tally) -> None:
-    """Normalise quaternions in place; those of a length far from 1 become NaN and are reported."""
+    """Normalise quaternions in place; quaternions of another length become NaN and are reported."""
     for prefix in [name.removesuffix(".w") for name in found if name.endswith("orientation.w")]:
         names = [f"{prefix}.{axis}" for axis in "wxyz"]
         if not set(names) <= set(found):

@@ -58,7 +58,7 @@ class Samples(Protocol):
     """[ns] Unix time of each sample"""
     latitude: Array
     longitude: Array
-    """[degree] Longitude of each sample; likewise the latitude"""
+    """[degree] Longitude of each sample; the latitude has the same unit"""
     logged: bool
     """True if a real vehicle logged the mission, so that the truth is unknown"""
     imu_position: Array
