@@ -110,13 +110,13 @@ class Hulls:
 
     def add(self, reference: Any, estimates: Mapping[str, Estimate]) -> None:
         """Score one mission."""
-        self._found.append(self._told(reference.mission))
+        self._found.append(self._score(reference.mission))
 
     def outside(self, mission: MissionSequence) -> float:
         """Out-of-distribution score of one mission, see `Familiarity.outside`."""
-        return self._told(mission)[0]
+        return self._score(mission)[0]
 
-    def _told(self, mission: MissionSequence) -> tuple[float, str]:
+    def _score(self, mission: MissionSequence) -> tuple[float, str]:
         return self._familiar.outside(np.array(ended(self._flight, mission)))
 
     def figures(self) -> dict[str, Any]:

@@ -252,7 +252,7 @@ def _one_pass(
     ready: list[Sequence3] = []
     for k, (matrix, wanted) in enumerate(known):
         ready.append(normalised(normalisation, matrix, wanted))
-        known[k] = _GONE  # frees the raw mission, so that none is in memory twice
+        known[k] = _EMPTY  # frees the raw mission, so that none is in memory twice
     places, chosen = np.array(kept, np.int64), np.array(training)
     division = None
     parts = {"train": np.flatnonzero(chosen), "validation": np.flatnonzero(~chosen)}
@@ -274,7 +274,7 @@ def _one_pass(
     return Prepared(found["train"], found["validation"], normalisation, selection)
 
 
-_GONE = (np.empty((0, 0), np.float32), np.empty(0, np.float32))
+_EMPTY = (np.empty((0, 0), np.float32), np.empty(0, np.float32))
 
 
 def _in_memory(make: _Maker, ready: Sequence[Sequence3]) -> Sequences:

@@ -88,7 +88,7 @@ class Network(nn.Module, abc.ABC):
             return f"it names size {unknown[0]!r}; there are {', '.join(SIZES)}"
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(0)
-            return _wrong(cls(NetworkConfig(kind=name, **TRIED)))
+            return _broken_rule(cls(NetworkConfig(kind=name, **TRIED)))
 
 
 def build_network(config: NetworkConfig) -> Network:
@@ -112,7 +112,7 @@ ROUNDING = 1e-4
 """Largest rounding difference of float32 outputs near 1, from two orders of computation."""
 
 
-def _wrong(network: Network) -> str:
+def _broken_rule(network: Network) -> str:
     """First rule of the interface that a network breaks; empty if it keeps all."""
     if not isinstance(getattr(network, "state_size", None), int):
         return "__init__ does not set state_size, the number of columns of its state"

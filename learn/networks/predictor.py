@@ -271,7 +271,7 @@ class Ensemble:
         results = []
         for mission in range(len(missions)):
             stack = np.stack([run[mission] for run in runs])
-            mean = self._steadied(stack.mean(0), missions[mission])
+            mean = self._corrected(stack.mean(0), missions[mission])
             results.append((mean, stack.std(0, ddof=1 if len(stack) > 1 else 0)))
         return results
 
@@ -280,7 +280,7 @@ class Ensemble:
         """Start of the second flight filter; None without adaptation."""
         return None if self.adapted is None else self.adapted.start
 
-    def _steadied(self, mean: Floats, mission: MissionSequence) -> Floats:
+    def _corrected(self, mean: Floats, mission: MissionSequence) -> Floats:
         """Apply the bias limit to the mean, and mix in the second filter's surge where an adapted
         vehicle glides steadily."""
         if self.target != "surge":

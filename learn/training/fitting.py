@@ -274,7 +274,7 @@ def _describe(config: FitConfig, content: Sequence[str], history: str) -> dict[s
     settings, several = to_json(config), {}
     if config.more_stores:
         several[MORE_STORES] = [
-            _further(store, one) for store, one in zip(config.more_stores, content[1:], strict=True)
+            _entry(store, one) for store, one in zip(config.more_stores, content[1:], strict=True)
         ]
     else:
         del settings[MORE_STORES]  # older versions, which know a single store, can read the run
@@ -305,7 +305,7 @@ def _attributes(reader: MissionStore) -> dict[str, Any]:
     return {k: v for k in STORE_ATTRIBUTES if (v := reader.attributes.get(k)) is not None}
 
 
-def _further(store: str, content: str) -> dict[str, Any]:
+def _entry(store: str, content: str) -> dict[str, Any]:
     """Entry of `run.json` for a store after the first."""
     with MissionStore(store) as reader:
         vehicle = reader.vehicle.name

@@ -113,7 +113,7 @@ class Trainer:
         torch.manual_seed(config.seed)
         self.network = build_network(self.network_config).to(self.device)
         if start is not None:
-            self._take(start)
+            self._load_start(start)
         self._only_feed: Feed | None = None
         self.history: list[TrainingReport] = []
         self.best = math.inf
@@ -124,7 +124,7 @@ class Trainer:
         self.stopped = False
         self._seen: list[tuple[float, float]] = []
 
-    def _take(self, start: Mapping[str, Tensor]) -> None:
+    def _load_start(self, start: Mapping[str, Tensor]) -> None:
         try:
             self.network.load_state_dict(dict(start))
         except RuntimeError as error:

@@ -33,7 +33,7 @@ WORD = ".training"
 """File in a run's folder with the random word of the fit that trains the run"""
 REPORTS = ".reports"
 """Ending of the file with the reports of one network"""
-_ALONE = threading.Lock()
+_TRAINING_LOCK = threading.Lock()
 """Lock of a training: torch's random state and thread count belong to the whole process"""
 
 
@@ -94,7 +94,7 @@ def train_tasks(
             finished(task, train(task.job, task.folder, report, resident=task.resident))
         return
     word, kinds = uuid.uuid4().hex, (NETWORKS.registered(), OPTIMISERS.registered())
-    letters = {task: _Letters(task.reports) for task in tasks}
+    letters = {task: _ReportReader(task.reports) for task in tasks}
     folders = {task.folder for task in tasks}
     for folder in folders:
         (folder / WORD).write_text(word)
@@ -134,7 +134,7 @@ def work(task: Task, word: str, kinds: Kinds) -> TrainingReport | None:
     for registry, own in zip((NETWORKS, OPTIMISERS), kinds, strict=True):
         registry.adopt(own)
     try:
-        with _ALONE, task.reports.open("a") as file:
+        with _TRAINING_LOCK, task.reports.open("a") as file:
             file.write("\n")  # a killed worker may have left half a line
 
             def report(found: TrainingReport) -> None:
@@ -171,7 +171,7 @@ def _result(future: Future[TrainingReport | None], task: Task) -> TrainingReport
         ) from error
 
 
-class _Letters:
+class _ReportReader:
     """Reader of a file of reports, which returns each report once."""
 
     def __init__(self, path: Path) -> None:

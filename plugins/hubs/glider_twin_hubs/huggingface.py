@@ -244,7 +244,7 @@ def export_huggingface(
     for split in SPLITS:
         some = [mission for mission in missions if split_name(run.splits[mission]) == split]
         if some:
-            tables = _told((flat.rows(mission) for mission in some), advance)
+            tables = _advancing((flat.rows(mission) for mission in some), advance)
             written += write_files(tables, flat.schema, folder / FOLDER, split)
             configs.append({"split": split, "path": f"{FOLDER}/{split}-*.parquet"})
     files = [{"config_name": "default", "data_files": configs}]
@@ -273,7 +273,7 @@ def write_files(tables: Iterator[Any], schema: Any, folder: Path, name: str) -> 
     return written
 
 
-def _told(tables: Iterator[Any], advance: Advance) -> Iterator[Any]:
+def _advancing(tables: Iterator[Any], advance: Advance) -> Iterator[Any]:
     for table in tables:
         yield table
         advance()

@@ -183,7 +183,7 @@ class ArduPilotServer:
             except TimeoutError:
                 silent = time.monotonic() - self._heard >= self.silence
                 if self._client is not None and silent:
-                    self._drift(until)
+                    self._fly_failsafe(until)
                 continue
             self._take(data, sender)
         return self.served
@@ -228,7 +228,7 @@ class ArduPilotServer:
         address = ipaddress.ip_address(sender[0])
         return address.is_loopback or any(address in one for one in self._allowed)
 
-    def _drift(self, until: Callable[[], bool]) -> None:
+    def _fly_failsafe(self, until: Callable[[], bool]) -> None:
         """Fly the failsafe in real time, after the client is lost, until a packet comes."""
         self.served.lost += 1
         self._client = None

@@ -61,7 +61,7 @@ def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) 
 
     data = _content(path, tally)
     number_of = imcpy.Factory.id_from_abbrev
-    numbers = {number_of(name): name for name in wanted if _answers(number_of, name)}
+    numbers = {number_of(name): name for name in wanted if _accepts(number_of, name)}
     said = {number_of(name) for name in ("EntityInfo", "LoggingControl")}
     found = Packets()
     every: dict[int, tuple[str, bool]] = {}
@@ -79,9 +79,9 @@ def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) 
             tally.add("removed", name, 1, f"messages with {' '.join(str(error).split())}")
             continue
         if number in said:
-            _hear(message, name, found)
+            _store_name(message, name, found)
         if number in numbers:
-            _keep(message, name, wanted[name], found)
+            _store_row(message, name, wanted[name], found)
     if not found.names:
         raise InputError(
             f"{path.name} holds no packet of IMC 5: it begins with {data[:2].hex() or 'nothing'}, "
@@ -126,7 +126,7 @@ def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, 
             whole = stop == len(data) or data[stop : stop + 2] in ORDERS
             packet = data[place:stop]
             # or the CRC must be right and the message known
-            if whole or (stop < len(data) and _answers(imcpy.Packet.deserialize, packet)):
+            if whole or (stop < len(data) and _accepts(imcpy.Packet.deserialize, packet)):
                 lost += place - end
                 yield number, system, entity, packet
                 place = end = stop
@@ -137,7 +137,7 @@ def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, 
         tally.add("note", path.name, 1, f"{TRUNCATED}{len(data) - end} byte behind the last packet")
 
 
-def _answers(function: Callable[[Any], object], argument: object) -> bool:
+def _accepts(function: Callable[[Any], object], argument: object) -> bool:
     """True if a function of DUNE's code accepts this argument."""
     try:
         function(argument)
@@ -156,7 +156,7 @@ def _name(number: int) -> tuple[str, bool]:
     return str(message.msg_name), hasattr(message, "id")
 
 
-def _hear(message: Any, name: str, found: Packets) -> None:
+def _store_name(message: Any, name: str, found: Packets) -> None:
     """Store an entity's label, or the log's name."""
     if name == "EntityInfo":
         found.labels[(getattr(message, SYSTEM), message.id)] = str(message.label)
@@ -164,7 +164,7 @@ def _hear(message: Any, name: str, found: Packets) -> None:
         found.title = str(message.name) or found.title
 
 
-def _keep(message: Any, name: str, wanted: Sequence[str], found: Packets) -> None:
+def _store_row(message: Any, name: str, wanted: Sequence[str], found: Packets) -> None:
     fields = found.fields.get(name)
     if fields is None:
         fields = found.fields[name] = [one for one in wanted if _is_number(message, one)]
