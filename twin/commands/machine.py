@@ -1,4 +1,4 @@
-"""Commands `twin version`, `compile` and `bench`: versions, compiled code and speed of a machine."""
+"""Commands `twin version`, `compile` and `bench`: versions, compilation, speed of a machine."""
 
 from __future__ import annotations
 
