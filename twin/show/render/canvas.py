@@ -55,9 +55,9 @@ OTHER_TRACKS = tuple(np.array([
     (0.15, 0.90, 0.50), (1.00, 0.58, 0.78), (0.50, 0.92, 1.00), (0.74, 0.68, 1.00),
     (0.74, 1.00, 0.30), (0.62, 0.68, 0.75), (1.00, 1.00, 1.00),
 ]))  # fmt: skip
-"""Colours of dead-reckoned tracks, in order, repeated after the last. All are light, since the water
-is blue and dark and the true track has warm hues. White, the colour of the current's arrows, comes
-last."""
+"""Colours of dead-reckoned tracks, in order, repeated after the last. All are light, since the
+water is blue and dark and the true track has warm hues. White, the colour of the current's arrows,
+comes last."""
 WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
 """Colours of text, labels and background of the strip, 0 to 255"""
 _FILES = {False: "DejaVuSans.ttf", True: "DejaVuSans-Bold.ttf"}

@@ -115,7 +115,7 @@ def default_workers() -> int:
 
 
 def _frames(subject: Subject, shot: Shot, times: Array, workers: int) -> Iterator[Pixels]:
-    """Iterate over the frames in order; workers are spawned, not forked, since OpenGL needs that."""
+    """Iterate over the frames in order; OpenGL needs workers that are spawned, not forked."""
     if workers == 1:
         with Painter(subject, shot, times) as painter:
             yield from map(painter.paint, range(painter.frames))
@@ -167,8 +167,7 @@ class EncodeError(TwinError):
 
 @contextlib.contextmanager
 def encoder(path: Path, shot: Shot) -> Iterator[Callable[[Pixels], None]]:
-    """Context that gives a function to add frames (height, width, 3) to a video file; the file is
-    complete when the context ends.
+    """Context with a function that adds frames (height, width, 3) to a video, complete at exit.
 
     Raises:
       InputError: the format cannot have this size, or imageio-ffmpeg is missing.

@@ -1,4 +1,4 @@
-"""Painter: renders the frames of a shot to arrays, with MuJoCo's renderer in an offscreen context."""
+"""Painter: renders a shot's frames to arrays with MuJoCo's renderer in an offscreen context."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INSET_EDGE = (150, 200, 220)
 MOST_GEOMS = 4000  # most geoms of a scene: a mission of many days has some hundred ribbon chunks
 OFF = ("SHADOW", "SKYBOX", "HAZE", "REFLECTION")  # effects that the stage does not use
 TAIL = 0.47
-"""Distance from the glider's middle back to the ribbon's end over the hull's length, chase camera"""
+"""Distance from the glider's middle back to the ribbon's end over hull length, chase camera"""
 SHORTEST_ARROW = 0.02  # [m] least length of a drawn arrow beside the glider
 
 
@@ -124,7 +124,7 @@ class Painter:
         mujoco.mjr_uploadMesh(self.model, self._renderer, mesh)
 
     def _drifts(self) -> Array:
-        """Positions of the particles' cell, (frames, 3): they drift with the water past the glider."""
+        """Positions of the particles' cell, (frames, 3), which drifts with the water."""
         moved = np.zeros((self.frames, 3))
         if not self.stage.snow:
             return moved
