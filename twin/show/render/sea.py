@@ -213,7 +213,7 @@ def _north_east(ned: Array) -> tuple[Array, Array]:
 
 
 def block_depth(table: Array, layout: SceneLayout) -> float:
-    """[m] Depth of a block that reaches the sea floor, but at most IN_SIGHT times its usual depth."""
+    """[m] Depth of a block that reaches the sea floor, at most IN_SIGHT times its usual depth."""
     usual = float(layout.high[2])
     return min(max(usual, BELOW * float(floor_grid(table, layout).max())), IN_SIGHT * usual)
 
@@ -242,7 +242,7 @@ def _add_made_up(props: Props, layout: SceneLayout, colour: Array) -> None:
 
 
 def _add_ground(props: Props, layout: SceneLayout, table: Array, path: Array, cut: bool) -> bool:
-    """Add the sea floor as the top of a block of ground; return False if it is below the picture."""
+    """Add the sea floor as top of a block of ground; return False if it is below the picture."""
     bottom = float(layout.high[2])
     ground = np.minimum(floor_grid(table, layout), bottom)
     if ground.min() >= bottom:  # the floor is below the picture: draw deep water

@@ -158,7 +158,7 @@ def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
 
 
 def arrow(start: Array, end: Array, radius: float, sides: int = 10) -> Shape:
-    """Make an arrow from `start` to `end` (3,); its head has 3 times the radius, is 6 radii long."""
+    """Make an arrow from `start` to `end` (3,); its head is 3 radii thick and 6 radii long."""
     vector = end - start
     length = float(np.linalg.norm(vector))
     direction = vector / length

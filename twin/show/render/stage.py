@@ -74,7 +74,7 @@ class Stage:
     floor: Array | None  # table of the mission's sea floor; None: the drawn floor is decoration
     ground: list[int]  # geom ids of the floor that follows the glider, chase camera
     arrows: list[int]
-    """Geom ids of the current's arrows beside the glider, chase camera; their meshes are reshaped"""
+    """Geom ids of the current's arrows beside the glider, chase camera; reshaped in each frame"""
     hull_length: float  # [m]
     turned: dict[str, TurnedBody]
     """Visible fins and propellers, by the names of their parts"""
