@@ -127,7 +127,7 @@ class Console:
 
 
 class Runnable(Protocol):
-    """An instance of a subcommand's dataclass."""
+    """Instance of a subcommand's dataclass."""
 
     def run(self, console: Console) -> int:
         """Do the work and return the exit code."""

@@ -33,7 +33,7 @@ LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks
 
 
 class Colour(NamedTuple):
-    """A quantity that can colour a section."""
+    """Quantity that can colour a section."""
 
     label: str
     unit: str

@@ -202,7 +202,7 @@ def nice_step(rough: float) -> float:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class View:
-    """A camera in display units, z up, as MuJoCo's renderer takes it."""
+    """Camera in display units, z up, in the form of MuJoCo's renderer."""
 
     position: Array  # shape (3,)
     forward: Array  # unit, shape (3,)

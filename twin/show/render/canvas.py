@@ -45,7 +45,7 @@ LIGHT_DEPTH = 120.0
 SURFACE_LIGHT = np.array([0.16, 0.62, 0.74])
 DEEP_LIGHT = np.array([0.016, 0.085, 0.19])
 HORIZON, ZENITH = np.array([0.74, 0.88, 0.95]), np.array([0.30, 0.56, 0.84])
-"""The sky, for a chase camera above the water"""
+"""Colours of the sky, for a chase camera above the water"""
 BACKDROP_TOP, BACKDROP_BOTTOM = np.array([0.055, 0.115, 0.19]), np.array([0.012, 0.028, 0.055])
 SAND = np.array([0.56, 0.51, 0.40])
 FUTURE = np.array([0.80, 0.86, 0.92])  # the part of the track that is not flown yet

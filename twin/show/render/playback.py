@@ -248,7 +248,7 @@ def interpolate_quaternion(times: Array, recorded: Array, quaternions: Array) ->
 
 
 class Scale(NamedTuple):
-    """A colour scale."""
+    """Colour scale of the track: label, range, and clipping of values."""
 
     label: str
     low: float

@@ -38,7 +38,7 @@ STILL = 1e-4  # [m/s] speed below which water counts as still
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ribbon:
-    """A track in display units, ready to be meshed."""
+    """Track in display units, with the radius and colour range of its tube."""
 
     time: Array  # [s] of each node, increasing, shape (n,)
     nodes: Array  # shape (n, 3)
