@@ -159,7 +159,7 @@ class Program:
         # numpy and torch read this at import. Matrices here are small and each network trains in
         # one thread; more threads would wait for each other and cost more than they gain.
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        for name in ("stdout", "stderr"):  # a closed one (`twin ... >&-`) swallows what is written
+        for name in ("stdout", "stderr"):  # a closed stream (`twin ... >&-`) discards all output
             if getattr(sys, name) is None:
                 stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - stays open
                 setattr(sys, name, stream)

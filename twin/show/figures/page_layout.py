@@ -131,7 +131,7 @@ class Page:
         self._attached[name] = printable(text)
 
     def write(self) -> Path:
-        """Write `index.html`, the figures and what is attached.
+        """Write `index.html`, the figures and the attached files.
 
         Raises:
           WriteError: the disk refuses.

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 VEHICLE = "vehicle/"  # prefix of the attached glider's names
 BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5  # geom groups; fluid geoms 4 stay hidden
-UNSEEN_GROUP = 4  # group of fluid geoms, and of what a vehicle has lost
+UNSEEN_GROUP = 4  # group of fluid geoms, and of lost parts of a vehicle
 GLIDER_GROUPS = (1, 2)  # outside and inside of the glider
 WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
 """Bodies to which the scene's geoms are attached"""

@@ -37,7 +37,7 @@ class Body(NamedTuple):
     """One body of the vehicle; frames are MuJoCo's, z up, in metres."""
 
     parent: int  # index of the body that carries it; -1 for the hull
-    position: Array  # in the parent's frame, (3,)
+    position: Array  # position in the parent's frame, (3,)
     quaternion: Array  # (w, x, y, z) to the parent's frame, (4,)
     moves: list[dict[str, Any]]
     """Motions of the body, in order: {"part", "kind": slide or turn, "axis", "anchor"}"""
