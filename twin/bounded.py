@@ -115,7 +115,7 @@ def read_text(
                 f"{what} {path} is larger than {_size(most)}, which none needs: is it the right "
                 "file?"
             )
-        # the line ends that text mode would give
+        # convert line ends as Python's text mode does
         return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as cause:
         raise error(f"cannot read {what} {path}: it is not UTF-8 text ({cause.reason})") from cause
@@ -142,7 +142,7 @@ def read_toml(
         return tomllib.loads(text)
     except RecursionError:
         raise error(f"{what} {path} has tables or lists in each other without end") from None
-    except ValueError as cause:  # also of a number with thousands of digits
+    except ValueError as cause:  # raised also for an integer of thousands of digits
         hint = hint if not any(mark in text for mark in "=[") else ""
         raise error(f"{what} {path} is not TOML: {cause}{hint}") from cause
 

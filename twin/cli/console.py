@@ -21,12 +21,12 @@ from twin.cli.text_table import format_number, format_paragraph, printable
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-LINE_INTERVAL_S = 30.0  # seconds between two lines when standard error is a file or a pipe
+LINE_INTERVAL_S = 30.0  # [s] between progress lines when standard error is a file or a pipe
 
 
 @dataclass(frozen=True, kw_only=True)
 class JsonOption:
-    """Base of the commands that print figures: adds `--json`."""
+    """Base of the commands that print numbers: adds `--json`."""
 
     json: bool = False
     """Print one JSON object on standard output and nothing else there."""

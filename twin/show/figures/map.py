@@ -27,7 +27,7 @@ TRUE = "true track"  # name of the track of a simulated mission
 SIZE, SHAPE = (5.4, 3.8), 1.05  # [in] of the figure; width over height of the map
 UNDER_WATER = 3.0
 """[m] Depth that a dive between two fixes must exceed; else the vehicle stayed at the surface"""
-STRETCHES = 12  # equal parts of a mission without fixes whose mean currents are drawn
+STRETCHES = 12  # number of equal parts, each with a mean current, of a mission without fixes
 LONGEST_ARROW = 0.45  # [in] length of the arrow of the 90th percentile of speed
 ROUND_SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """[m/s] Speeds among which the key's arrow is chosen"""
@@ -57,7 +57,7 @@ class MapContent(NamedTuple):
     """Content of a map; positions in degrees."""
 
     tracks: tuple[tuple[Array, Array], ...]
-    """Latitude and longitude of each track, each (time,)"""
+    """Latitude and longitude of the tracks, arrays of shape (time,)"""
     name: str
     """Name of the tracks"""
     fixes: tuple[Array, Array] | None = None

@@ -38,8 +38,8 @@ SIDE_SHARE = 0.04  # free margin on each side without a HUD, over the picture's 
 NARROW, WIDE = math.radians(14.0), math.radians(24.0)
 """[rad] Half of the vertical field of view of the framed cameras, and of the chase camera."""
 ORBIT_ELEVATION, SIDE_ELEVATION = math.radians(24.0), math.radians(9.0)
-ORBIT_SWEEP = math.radians(110.0)  # travel of the orbit camera in one video, about the broadside
-ORBIT_STILL = math.radians(32.0)  # bearing of a still from the broadside view
+ORBIT_SWEEP = math.radians(110.0)  # [rad] sweep of the orbit camera in a video, about the broadside
+ORBIT_STILL = math.radians(32.0)  # [rad] bearing of a still from the broadside view
 CHASE_DISTANCE = 4.1  # [m] distance of the chase camera from the glider
 CHASE_BEARING, CHASE_ELEVATION = math.radians(142.0), math.radians(16.0)
 """[rad] Direction of the chase camera from the glider: from the bow to starboard, and up"""
