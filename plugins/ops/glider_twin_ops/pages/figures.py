@@ -26,13 +26,13 @@ from twin.show.style import LABEL, draw_dates
 HOUR, DAY = 3600.0, 86400.0
 """[s]"""
 CLOSE, CLOSE_SURFACINGS = 4, 6
-"""Last dives of a detailed map of dives, and last surfacings of one of forecasts"""
+"""Number of last dives on the detailed map, and of last surfacings on the map of forecasts"""
 MAP, SERIES, SMALL = (4.1, 3.9), (4.1, 2.4), (4.1, 1.75)
-"""[in] of figures that stand beside each other, and below each other on a phone"""
+"""[in] Sizes of figures that stand side by side, or one below the other on a phone"""
 LETTERS = 105
-"""In a line of the picture for e-mail"""
+"""Letters in a line of the picture for e-mail"""
 BAND = 2.0
-"""Standard deviations of a level or a belief that are shown about it"""
+"""Standard deviations that a band shows on each side of a level or an estimate"""
 ELLIPSE_POINTS = 73
 STYLED = {
     "forecast": ("forecast", "vermillion"),
@@ -47,20 +47,20 @@ COLOURS = {name: style.PALETTE[colour] for name, (_, colour) in STYLED.items()}
 
 @contextlib.contextmanager
 def _drawn(size: tuple[float, float]) -> Iterator[tuple[Figure, Axes]]:
-    """A figure [in] in the project's style with one pair of axes."""
+    """Make a figure [in] in the project's style with one pair of axes."""
     with style.styled():
         figure = style.new_figure(*size)
         yield figure, figure.add_subplot()
 
 
 def _date(axes: Axes, start: float, unit: float) -> None:
-    """Dates below axes over a time in a unit [s] since a start [s] unix, with their label."""
+    """Draw dates below axes whose times count in `unit` [s] from `start` [s] unix on."""
     draw_dates(axes, start, unit)
     axes.set_xlabel(LABEL)
 
 
 def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None = None) -> Figure:
-    """Dives, with the numbered ellipses of the next surfacings and where it goes."""
+    """Map of dives, targets and the numbered ellipses of the next surfacings."""
     with _drawn(MAP) as (figure, axes):
         _draw_track(axes, legs, found)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -69,7 +69,7 @@ def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None = None) -> Fi
 
 def mail_figure(title: str, lines: Sequence[str], legs: Sequence[LoggedLeg],
                 found: Forecast | None) -> Figure:  # fmt: skip
-    """The last dives and the next surfacings, with words below them; words alone without dives."""
+    """Map of the last dives and next surfacings above a text; the text alone without dives."""
     told = [part for line in lines for part in textwrap.wrap(line, LETTERS)]
     words = 0.16 * (len(told) + 1)
     with style.styled():
@@ -120,10 +120,10 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
 
 
 def _draw_places(axes: Axes, found: Forecast, turned: float) -> None:
-    """Numbers of the surfacings at their middles, and targets, at the edge where they are far.
+    """Draw the surfacings' numbers at their centres, and targets, at the edge where they are far.
 
     Args:
-      turned: [degree] by which the map's longitudes are beyond those of the forecast.
+      turned: [degree] longitude on the map less longitude in the forecast.
     """
     for one in found.surfacings:
         axes.annotate(f"{one.number}", (one.longitude + turned, one.latitude), ha="center",
@@ -153,7 +153,7 @@ def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
 
 
 def evidence_figure(one: DeploymentHealth) -> Figure:
-    """Evidence over the dives."""
+    """Log odds of a fault over the dives."""
     hours = (one.time - one.time[0]) / HOUR
     known = np.isfinite(one.evidence)
     with _drawn((6.0, 2.0)) as (figure, axes):
@@ -168,7 +168,7 @@ def evidence_figure(one: DeploymentHealth) -> Figure:
 def channel_figures(
     one: DeploymentHealth, which: Sequence[int], name: str
 ) -> list[tuple[str, Figure, str]]:
-    """Channels that the log tells, with their levels: name, figure and caption of each."""
+    """Draw channels of health with their levels: name, figure and caption of each."""
     hours = (one.time - one.time[0]) / HOUR
     begun = one.dives.index(one.since_dive) if one.alarm and one.since_dive is not None else None
     found = []
@@ -189,7 +189,7 @@ def channel_figures(
 
 
 def belief_figure(said: Answers, name: str) -> Figure:
-    """A belief after each dive with its band, and by all dives."""
+    """Estimate of a parameter after each dive with its band, and smoothed over all dives."""
     assert said.beliefs is not None
     hours = (said.time - said.time[0]) / HOUR
     value, off = said.beliefs.value(name), said.beliefs.deviation(name)
@@ -197,7 +197,7 @@ def belief_figure(said: Answers, name: str) -> Figure:
     with _drawn(SMALL) as (figure, axes):
         _band(axes, hours, value, off)
         axes.plot(hours, back, "--", color=style.COMMAND, lw=0.9)
-        # the first dives know little: their bands would hide the others
+        # the wide bands of the first dives would hide the others
         low, high = (np.quantile(value + side * BAND * off, q) for side, q in ((-1, 0.1), (1, 0.9)))
         axes.set_ylim(min(low, back.min()) - 0.1 * (high - low),
                       max(high, back.max()) + 0.1 * (high - low))  # fmt: skip
@@ -213,7 +213,7 @@ def _band(axes: Axes, hours: Array, value: Array, deviation: Array) -> None:
 
 
 def map_figure(one: DeploymentHindcast) -> Figure:
-    """All surfacings, and the last few with the ellipses of their forecasts."""
+    """Map of all surfacings, and of the last few with the ellipses of their forecasts."""
     scored = [s for s in one.surfacings if s.scored]
     few = (scored or list(one.surfacings))[-CLOSE_SURFACINGS:]
     with style.styled():
@@ -229,7 +229,7 @@ def map_figure(one: DeploymentHindcast) -> Figure:
 def _draw_map(
     axes: Axes, surfacings: Sequence[HindcastSurfacing], title: str, marks: Mapping[str, str]
 ) -> None:
-    """Fixes; with marks of methods their surfacings, and the ellipses of the forecast."""
+    """Draw fixes and, for the methods in `marks`, their forecasts with the ellipses."""
     fixes, begins = (np.array([s.places[name] for s in surfacings]) for name in ("fix", "begin"))
     outlines = []
     for one in surfacings if marks else ():  # latitude, longitude [degree] of 90 % ellipses, (2, n)
@@ -263,7 +263,7 @@ def _draw_map(
 
 
 def current_figure(one: DeploymentHindcast) -> Figure:
-    """North and east over time: observed after each dive, forecast before it with its 90 %."""
+    """Current north and east over time: found after each dive, forecast before it with 90 %."""
     start = one.surfacings[0].time
     days = np.array([(s.time - start) / HOUR for s in one.surfacings])
     with style.styled():
@@ -293,7 +293,7 @@ def current_figure(one: DeploymentHindcast) -> Figure:
 
 
 def error_figure(one: DeploymentHindcast) -> Figure:
-    """What part of the scored surfacings each method missed by less than so much."""
+    """Fraction of the scored surfacings whose error is below a value, for each method."""
     scored = [s for s in one.surfacings if s.scored]
     with _drawn((style.PAGE_WIDTH, 2.6)) as (figure, axes):
         for name in METHODS:

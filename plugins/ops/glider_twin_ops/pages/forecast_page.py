@@ -1,8 +1,8 @@
-"""Page: a forecast as one HTML file with its map, which opens anywhere without a network.
+"""Forecast page: a forecast as one HTML file with a map, which opens without a network.
 
-The map is one SVG: surfacings, ellipses, track and coast. Positions are drawn at equal scale north
-and east of the middle of the view; wheel and drag zoom and move it where a browser runs the page's
-few lines of script, and without them it is a picture.
+The map is one SVG with surfacings, ellipses, track and coast. Its scale is equal north and east of
+the view's middle. With the page's script, wheel and drag zoom and move the map; without the script
+it is a picture.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from twin.records.storage import LIST, check_folder_target, whole_folder
 WIDTH, HEIGHT = 960.0, 640.0
 """[px] of the view box"""
 MARGIN, NEAR, LEAST_SPAN = 1.25, 1.5, 0.02
-"""Of the view over what must be seen; spans beyond which a target is outside of the first view; and
-[degree] of latitude that is shown at least: 2 km"""
+"""Ratio of the view to the extent that must be seen; extents beyond which a target is left outside
+the first view; [degree] least latitude shown, 2 km"""
 MOST_DOTS = 400
-"""Members that are drawn of a surfacing"""
+"""Most members drawn for a surfacing"""
 WIDER = 12.0
-"""Spans around the middle whose coast is drawn, for who zooms out"""
+"""Number of view heights around the middle in which the coast is drawn, for zooming out"""
 METRES_PER_DEGREE = 111_195.0
 STEPS = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800)
-"""[minute] between lines of latitude and longitude"""
+"""[minute] Steps between lines of latitude and longitude"""
 COLOURS = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
-"""Of surfacings in turn: Okabe and Ito's, which colour-blind readers tell apart"""
+"""Colours of surfacings in turn: Okabe and Ito's, which colour-blind readers can distinguish"""
 
 
 class MapFrame:
-    """Degrees to pixels."""
+    """Frame of a map, which turns degrees into pixels."""
 
     def __init__(self, points: Array, far: Array):
-        """A view of points, (point, 2), longitude and latitude; of far ones if they are near."""
+        """Fit the view to points, (point, 2), longitude and latitude, and to far points nearby."""
         low, high = points.min(axis=0), points.max(axis=0)
         self.middle = 0.5 * (low + high)
         self.shrink = math.cos(math.radians(self.middle[1]))
@@ -54,13 +54,13 @@ class MapFrame:
         self.scale = HEIGHT / self.span
 
     def at(self, points: Array) -> Array:
-        """Pixels, (point, 2)."""
+        """Pixels of points, (point, 2)."""
         off = (points - self.middle) * [self.shrink, -1.0] * self.scale
         return np.asarray(off + np.array([0.5 * WIDTH, 0.5 * HEIGHT]))
 
 
 def draw_map(found: Forecast) -> str:
-    """The SVG element."""
+    """Draw the map as an SVG element."""
     place = found.request.place
     start = np.array([[place.longitude_deg, place.latitude_deg]])
     rings = [one.ring(NINETY, place) for one in found.surfacings]
@@ -111,7 +111,7 @@ def draw_map(found: Forecast) -> str:
 
 
 def _label(kind: str, x: float, y: float, words: str, left: bool) -> str:
-    """Words beside a point."""
+    """SVG text beside a point."""
     at, anchor = (x - 10.0, "end") if left else (x + 10.0, "start")
     return f'<text class="{kind}" x="{at:.1f}" y="{y:.1f}" text-anchor="{anchor}">{words}</text>'
 
@@ -157,7 +157,7 @@ def _graticule(frame: MapFrame) -> list[str]:
             whole, rest = divmod(round(abs(value) * 60.0, 2), 60.0)
             name = f"{whole:.0f}\N{DEGREE SIGN} {rest:g}' {letters[value < 0.0]}"
             if axis == 0:
-                spare = ' class="spare"' if k % 2 else ""  # narrow screens leave these out
+                spare = ' class="spare"' if k % 2 else ""  # hidden on narrow screens
                 parts += [
                     f'<path d="M{x:.1f} 0V{HEIGHT:g}"/>',
                     f'<text{spare} x="{x + 3:.1f}" y="{HEIGHT - 6:g}">{name}</text>',
@@ -171,7 +171,7 @@ def _graticule(frame: MapFrame) -> list[str]:
 
 
 def _scale_bar(metres_per_pixel: float) -> str:
-    """A round length of a fifth of the width."""
+    """Scale bar of a round length, at most a fifth of the width."""
     rough = 0.2 * WIDTH * metres_per_pixel
     power = 10.0 ** math.floor(math.log10(rough))
     metres = max(m * power for m in (1.0, 2.0, 5.0) if m * power <= rough)
@@ -260,7 +260,7 @@ def write_forecast(found: Forecast, folder: Path, *, reload_s: float | None = No
     """Write page, JSON and GeoJSON; an earlier forecast there is replaced at once.
 
     Args:
-      reload_s: after so many seconds a browser reads the page again; None: never.
+      reload_s: [s] time after which a browser loads the page again; None: never.
 
     Raises:
       WriteError: something that is no forecast is in the way, or the disk refuses.
@@ -273,7 +273,7 @@ def write_forecast(found: Forecast, folder: Path, *, reload_s: float | None = No
 
 
 def page(found: Forecast, *, reload_s: float | None = None) -> str:
-    """The HTML text."""
+    """Make the HTML text of the page."""
     from twin.show import html_page
 
     request, place = found.request, found.request.place
@@ -319,7 +319,7 @@ def _table(found: Forecast) -> str:
 
 
 def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
-    """A surfacing as cells of a table, by their headings."""
+    """Cells of a surfacing's row in a table, by their headings."""
     half, most = (
         f"{e.semi_major_m / 1e3:.2f} x {e.semi_minor_m / 1e3:.2f} km, "
         f"{e.bearing_deg:.0f}\N{DEGREE SIGN}"
@@ -339,7 +339,7 @@ def forecast_row(found: Forecast, one: Surfacing) -> Mapping[str, str]:
 
 
 def _is_forecast(folder: Path) -> bool:
-    """Whether a folder holds a forecast and nothing else."""
+    """Return whether a folder holds a forecast and nothing else."""
     return {INDEX} <= {path.name for path in folder.iterdir()} <= {*FILES, LIST}
 
 

@@ -1,4 +1,4 @@
-"""Morning page: one HTML file without a network, and beside it JSON, ten lines of text, GeoJSON."""
+"""Morning page: one HTML file that needs no network; beside it JSON, a text for e-mail, GeoJSON."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
 BESIDE = (LATEST, SUMMARY, GEOJSON, ROUTES, BOXES, BOXES_TEXT, *NAMES)
 DAY = 86400.0
 SHOWN = 4
-"""Channels of health that are drawn, those farthest from their level"""
+"""Number of channels of health that are drawn: those farthest from their level"""
 
 
 def write_morning(
@@ -51,13 +51,13 @@ def write_morning(
     as_of: str = "",
     came: Sequence[str] = (),
 ) -> Path:
-    """Write `folder/page`, in the place of the page before.
+    """Write `folder/page`, in place of the page before.
 
     Args:
-      new: what changed since that page, in sentences.
-      made: what `latest.json` keeps of how the page was made.
-      as_of: the moment up to which dives were taken; empty: all.
-      came: what a page of the past foretold beside what came.
+      new: sentences on changes since that page.
+      made: provenance of the page, for `latest.json`.
+      as_of: moment up to which dives count; empty: all dives.
+      came: sentences that compare a past page's forecast with what came.
 
     Raises:
       WriteError: something that is no page is in the way, or the disk refuses.
@@ -69,7 +69,7 @@ def write_morning(
     if (fix := told.last_fix) is not None:
         leads.append(f"last fix {_fixed(fix)}")
     verdict = told.verdict
-    if told.health is not None and told.health.alarm:  # by what it was judged is said below it
+    if told.health is not None and told.health.alarm:  # which vehicle judged goes to the lead
         verdict, *qualified = verdict.split("; ")
         leads += qualified
     page = Page(folder / PAGE, verdict, "; ".join(leads), beside=BESIDE)
@@ -169,7 +169,7 @@ def _proposal(page: Page, told: Morning, proposed: ProposedFiles) -> None:
 
 
 def read_latest(folder: Path) -> dict[str, Any] | None:
-    """What the page before said; None without one, and where it is not as it was written."""
+    """Read `latest.json` of the page before; None without one, or where it was changed."""
     try:
         if any(damaged_files(folder / PAGE, [LATEST])):
             return None
@@ -180,7 +180,7 @@ def read_latest(folder: Path) -> dict[str, Any] | None:
 
 
 def summary(told: Morning, new: Sequence[str]) -> str:
-    """Ten lines at most, for an e-mail."""
+    """Text for an e-mail, ten lines at most."""
     lines = [told.verdict]
     if told.dives:
         said_of = f"{counted(len(told.dives), 'dive')} of {told.deployment}"

@@ -1,7 +1,7 @@
-"""Morning: what a deployment's log tells at a moment: health, energy, currents, next surfacings.
+"""Morning: the daily report of a deployment: health, energy, currents and the next surfacings.
 
-What cannot be told is left out, with the reason: a log without fixes has a health, one without
-attitude has currents that the vehicle itself reported, an empty folder has nothing yet.
+A part that the log does not support is left out, with the reason. A log without fixes still has
+health; one without attitude has the currents that the vehicle reported; an empty folder has none.
 """
 
 from __future__ import annotations
@@ -62,57 +62,57 @@ from twin.water.current import parse_field
 Told = TypeVar("Told")
 KILO, HOUR = 1e3, 3600.0
 NEWER = 60.0
-"""[s] by which a fix is newer than another one"""
+"""[s] Least time between two fixes of which one counts as newer"""
 FORECAST = "forecast"
-"""What a page is for: why there is none is the first of what is missing"""
+"""Name of the forecast; the reason for its absence comes first among what is missing"""
 MOST_FOLLOWED = 30
-"""Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
+"""Number of last dives over which parameters are followed from the vehicle file's, 0.4 s each"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Morning:
-    """What is told; None and empty where it cannot be, and `lacking` says why."""
+    """Daily report. A part without support in the log is None or empty, and `lacking` says why."""
 
     title: str
     """Name of the folder"""
     log: LogOfFiles
     dialogue: SurfaceDialogue | None = None
-    """What it said at its last surfacing"""
+    """Dialogue of the last surfacing"""
     deployment: str = ""
-    """Name of it in the log: of several the one that began last"""
+    """Name of the deployment in the log; of several, the one that began last"""
     dives: tuple[int, ...] = ()
-    """Numbers of its dives, as the log counts, in order of time"""
+    """Numbers of its dives in the log, in order of time"""
     vehicle: Vehicle | None = None
     health: DeploymentHealth | None = None
     followed: Beliefs | None = None
     """Parameters of the vehicle over its last dives"""
     followed_dives: tuple[int, ...] = ()
-    """Numbers of these"""
+    """Numbers of these last dives"""
     legs: tuple[LoggedLeg, ...] = ()
-    """From fix to fix, in order of time"""
+    """Legs between fixes, in order of time"""
     came_up: LastFix | None = None
-    """The newest fix after a dive of the log, whether or not the dive's way is known"""
+    """Newest fix after a dive of the log, also where the dive's path is unknown"""
     used: EnergyUse | None = None
     energy_left_kwh: float | None = None
     lasts: Endurance | None = None
-    """By the dives so far, where the energy left is known"""
+    """Endurance by the use so far, where the energy left is known"""
     outlook: EnergyOutlook | None = None
-    """For changes of the plan"""
+    """Days left for changes of the plan, and the turn home"""
     surfacings: Forecast | None = None
     plan: str = ""
-    """What the forecast takes it to do, in words"""
+    """Plan that the forecast flies, in words"""
     changes: tuple[Mapping[str, str], ...] = ()
-    """What it does now beside what the plan has, rows of a table"""
+    """Rows of a table: what the last dives did, and what the plan asks"""
     routes: RoutePlan | None = None
-    """Ways to the next place, where a pilot gave it"""
+    """Routes to the next place, where a pilot gave one"""
     proposed: ProposedFiles | None = None
-    """Files with that plan, where a pilot gave its places"""
+    """Files with the plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
-    """Why something is not told, and what to do about it"""
+    """Reasons for missing parts, and what to do about them"""
 
     @property
     def verdict(self) -> str:
-        """One line."""
+        """Verdict in one line."""
         if self.health is None:
             return f"{self.title}: nothing can be judged yet"
         said = self.health.verdict()
@@ -122,7 +122,7 @@ class Morning:
 
     @property
     def last_fix(self) -> LastFix | None:
-        """The dialogue's, where it is newer than the last one of the log."""
+        """Newest fix, of the dialogue or of the log."""
         before = -np.inf if self.came_up is None else self.came_up.time
         said = self.dialogue
         if said is not None and said.fix and said.fix_time and said.fix_time > before:
@@ -131,8 +131,8 @@ class Morning:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """All that is missing: why there is no forecast, short files and those that are left out,
-        and what else is not told."""
+        """Sentences on all that is missing: the forecast first, then files cut or left out, then
+        other parts."""
         first = self.lacking[:1] if self.surfacings is None else ()
         return tuple(dict.fromkeys([*first, *self.log.cut_or_left_out, *self.lacking]))
 
@@ -153,7 +153,7 @@ class Morning:
         ]
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able, as `latest.json` has it."""
+        """Values for JSON, as in `latest.json`."""
         levels: dict[str, Any] = {}
         if self.health is not None and self.dives:
             last = self.health.levels.level[-1], self.health.levels.deviation[-1]
@@ -194,10 +194,10 @@ def morning(
     *,
     say: Callable[[str], object] = lambda _: None,
 ) -> Morning:
-    """What the log tells.
+    """Make the daily report from a log.
 
     Args:
-      say: called with a word on what is being done.
+      say: called with the name of each step as it begins.
     """
     title = deployment.folder.resolve().name
     if log.store is None:
@@ -314,7 +314,7 @@ def morning(
                 nearest = dataclasses.replace(first, targets=first.targets[:1])
                 mission = dataclasses.replace(asked.mission, segments=(nearest,))
                 asked = dataclasses.replace(asked, mission=mission)
-                tells["routes"] = told(  # `twin route` flies the ways, too
+                tells["routes"] = told(  # only `twin route` flies them, too
                     "routes", lambda: plan_routes(asked, water, fly_them=False, say=say)
                 )
             if expected.guessed:
@@ -342,7 +342,7 @@ def _forecast(
     fix: LastFix,
     plan: ExpectedPlan,
 ) -> tuple[Forecast, str, Known]:
-    """The next surfacings from the last fix on, what it is taken to do in words, and the water."""
+    """Forecast the next surfacings from the last fix; also return the plan in words and water."""
     begin = utc_text(moment_of(float(round(fix.time))))
     place, water, stale = begun(
         Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),
