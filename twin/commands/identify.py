@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from twin.identify import DrivenErrors, Handling, Identification, Refinement
 
 
-UNUSUAL = 2.0  # usual spreads away from nominal at which an estimate is remarked on
+UNUSUAL = 2.0  # distance from nominal in usual spreads above which an estimate gets a remark
 ESTIMATE = ("value", "deviation", "nominal", "unit", "determined", "note")
 """Keys of each parameter in the answer"""
 STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}
@@ -30,7 +30,7 @@ STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}
 class Identify(JsonOption):
     """Estimate trim, drag, lift, hull and sensor errors from depth, attitude, pump and density.
 
-    Of a propelled vehicle: drag, thrust, fins, moments and trim, from its runs.
+    For a propelled vehicle: drag, thrust, fins, moments and trim, from its runs.
 
     Takes about 20 s of computing for ten hours of log (a minute on a busy machine); --model twin
     takes longer.
@@ -41,7 +41,7 @@ class Identify(JsonOption):
     """
 
     store: Annotated[Path, tyro.conf.Positional]
-    """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
+    """store of logs by `factory import`, or a simulated store with sensors"""
     vehicle: str | None = None
     """vehicle to start from: shipped name, or the path of an MJCF file; default: the shipped one
     of the log's kind, or the one that a simulated store has"""
@@ -58,28 +58,28 @@ class Identify(JsonOption):
     hd_b, hd_c, volmax, vbdbias, abs_compress, therm_expan), .json for gliderflight (Cd0, Vg, mg,
     epsilon, ah, Cd1)"""
     start: Path | None = None
-    """such a file (.m or .json) with the figures to start from, in place of the vehicle's"""
+    """file like --export's (.m or .json) with figures that replace the vehicle's at the start"""
     plot: Path | None = None
     """write a figure of the residuals here (.png, .pdf or .svg)"""
     model: Literal["flight", "steady", "twin"] = "flight"
     """flight: attitude as logged, with inertia; steady: forces in balance, off inflections; twin:
     flight, then full rollouts of the MuJoCo twin on the logged actuator positions"""
     parameters: tuple[str, ...] = ()
-    """what to estimate; when not given, all that the log may determine, and a pitch offset where it
+    """names to estimate; by default all that the log may determine, and a pitch offset where it
     predicts left-out dives better"""
     known: tuple[str, ...] = ()
     """values that are known and not to be estimated, such as mass=70 lift_ratio=48"""
     missions: str = "all"
     """missions of the store to fit, such as 0-11,14"""
     unseen: str = ""
-    """runs of a propelled vehicle that are not fitted, such as 4,5: the identified vehicle
-    and the one that it started from are judged by them"""
+    """runs of a propelled vehicle that are not fitted, such as 4,5: they judge the identified
+    vehicle and the one at the start"""
     no_fixes: bool = False
-    """fit the depth rate only; without this option the change of current between GPS fixes is
-    compared too, where the log has fixes"""
+    """fit the depth rate alone; by default the change of the current between GPS fixes is compared
+    too, where the log has fixes"""
     no_handling: bool = False
-    """leave pitch, turns and gains as the vehicle file has them, and try nothing out: the file is
-    then written for estimates of speed, whether the vehicle flies or not"""
+    """keep the vehicle file's pitch, turns and gains, and skip the proof: the file is then for
+    estimates of speed, and the vehicle may not fly"""
     pitch_scale: float | None = None
     """known error of the pitch sensor: true pitch = scale * measured + offset; it is then not
     estimated, unless --parameters asks"""
@@ -87,7 +87,7 @@ class Identify(JsonOption):
     """known offset of the pitch sensor [deg]; it is then not estimated, unless --parameters asks"""
 
     def _check(self) -> None:
-        """Refuse what could not be written or used before anything is read."""
+        """Refuse options that are wrong, and paths that cannot be written, before a store is read."""
         from twin.cli.options import check_plot_path
         from twin.errors import InputError
 
@@ -269,7 +269,7 @@ class Identify(JsonOption):
         *,
         counted: bool,
     ) -> None:
-        """Write the vehicle file, with the energy that the log has `counted`.
+        """Write the vehicle file; with `counted`, losses and powers are those of the log's charge.
 
         Raises:
           InputError: the vehicle does not fly as it should.
@@ -297,7 +297,7 @@ class Identify(JsonOption):
     def _say(
         self, console: Console, found: Identification, missions: int, refined: Refinement | None
     ) -> None:
-        """The estimates, their correlation and what the model leaves; and which are unusual."""
+        """Print the estimates, their correlation and the residuals; warn of unusual estimates."""
         rows = [
             {
                 "parameter": e.name,
@@ -405,7 +405,7 @@ def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> N
 
 
 class _Stages:
-    """The stages of a command on one bar, so that it is full when all of them have ended."""
+    """Stages of a command on one progress bar, which is full when all of them have ended."""
 
     def __init__(self, progress: Progress, *, refines: bool, handles: bool):
         self._progress, self._done = progress, 0.0
@@ -414,7 +414,7 @@ class _Stages:
         self._whole = sum(STAGES[name] for name in self._names)
 
     def of(self, stage: str) -> Callable[[float], None]:
-        """Function that takes the part of a stage that is done, 0 to 1."""
+        """Function that reports the fraction of a stage that is done, 0 to 1."""
         before = sum(STAGES[name] for name in self._names[: self._names.index(stage)])
 
         def report(part: float) -> None:
@@ -426,7 +426,7 @@ class _Stages:
 
 
 def _say_handling(console: Console, handling: Handling) -> None:
-    """Pitch, turns, asymmetry and loops; and the answers of the same."""
+    """Report pitch, turns, asymmetry and loops, as text and as answers."""
     vehicle = handling.identification.calibration.vehicle
     rows: dict[str, str] = {}
     degrees = {
