@@ -87,7 +87,7 @@ class Identify(JsonOption):
     """known offset of the pitch sensor [deg]; it is then not estimated, unless --parameters asks"""
 
     def _check(self) -> None:
-        """Refuse options that are wrong, and paths that cannot be written, before a store is read."""
+        """Refuse wrong options, and paths that cannot be written, before a store is read."""
         from twin.cli.options import check_plot_path
         from twin.errors import InputError
 
