@@ -300,8 +300,8 @@ def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
     """Velocity error of a balance of forces at the vehicle's usual glide.
 
     The coefficients of an identified vehicle have the uncertainty in its file. Those of another
-    vehicle have the lift slope's uncertainty in `FlightSpread`: a clean hull, without growth; so does
-    the pitch. Errors by coefficients are equal in descent and climb: they are the constant part.
+    vehicle have the lift slope's in `FlightSpread`: a clean hull, without growth. The pitch's is
+    there, too. Errors by coefficients are equal in descent and climb: they are the constant part.
     Errors by pitch change sign between them: they are the varying part.
 
     Args:
