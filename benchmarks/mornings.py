@@ -1,10 +1,10 @@
-"""Mornings: pages of deployments at sea, made as of three moments in their past, and what came.
+"""Daily reports of real deployments, made as of three past moments, with what came after.
 
     python -m benchmarks.mornings FOLDER [NAME ...] [--out PAGES]
 
-FOLDER holds real logs whose licence lets pages of them be shown, as `DEPLOYMENTS` names them. Each
-deployment's files are watched by `--as-of` at a quarter, a half and three quarters of its dives,
-with the shipped vehicle of its kind: nothing is tuned on what follows. Printed is a row a morning.
+FOLDER holds real logs whose licences allow their pages to be shown, as in `DEPLOYMENTS`. Each
+deployment is watched by `--as-of` at a quarter, a half and three quarters of its dives, with the
+shipped vehicle of its type, so nothing is tuned on later dives. Printed is a row for each report.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ DEPLOYMENTS = {
     "modena 2016-09": ("slocum_seus_2016", "modena-*/*.sbd cache/*", "slocum-200"),
     "salacia 2017-07": ("slocum_seus_2017", "salacia-*/*.sbd", "slocum-200"),
 }
-"""Folder, patterns of files in it, and shipped vehicle"""
+"""Folder, file patterns and shipped vehicle of each deployment"""
 PARTS = (0.25, 0.5, 0.75)
 PAUSE = 600.0
-"""[s] after a dive's end at which the page is made"""
+"""[s] Time from a dive's end to its report"""
 
 
 def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
-    """Rows of a deployment.
+    """Make the table rows of a deployment.
 
     Args:
-      folder: of all real logs. place: where the deployment's folder is made.
+      folder: of all real logs. place: parent of the deployment's new folder.
     """
     where, patterns, vehicle = DEPLOYMENTS[name]
     source = place / "arrived"
@@ -82,7 +82,7 @@ def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
         if found:
             axes = (found[0]["ellipse_90"][f"semi_{one}_m"] / 1e3 for one in ("major", "minor"))
             next_one = "{}, {:.2f} x {:.2f} km".format(found[0]["time"][11:16], *axes)
-        if came:  # when and where it was against what was foretold
+        if came:  # time and place of the surfacing against the forecast
             what = ", ".join(came[0].partition("it came up ")[2].split(", ")[1:3])
         rows.append({
             "deployment": name,
@@ -103,10 +103,10 @@ def main(
     *,
     out: Path | None = None,
 ) -> None:
-    """Print a table in Markdown; the pages stay in --out.
+    """Print a Markdown table; the pages stay in --out.
 
     Args:
-      names: of deployments; all if not given.
+      names: deployments; all if not given.
     """
     rows = []
     with tempfile.TemporaryDirectory() as temporary:
