@@ -6,11 +6,11 @@
 
 `ziglang` is a C compiler for the processor, `unicorn` an emulator of it. The networks are those of
 `benchmarks.onboard_step`, over the first samples of the store's longest mission. Printed are
-`benchmarks.onboard_step`, over the first samples of the store's longest mission. Printed are
 
 - the bytes of code and constants, of the state, and of the stack that a step uses;
 - the counted instructions of a step;
 - the difference of the velocities from those of the same code on this machine;
+- the routines for double, or for float in software, that the image holds.
 
 Cycles are an estimate, since the emulator counts none. Each instruction has the cycles of the
 Cortex-M4's manual (ARM DDI 0439B, tables 3-1 and 7-1), without memory wait states.

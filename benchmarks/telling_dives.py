@@ -1,10 +1,10 @@
-"""Telling dives: what three proposed dives leave of the deviations that five usual dives left.
+"""Informative dives: reduction of standard deviations by three proposed dives after five usual.
 
     python -m benchmarks.telling_dives
 
-Three vehicles fly five usual dives, then three proposed ones, or three usual ones more. Told are
-the deviations by Fisher information, over what five usual dives left, as a geometric mean over
-parameters.
+Three vehicles fly five usual dives, then three proposed ones, or three more usual ones. Printed are
+the standard deviations by Fisher information, over those after the five dives, as a geometric mean
+over parameters.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from twin.identify import load_calibration
 from twin.identify.unknowns import choose
 
 VEHICLES = {"slocum-1000": 400.0, "seaglider": 400.0, "slocum-200": 120.0}
-"""Usual depth [m]"""
+"""[m] Usual depth of each vehicle"""
 USUAL = 5
 PERIOD = 4.0
 """[s] between samples"""
 
 
 def measure(name: str, depth: float) -> dict[str, object]:
-    """Shrinking of one vehicle's standard deviations by three usual and three proposed dives."""
+    """Ratio of one vehicle's standard deviations after three usual and three proposed dives."""
     calibration = load_calibration(name)
     usual = usual_dive(calibration.vehicle, PERIOD, depth)
     log = flown_logs(calibration, [usual])[0]

@@ -1,24 +1,24 @@
-"""Watch passes: from the arrival of a dive's file to the page, early and late in a deployment.
+"""Watch passes: time from the arrival of a dive's file to the page, early and late in a deployment.
 
     python -m benchmarks.watch_passes --dives 5 300
     python -m benchmarks.watch_passes --dives --kills 100 --orders 50
     python -m benchmarks.watch_passes --real ../shared/data/slocum_barnacle_2022/raw --orders 20
 
-A Seaglider of the tests flies saw-tooth dives to 950 m, three hours each, and its base station's
-files but the last lie in the source. A first pass takes them in; then the last file arrives, and a
-pass of its own process is timed, with its peak of memory. `replay` makes everything again from the
-files, and says whether log, beliefs and events have the same bytes.
+A Seaglider of the tests flies saw-tooth dives to 950 m, three hours each. All of its base station's
+files but the last are in the source. A first pass reads them. Then the last file arrives. A pass
+in its own process is timed, with its peak memory. `replay` makes everything again from the files,
+and checks that log, state estimates and events have the same bytes.
 
-`--kills` ends passes over four shallow dives at random moments and lets the next one go on;
-`--orders` lets the files arrive in random orders, with halves, files of wrong content and copies
-that go away before the right ones, and passes in between. Each must end in the bytes that one pass
-over all files makes, with nothing beside them.
+`--kills` ends passes over four shallow dives at random moments; the next pass continues. With
+`--orders`, files arrive in random orders, with halves, wrong content and copies that are removed
+before the right file comes, and passes run in between. Each case must give the bytes of one pass
+over all files, and no further files.
 
-`--real` names folders with a Slocum's files, and `--cache` one with their lists of sensors. Their
-files arrive one by one, in order of time, and the passes at the tenth and at the last are timed;
-then, with `--orders`, in random orders, with halves, wrong contents, files that go away again and a
-misspelt list of sensors before the right one. The log is compared with that of `factory import`,
-variable by variable and attribute by attribute.
+`--real` names folders with a Slocum's files, and `--cache` one with their lists of sensors. The
+files arrive one by one, in order of time; the passes at the tenth and at the last are timed. With
+`--orders` they arrive in random orders too, with halves, wrong contents, removed files and a wrong
+list of sensors before the right one. The log is compared with that of `factory import`, variable by
+variable and attribute by attribute.
 """
 
 from __future__ import annotations
@@ -52,26 +52,26 @@ from twin.records.attributes import HISTORY
 from twin.records.store import write_store
 
 DEPTH = 950.0
-"""[m] of the dives"""
+"""[m] Depth of the dives"""
 HARMED = 4
-"""Dives of the deployments that are killed or shuffled"""
+"""Dives of the deployments for `--kills` and `--orders`"""
 FORECAST = "page/forecast.geojson"
 PASSES = 5
-"""Passes while the files of a real deployment arrive"""
+"""Number of passes while the files of a real deployment arrive"""
 LOGS = {f".{a}{b}d" for a in "dmsent" for b in "bc"}
 """Endings of a Slocum's binary files"""
 ODD = 0.3
-"""Probability of a half and of wrong content before each file that arrives"""
+"""Probabilities of half a file and of wrong content before each file that arrives"""
 
 
 def passed(folder: Path, *words: str) -> tuple[Ran, dict[str, Any]]:
-    """Use and answer of a pass in its own process."""
+    """Run a pass in its own process: resources used, and its answer."""
     found = ran([sys.executable, "-m", "twin", "watch", str(folder), *words, "--json"])
     return found, json.loads(found.said)
 
 
 def costs(one: Ran, at: str = "") -> dict[str, object]:
-    """The use of a pass, for a program."""
+    """Resources used by a pass, for JSON."""
     return {
         f"arrival to page{at} [s]": round(one.wall_s, 1),
         f"of it on processors{at} [s]": round(one.cpu_s, 1),
@@ -102,7 +102,7 @@ def measure(dives: int, place: Path) -> dict[str, object]:
 
 
 def killed(times: int, seed: int, place: Path) -> dict[str, object]:
-    """Kill passes at random moments, and let the next one go on."""
+    """Kill passes at random moments, and let the next pass continue."""
     names = (*PARTS, FORECAST, "what lies beside them")
     draw = random.Random(seed)
     files = _files(place)
@@ -137,8 +137,8 @@ def arrive(
     files: list[Path], source: Path, draw: random.Random, counts: Counter[str],
     between: Callable[[int], object],
 ) -> None:  # fmt: skip
-    """Let files come in a random order: some by halves, with wrong content, or under another name
-    that goes away again, first; `between` is told the number that came before each right one."""
+    """Let files arrive in random order, some first by halves, with wrong content, or under another
+    name that is removed again; `between` is called with each right file's number."""
     for k, path in enumerate(draw.sample(files, len(files))):
         content, odd = path.read_bytes(), draw.random()
         if odd < ODD:
@@ -156,7 +156,7 @@ def arrive(
 
 
 def ordered(times: int, seed: int, place: Path) -> dict[str, object]:
-    """Let files of a Seaglider arrive in random orders: passes end in the bytes of one pass."""
+    """Let files of a Seaglider arrive in random orders; passes must give the bytes of one pass."""
     files, counts = _files(place), Counter[str]()
     every = _deployment(place / "at-once", files)
     assert done(partial(_pass, every))
@@ -193,7 +193,7 @@ def real_passes(folder: Path, cache: Path | None, place: Path) -> dict[str, obje
 
 
 def log_seconds(folder: Path, *, again: bool = False) -> float:
-    """[s] of this process until the log is up to date, or made again."""
+    """[s] Time of this process to update the log, or to make it again."""
     deployment = WatchedDeployment.read(folder)
     begin = time.process_time()
     log_of_files(deployment, folder, again=again)
@@ -203,7 +203,7 @@ def log_seconds(folder: Path, *, again: bool = False) -> float:
 def real_orders(
     times: int, seed: int, folder: Path, cache: Path | None, place: Path
 ) -> dict[str, object]:
-    """Let files of a real deployment arrive in random orders, some harmed, and compare the logs."""
+    """Let files of a real deployment arrive in random orders, some damaged; compare the logs."""
     _, _, files = _real(folder, cache, place / "import")
     dataset, _ = import_logs("slocum", [folder], cache=cache)
     wanted = _stored(write_store(dataset, place / "import.zarr"))
@@ -244,7 +244,7 @@ def real_orders(
 
 
 def _real(folder: Path, cache: Path | None, place: Path) -> tuple[Path, Path, list[Path]]:
-    """An empty source with lists of sensors, its deployment, and the logs in order of time."""
+    """Empty source with lists of sensors, its deployment, and the logs in order of time."""
     source, lists = place / "arrived", place / "lists"
     source.mkdir(parents=True)
     lists.mkdir()
@@ -267,7 +267,7 @@ def _by_numbers(path: Path) -> list[tuple[int, str]]:
 
 
 def _stored(path: Path) -> xr.Dataset:
-    """A log less what says when and from which files' digest it was made."""
+    """Log without the time of its making and the digest of its files."""
     found = xr.open_zarr(path, decode_times=False).load()
     found.attrs = {k: v for k, v in found.attrs.items() if k not in (HISTORY, DIGEST)}
     return found
@@ -303,7 +303,7 @@ def _pass(folder: Path) -> None:
 
 
 def _bytes(folder: Path) -> list[Any]:
-    """Of log, beliefs, events and the page's figures; what lies beside them, too."""
+    """Bytes of log, state estimates, events and the page's figures, and of any further files."""
     beside = sorted(path.name for path in folder.iterdir() if "writing" in path.name)
     return [*(content_of(folder / name) for name in (*PARTS, FORECAST)), beside]
 
@@ -320,11 +320,11 @@ def main(
     """Print a line for each number of dives, for the kills and for the orders.
 
     Args:
-      kills: of passes.
-      orders: of arrival.
-      real: a Slocum's files.
-      cache: their lists of sensors.
-      seed: of kills and orders.
+      kills: number of killed passes.
+      orders: number of random orders of arrival.
+      real: folders with a Slocum's files.
+      cache: folder with their lists of sensors.
+      seed: seed of kills and orders.
     """
     jobs: list[Callable[[Path], object]] = []
     for folder in real:
