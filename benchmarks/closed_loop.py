@@ -122,12 +122,12 @@ def main(
     only: str | None = None,
     json: bool = False,
 ) -> None:
-    """Fly and print.
+    """Fly the missions and print the errors.
 
     Args:
-      side: [m] of the box.
+      side: [m] length of the box's side.
       first: seed of the first round.
-      swing: yos in spirals before, each way.
+      swing: yos in spirals before the box, to each side.
       sensors: one suite; both if not given.
       without: a device that is made ideal.
       only: the one device that is not made ideal.

@@ -201,8 +201,8 @@ def main(
 
     Args:
       stores: missions of preset field.
-      learn: stores that tell of the way's errors.
-      seas: currents drawn for a mission.
+      learn: stores to which the track's errors are fitted.
+      seas: currents sampled for a mission.
     """
     taught = [one for store in learn for one in dives_of(store, 0)]
     size = way_errors(taught)

@@ -49,7 +49,7 @@ def main(
 
     Args:
       buffer: samples shuffled together.
-      way: train here, print figures as JSON.
+      way: mode to train here, printing figures as JSON.
     """
     if way is not None:
         training = TrainingConfig(

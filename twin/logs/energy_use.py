@@ -48,7 +48,7 @@ from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 ALWAYS = 0.97
-"""[1] Fraction of time beyond which a payload that is on cannot be told from the electronics"""
+"""[1] Fraction of time on beyond which a payload cannot be separated from the electronics"""
 DOUBTFUL = 0.5
 """[1] Standard deviation over value above which a factor counts as not determined"""
 MOST_KWH = 1e4

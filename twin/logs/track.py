@@ -148,7 +148,7 @@ def smoothed_tracks(
     latitude: float,
     parameters: CurrentParameters,
 ) -> list[tuple[Array, Array]]:
-    """Smooth tracks: for each, position north, east [m], (time, 2), and its error [m], (time,).
+    """Smooth tracks: position north, east [m], (time, 2), and its standard deviation [m], each.
 
     At a fix the position is the fix. A track without fixes begins at the origin.
 

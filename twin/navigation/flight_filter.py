@@ -54,19 +54,19 @@ class FlightSpread:
     """Standard deviations of a hull's parameters from its vehicle's file; 0 is not allowed."""
 
     coefficient: float = 0.058
-    """[1] of the log of the factor on the lift slope: +-10 %, uniform"""
+    """[1] Lift slope, log of its factor: +-10 %, uniform"""
     drag: float = 0.3
-    """[1] of the log of the factor on both drags: growth adds half within a season, without lift"""
+    """[1] Both drags, log of their factor: growth adds half within a season, without lift"""
     pitch: float = 2.2e-3
-    """[rad] of the accelerometers' pitch: 2 mg of bias and 0.05 deg of misalignment"""
+    """[rad] Pitch by the accelerometers: 2 mg of bias and 0.05 deg of misalignment"""
     ballast: float = 0.08
-    """[kg] of the net mass in water of the reference density: pilots ballast for the water of a
+    """[kg] Net mass in water of the reference density: pilots ballast for the water of a
     mission, whose density is not in the file"""
     compressibility: float = 1.2e-10
-    """[1/Pa] of the hull's compressibility"""
+    """[1/Pa] Compressibility of the hull"""
     depth_rate: float = 2e-2
-    """[m/s] of one correction. The balance's own error, 3 mm/s, lasts through a glide: forty
-    corrections count as one"""
+    """[m/s] Depth rate of one correction. The balance's own error, 3 mm/s, lasts through a
+    glide: forty corrections count as one"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):

@@ -64,7 +64,7 @@ class NavigationState:
     east: float
     """[m]"""
     covariance: Array
-    """[m2] of north and east at the last update of the filter, (2, 2)"""
+    """[m2] Covariance of north and east at the last update of the filter, (2, 2)"""
     current_north: float
     """[m/s]"""
     current_east: float

@@ -75,7 +75,7 @@ class EkfNoise:
     initial_velocity: float = 0.05
     """[m/s] each axis: the mission starts from rest."""
     depth: float = 0.01
-    """[m] of a depth sample: noise and quantisation of the transducer."""
+    """[m] Depth sample: noise and quantisation of the transducer."""
     kinematic: float = 5e-4
     """[m/sqrt(s)] drift between depth and integrated vertical velocity: attitude errors, internal
     waves."""
