@@ -1,4 +1,4 @@
-"""Seconds per full gradient of 80 000 samples, against what the machine's matrix products allow.
+"""Layer speed: seconds per gradient of 80 000 samples, against the machine's matrix products.
 
     python -m benchmarks.layer_speed [--json] [--sequences 16] [--repeats 5] [--threads 1]
 

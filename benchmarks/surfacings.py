@@ -176,7 +176,7 @@ def label(one: DeploymentHindcast) -> str:
 def row(
     name: str, scores: Scores, ones: Sequence[DeploymentHindcast], which: str
 ) -> dict[str, Any]:
-    """One line of a table."""
+    """Table row of some deployments, by name."""
     runs = [judged(one, which) for one in ones]
     found = {"deployment": name, **scores.describe()}
     found |= {"rival": scores.rival, "ratio": scores.ratio, "interval": scores.ratio_interval}

@@ -2,7 +2,7 @@
 
     python -m benchmarks.window_reading [HOURS] [MEMORY_MB]
 
-Makes a field store of HOURS (default 20), reads random windows of 256 samples of ten signals. The
+Makes a field store of HOURS (default 20). Reads random windows of 256 samples of ten signals; the
 methods take turns. `streamed` has memory for a part of the store only (default 4 MB), so that every
 mission is decoded again in every epoch; its comparison is decoding alone. The comparison of `in
 memory` is a copy of as many bytes.

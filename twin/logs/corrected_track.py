@@ -184,11 +184,11 @@ class DiveCurrent:
     start: float
     """[s] Time of the fix before the dive, on the deployment's clock; NaN without a clock"""
     duration: float
-    """[s]"""
+    """[s] Time between the fixes"""
     north: float
-    """[m/s]"""
+    """[m/s] northward current"""
     east: float
-    """[m/s]"""
+    """[m/s] eastward current"""
     deviation: float
     """[m/s] Standard deviation, north and east each, from the fixes, the speed and the heading"""
 

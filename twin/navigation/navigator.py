@@ -60,19 +60,19 @@ class NavigationState:
     time: float
     """[s] since the first sample"""
     north: float
-    """[m] over ground from the origin of the mission's frame"""
+    """[m] north of the origin of the mission's frame"""
     east: float
-    """[m]"""
+    """[m] east of the origin"""
     covariance: Array
     """[m2] Covariance of north and east at the last update of the filter, (2, 2)"""
     current_north: float
-    """[m/s]"""
+    """[m/s] northward current"""
     current_east: float
-    """[m/s]"""
+    """[m/s] eastward current"""
     velocity_north: float
-    """[m/s] through the water"""
+    """[m/s] northward, through the water"""
     velocity_east: float
-    """[m/s] through the water"""
+    """[m/s] eastward, through the water"""
     surge: float
     """[m/s] through the water, forward"""
     sway: float
@@ -80,7 +80,7 @@ class NavigationState:
     heave: float
     """[m/s] downward in body axes"""
     depth_rate: float
-    """[m/s] since the sample before"""
+    """[m/s] change of depth since the sample before, over the period"""
 
 
 class Navigator:

@@ -60,7 +60,7 @@ FIX_DEVIATION = 5.0
 OUTLIER = 9.0
 """[1] Squared distance of an innovation (mean 2) above which it is an outlier: 1.1 % are above"""
 KEPT = 0.9
-"""[1] Fraction of the degrees of freedom above the prior's that is kept at each fix: at most 25"""
+"""[1] Fraction of the degrees of freedom above the prior's that each fix keeps; 25 is their limit"""
 LEAST_LEG = 600.0
 """[s] Shortest time between fixes that updates `inflation`: below, the fixes' noise dominates"""
 
@@ -80,8 +80,8 @@ class CurrentFilter:
       parameters: of the current, such as those of `tune`.
       latitude: [degree] of the deployment.
       time: [s] start, on any clock.
-      memory: [s] correlation time of errors of the velocity through the water. If it exceeds a
-        step, successive errors add up linearly instead of as squares.
+      memory: [s] correlation time of the velocity's errors. If it exceeds a step, the errors
+        of successive steps add up linearly instead of as squares.
       record: whether to keep the steps for `smooth`, some 20 kB each.
       outlier: [1] squared distance above which a fix shows a new eddy since the fix before. Use
         infinity for smoothing: the eddy would appear only at the dive's end.
