@@ -60,7 +60,7 @@ FIX_DEVIATION = 5.0
 OUTLIER = 9.0
 """[1] Squared distance of an innovation (mean 2) above which it is an outlier: 1.1 % are above"""
 KEPT = 0.9
-"""[1] Fraction of the degrees of freedom above the prior's that each fix keeps; at most 25"""
+"""[1] Fraction of the degrees of freedom above the prior's that a fix keeps (25 degrees at most)"""
 LEAST_LEG = 600.0
 """[s] Shortest time between fixes that updates `inflation`: below, the fixes' noise dominates"""
 
