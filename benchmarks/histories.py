@@ -6,8 +6,8 @@ A history of `factory generate` has one to three killed runs and spoilt files of
 store, then a run to the end. Kinds of kill: the parent, one of two workers, three commands with
 --shard at once, a worker of a dask cluster which another one replaces. The store must have, byte
 for byte, the tree that an undisturbed process makes, with nothing beside it, and `factory verify`
-must name the file of a flipped bit. A killed `import` leaves the old store or the new one whole, a
-killed pass of `watch` what the next one completes.
+must name a file that is damaged (`damage`: of whole stores). A killed `import` leaves the old store
+or the new one whole, a killed pass of `watch` what the next one completes.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import dataclasses
 import hashlib
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -164,13 +165,30 @@ def fault_of(ground: Ground, store: Path) -> str | None:
     left = [path.name for path in store.parent.iterdir() if path.name.startswith(names)]
     if left:
         return f"left {', '.join(left)}"
-    path = ground.draw.choice(sorted(path for path in store.rglob("*") if path.is_file()))
-    data = bytearray(path.read_bytes())
-    data[ground.draw.randrange(len(data))] ^= 1 << ground.draw.randrange(8)
-    path.write_bytes(data)
-    name = path.relative_to(store).as_posix()
-    found = any(problem.startswith(f"{name} is ") for problem in check_files(store).problems)
-    return None if found else f"verify does not find a flipped bit of {name}"
+    return unnoticed(ground, store)
+
+
+def unnoticed(ground: Ground, store: Path) -> str | None:
+    """Damage one file of a store; name the damage if `factory verify` does not name the file."""
+    every = sorted(path for path in store.rglob("*") if path.is_file())
+    path, other = ground.draw.sample(every, 2)
+    data = path.read_bytes()
+    place, bit = ground.draw.randrange(len(data)), 1 << ground.draw.randrange(8)
+    made: dict[str, bytes | None] = {
+        "flipped bit": data[:place] + bytes([data[place] ^ bit]) + data[place + 1 :],
+        "cut": data[:place],
+        "zeros": data[:place] + bytes(len(data) - place),
+        "further bytes": data + ground.draw.randbytes(bit),
+        "another file's bytes": other.read_bytes(),
+        "removal": None,
+    }
+    name, damaged = ground.draw.choice([one for one in made.items() if one[1] != data])
+    path.unlink()
+    if damaged is not None:
+        path.write_bytes(damaged)
+    file = path.relative_to(store).as_posix()
+    found = any(problem.startswith(f"{file} is ") for problem in check_files(store).problems)
+    return None if found else f"verify does not find this damage of {file}: {name}"
 
 
 def kill_runs(ground: Ground, kind: str, times: int) -> list[str]:
@@ -230,14 +248,25 @@ def kill_passes(ground: Ground, kind: str, times: int) -> list[str]:
     return list(found["others"])
 
 
+def damage_stores(ground: Ground, kind: str, times: int) -> list[str]:
+    """Damages of whole stores that `factory verify` does not find."""
+    lost = []
+    for _ in range(times):
+        shutil.copytree(ground.folder / "one.zarr", ground.folder / kind)
+        lost.append(unnoticed(ground, ground.folder / kind))
+        shutil.rmtree(ground.folder / kind)
+    return [one for one in lost if one is not None]
+
+
 KINDS: dict[str, Callable[[Ground, str, int], list[str]]] = {
     **dict.fromkeys(("parent", "worker", "parts", "dask"), kill_runs),
     "import": kill_imports,
     "watch": kill_passes,
+    "damage": damage_stores,
 }
 
 
-Kind = Literal["parent", "worker", "parts", "dask", "import", "watch"]
+Kind = Literal["parent", "worker", "parts", "dask", "import", "watch", "damage"]
 
 
 def main(
