@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
 from glider_twin_ops.forecast import DeploymentHindcast, Forecast, HindcastSurfacing, LoggedLeg
 from glider_twin_ops.forecast.member_flights import HALF, NINETY
@@ -16,6 +17,7 @@ from glider_twin_ops.forecast.walk import METHODS
 from glider_twin_ops.health.answers import Answers
 from glider_twin_ops.health.assessment import DeploymentHealth
 from glider_twin_ops.health.channels import CHANNELS
+from glider_twin_ops.pages.surfacing_map import CLOSE, ROUND_SPEEDS, STEPS
 from twin.geodesy import position
 from twin.navigation import outline
 from twin.numbers import Array
@@ -25,8 +27,8 @@ from twin.show.style import LABEL, draw_dates
 
 HOUR, DAY = 3600.0, 86400.0
 """[s]"""
-CLOSE, CLOSE_SURFACINGS = 4, 6
-"""Number of last dives on the detailed map, and of last surfacings on the map of forecasts"""
+CLOSE_SURFACINGS = 6
+"""Number of last surfacings on the map of forecasts"""
 MAP, SERIES, SMALL = (4.1, 3.9), (4.1, 2.4), (4.1, 1.75)
 """[in] Sizes of figures that stand side by side, or one below the other on a phone"""
 LETTERS = 105
@@ -34,6 +36,9 @@ LETTERS = 105
 BAND = 2.0
 """Standard deviations that a band shows on each side of a level or an estimate"""
 ELLIPSE_POINTS = 73
+LONGEST_ARROW, TICKS, WIDE = 0.18, 25.0, 1.4
+"""Length of the strongest current's arrow over the map's width; most small ticks of an axis; width
+over height of the map for e-mail"""
 STYLED = {
     "forecast": ("forecast", "vermillion"),
     "persistence": ("persistence", "blue"),
@@ -59,11 +64,10 @@ def _date(axes: Axes, start: float, unit: float) -> None:
     axes.set_xlabel(LABEL)
 
 
-def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None = None) -> Figure:
-    """Map of dives, targets and the numbered ellipses of the next surfacings."""
+def track_figure(legs: Sequence[LoggedLeg]) -> Figure:
+    """Map of dives with their mean currents."""
     with _drawn(MAP) as (figure, axes):
-        _draw_track(axes, legs, found)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        _draw_track(axes, legs, None)
     return figure
 
 
@@ -81,13 +85,17 @@ def mail_figure(title: str, lines: Sequence[str], legs: Sequence[LoggedLeg],
             below = words / size
             figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
             axes = figure.subplots()
-            _draw_track(axes, legs[-CLOSE:], found)
-            axes.legend(*axes.get_legend_handles_labels(), loc="best", frameon=True)
+            _draw_track(axes, legs[-CLOSE:], found, WIDE)
+            axes.legend(*axes.get_legend_handles_labels(), loc="upper left",
+                        bbox_to_anchor=(1.01, 1.0), frameon=False)  # fmt: skip
         figure.text(0.02, (words - 0.05) / size, "\n".join(told), va="top", fontsize=8.0)
     return figure
 
 
-def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -> None:
+def _draw_track(
+    axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None, shape: float = 0.95
+) -> None:
+    """Draw fixes, currents and a forecast on a map of a shape, width over height."""
     begins = np.array([one.begin for one in legs])
     ends = np.array([one.end for one in legs])
     rings: list[Array] = []
@@ -99,16 +107,14 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
         ]
     every = np.concatenate([begins, ends, *rings, track])
     longitude = joined_longitude(every[:, 1])
-    draw_base(axes, box_around(every[:, 0], longitude, 0.95))
+    draw_base(axes, box_around(every[:, 0], longitude, shape))
+    _fine_ticks(axes)
     west, east, *around = np.split(longitude, np.cumsum([len(p) for p in (begins, ends, *rings)]))
     axes.plot(np.stack([west, east]), np.stack([begins[:, 0], ends[:, 0]]), color=style.GUIDE,
               lw=0.9, zorder=2)  # fmt: skip
     axes.plot(east, ends[:, 0], ".", color=style.COMMAND, ms=4.0, ls="none", zorder=4, label="fix")
-    current = np.array([one.leg.current for one in legs])
-    axes.quiver(
-        0.5 * (west + east), 0.5 * (begins[:, 0] + ends[:, 0]), current[:, 1], current[:, 0],
-        color=style.PALETTE["blue"], width=0.004, zorder=3, label="current",
-    )  # fmt: skip
+    _arrows(axes, np.stack([0.5 * (west + east), 0.5 * (begins[:, 0] + ends[:, 0])]),
+            np.array([one.leg.current for one in legs]))  # fmt: skip
     for k, (x, ring) in enumerate(zip(around, [*rings, track], strict=True)):
         last = k == len(rings)
         if len(ring):
@@ -117,6 +123,34 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
                       label="forecast" if last else "50 and 90 %" if k == 0 else "")  # fmt: skip
     if found is not None:
         _draw_places(axes, found, longitude[0] - begins[0, 1])
+
+
+def _fine_ticks(axes: Axes) -> None:
+    """Small ticks of round minutes, their step in the labels, so that one can read a place off."""
+    for axis, (low, high), name in (
+        (axes.xaxis, axes.get_xlim(), "longitude"),
+        (axes.yaxis, axes.get_ylim(), "latitude"),
+    ):
+        step = next((m for m in STEPS if TICKS * m >= 60.0 * (high - low)), STEPS[-1])
+        whole = np.arange(np.ceil(60.0 * low / step), np.floor(60.0 * high / step) + 1.0)
+        axis.set_minor_locator(FixedLocator((whole * step / 60.0).tolist()))
+        axis.set_label_text(f"{name}, ticks of {step:g}\N{PRIME}")
+    axes.tick_params(which="minor", length=3.0, top=True, right=True)
+
+
+def _arrows(axes: Axes, middles: Array, current: Array) -> None:
+    """Draw the mean current of each dive as an arrow from its middle, (2, dive), and a key."""
+    known = np.isfinite(current).all(axis=1)
+    if not known.any():
+        return
+    most = max(float(np.hypot(*current[known].T).max()), ROUND_SPEEDS[0])
+    speed = max(one for one in ROUND_SPEEDS if one <= most)
+    arrows = axes.quiver(
+        *middles[:, known], current[known, 1], current[known, 0], color=style.PALETTE["blue"],
+        width=0.005, zorder=3, scale=most / LONGEST_ARROW, scale_units="width",
+    )  # fmt: skip
+    axes.quiverkey(arrows, 0.8, 0.95, speed, f"current {speed:g} m/s", labelpos="S", labelsep=0.05,
+                   fontproperties={"size": 7.5})  # fmt: skip
 
 
 def _draw_places(axes: Axes, found: Forecast, turned: float) -> None:
@@ -132,8 +166,10 @@ def _draw_places(axes: Axes, found: Forecast, turned: float) -> None:
     for k, (x, y) in enumerate(found.targets() + np.array([turned, 0.0])):
         inside = west <= x <= east and south <= y <= north
         at = np.clip(x, west, east), np.clip(y, south, north)
-        axes.plot(*at, "D" if inside else ">", color=style.PALETTE["purple"], ms=5.0, ls="none",
-                  clip_on=False, zorder=5, label="" if k else "goes to")  # fmt: skip
+        turn = np.rad2deg(np.arctan2(y - 0.5 * (south + north), x - 0.5 * (west + east))) - 90.0
+        axes.plot(*at, marker="D" if inside else (3, 0, turn), ms=5.0, ls="none", zorder=5,
+                  color=style.PALETTE["purple"], clip_on=False,
+                  label="" if k else "goes to")  # fmt: skip
 
 
 def water_figure(legs: Sequence[LoggedLeg]) -> Figure:

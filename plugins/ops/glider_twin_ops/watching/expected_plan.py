@@ -1,4 +1,4 @@
-"""Expected plan: the last fix, the mission that a vehicle is expected to fly next, and its files.
+"""Expected plan: the last fix, the mission expected next, its arrival at a waypoint, and its files.
 
 `deployment.toml` names a mission file or places. Without either, the vehicle goes to the waypoint
 in its log, and without a waypoint on its last dive's course through the water. Depth, pitch and
@@ -22,15 +22,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from glider_twin_ops import files
-from glider_twin_ops.forecast import LoggedLeg, mission_to
+from glider_twin_ops.forecast import Forecast, LoggedLeg, mission_to
 from glider_twin_ops.forecast.logged_leg import place_at
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.dive_table import polar
 from twin import Mission, Vehicle, Waypoint
 from twin.errors import MissionError
-from twin.geodesy import wrap_longitude
+from twin.geodesy import to_tangent_plane, wrap_longitude
 from twin.mission import load_mission_for, read_slocum, slocum_arguments
 from twin.numbers import Array
-from twin.records import LogStore
+from twin.records import LogStore, unix_seconds
 from twin.records.attributes import DIVE_DURATION
 from twin.show.style import moment_of
 
@@ -41,7 +42,8 @@ ON, RADIUS = 50_000.0, 500.0
 """[m] Distance of a guessed target, beyond a forecast's reach; arrival radius of `twin forecast`"""
 ARRIVED = 1_000.0
 """[m] Distance at which a logged waypoint counts as reached, so that the next one is unknown"""
-HOUR, MINUTE = 3600.0, 60.0
+HOUR, MINUTE, KILO = 3600.0, 60.0, 1e3
+SECONDS = "%Y-%m-%dT%H:%M:%SZ"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -141,7 +143,7 @@ class LastFix(NamedTuple):
         return {
             "latitude": round(self.latitude, 6),
             "longitude": round(self.longitude, 6),
-            "time": f"{moment_of(self.time):%Y-%m-%dT%H:%M:%SZ}",
+            "time": f"{moment_of(self.time):{SECONDS}}",
         }
 
 
@@ -153,6 +155,72 @@ def newest_fix(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
         if math.isfinite(latitude) and math.isfinite(longitude) and math.isfinite(end):
             return LastFix(latitude=float(latitude), longitude=float(longitude), time=end)
     return None
+
+
+class Arrival(NamedTuple):
+    """Way from the last fix to the next waypoint, and the time of arrival there."""
+
+    latitude: float
+    """[degree]"""
+    longitude: float
+    km: float
+    """[km] Distance to the waypoint"""
+    bearing: float
+    """[degree] Bearing of the waypoint"""
+    speed: float
+    """[m/s] Speed made good towards it, median of the members"""
+    early: float
+    """[s] unix; 5 of 100 members are there"""
+    time: float
+    """[s] unix; half of the members are there; infinite where they never are"""
+    late: float
+    """[s] unix; 95 of 100 members are there; infinite where they never are"""
+    beyond: bool
+    """True where that is after the forecast, whose speed is then taken to go on"""
+
+    def describe(self) -> dict[str, Any]:
+        """Values for JSON; None for a time that never comes."""
+        times = {
+            name: None if math.isinf(at := getattr(self, name)) else f"{moment_of(at):{SECONDS}}"
+            for name in ("early", "time", "late")
+        }
+        return {**self._asdict(), **times}
+
+
+def arrival(found: Forecast) -> Arrival | None:
+    """Arrival of a forecast's members at their first waypoint; None for a plan without one."""
+    targets, place = found.targets(), found.request.place
+    segments = [one for one in found.request.mission.segments if isinstance(one, Waypoint)]
+    if not len(targets) or not segments:
+        return None
+    longitude, latitude = (float(value) for value in targets[0])
+    start = place.latitude_deg, place.longitude_deg
+    there = np.array(to_tangent_plane(latitude, longitude, *start))
+    times, speeds = [], []
+    for time, way in found.ways:
+        off = np.hypot(*(there - way).T)
+        left = np.maximum(off - segments[0].arrival_radius_m, 0.0)
+        near = np.flatnonzero(left == 0.0)
+        last = int(near[0]) if near.size else len(time) - 1
+        speed = float(off[0] - off[last]) / max(float(time[last]), 1.0)
+        speeds.append(speed)
+        rest = float(left[last])
+        further = rest / speed if speed > 0.0 else math.inf
+        times.append(float(time[last]) + (further if rest else 0.0))
+    metres, bearing = polar(*there.tolist())
+    begin = unix_seconds(str(place.time))
+    early, middle, late = np.quantile(times, (0.05, 0.5, 0.95), method="nearest").tolist()
+    return Arrival(
+        latitude=latitude,
+        longitude=float(wrap_longitude(np.asarray(longitude))),
+        km=metres / KILO,
+        bearing=bearing,
+        speed=float(np.median(speeds)),
+        early=begin + early,
+        time=begin + middle,
+        late=begin + late,
+        beyond=middle > found.request.horizon,
+    )
 
 
 NAMES = ("goto_l10.ma", "yo10.ma", "surfac10.ma", files.TARGETS, files.CMDFILE, files.SCIENCE)

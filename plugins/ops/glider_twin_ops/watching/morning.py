@@ -29,11 +29,14 @@ from glider_twin_ops.forecast.logged_leg import dive_times
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
 from glider_twin_ops.watching.arrived_files import folder_of
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.dive_table import DiveRow, Reading, dive_rows, newest_readings
 from glider_twin_ops.watching.energy_outlook import EnergyOutlook, energy_outlook
 from glider_twin_ops.watching.expected_plan import (
+    Arrival,
     ExpectedPlan,
     LastFix,
     ProposedFiles,
+    arrival,
     expected_plan,
     flown_files,
     newest_fix,
@@ -88,6 +91,10 @@ class Morning:
     """Parameters of the vehicle over its last dives"""
     followed_dives: tuple[int, ...] = ()
     """Numbers of these last dives"""
+    table: tuple[DiveRow, ...] = ()
+    """Last dives, in order of time"""
+    readings: tuple[Reading, ...] = ()
+    """Newest readings of battery and vacuum"""
     legs: tuple[LoggedLeg, ...] = ()
     """Legs between fixes, in order of time"""
     came_up: LastFix | None = None
@@ -101,6 +108,8 @@ class Morning:
     surfacings: Forecast | None = None
     plan: str = ""
     """Plan that the forecast flies, in words"""
+    arrival: Arrival | None = None
+    """Arrival at the next waypoint, where one is known"""
     changes: tuple[Mapping[str, str], ...] = ()
     """Rows of a table: what the last dives did, and what the plan asks"""
     routes: RoutePlan | None = None
@@ -169,6 +178,7 @@ class Morning:
             "outlook": self.outlook,
             "routes": self.routes,
             "forecast": self.surfacings,
+            "waypoint": self.arrival,
         }
         same = ("title", "deployment", "verdict", "energy_left_kwh", "plan")
         return {
@@ -179,6 +189,8 @@ class Morning:
             "vehicle": None if self.vehicle is None else self.vehicle.name,
             "dialogue": None if self.dialogue is None else dataclasses.asdict(self.dialogue),
             "current": self.legs[-1].leg.current.tolist() if self.legs else None,
+            "dive_table": [one.describe() for one in self.table],
+            "readings": [one._asdict() for one in self.readings],
             "levels": levels,
             "parameters": self.parameters(),
             "days_left": None if self.lasts is None else self.lasts.days,
@@ -223,12 +235,16 @@ def morning(
         silent = dive_times(logs, name).silent
         came_up = newest_fix(logs, rows)
         source = logs.source
-    if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
+        table = dive_rows(logs, rows, dives, legs)
+        own = dialogue if dialogue and dialogue.vehicle.lower() in name.lower() else None
+        readings = newest_readings(logs, rows, own)
+    if dialogue is not own:
+        assert dialogue is not None
         lacking.append(
             f"the newest dialogue in the source is of {dialogue.vehicle}, the log of {name}: it is "
             "left out"
         )
-        dialogue = None
+        dialogue = own
     if others:
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
     if silent:
@@ -245,7 +261,8 @@ def morning(
     vehicle = told("vehicle", lambda: deployment.vehicle_of(store))
     tells: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
-        "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle,
+        "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle, "table": table,
+        "readings": readings,
     }  # fmt: skip
     if vehicle is None:
         return Morning(**tells, lacking=tuple(lacking))
@@ -307,6 +324,7 @@ def morning(
         if expected is not None and answer is not None:
             tells["surfacings"], tells["plan"], water = answer
             tells["changes"] = expected.changes
+            tells["arrival"] = None if expected.guessed else arrival(answer[0])
             if deployment.goto:
                 say("routes")
                 asked, (first, *_) = answer[0].request, answer[0].request.mission.segments

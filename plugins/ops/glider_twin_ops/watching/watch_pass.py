@@ -13,13 +13,11 @@ that was sent again, is dropped.
 
 from __future__ import annotations
 
-import cmath
 import contextlib
 import dataclasses
 import datetime
 import hashlib
 import json
-import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -28,10 +26,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glider_twin_ops.forecast import LoggedLeg, legs_of
+from glider_twin_ops.forecast import legs_of
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth
 from glider_twin_ops.pages.morning_page import PAGE, read_latest, write_morning
 from glider_twin_ops.watching.arrived_files import folder_of
+from glider_twin_ops.watching.changes import news, surfaced
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
 from glider_twin_ops.watching.expected_plan import flown_files
 from glider_twin_ops.watching.log_of_files import (
@@ -45,10 +44,7 @@ from glider_twin_ops.watching.log_of_files import (
 from glider_twin_ops.watching.morning import Morning, morning
 from glider_twin_ops.watching.sources import SurfaceDialogue, newest_dialogue
 from twin import __version__
-from twin.cli import counted
-from twin.geodesy import great_circle, offset
-from twin.records import LogStore, is_derived, is_store, unix_seconds, whole_file, write_zarr
-from twin.records.coordinates import utc_minute
+from twin.records import LogStore, is_derived, is_store, whole_file, write_zarr
 from twin.records.storage import lock, remove, sweep, whole_folder
 from twin.show.figures import INDEX
 from twin.show.style import moment_of
@@ -146,8 +142,6 @@ def write_beliefs(dataset: xr.Dataset, folder: Path) -> None:
 
 
 EVENTS = "events.jsonl"
-MOVED, MINUTE = 2.0, 60.0
-"""Standard deviations by which a level must move to be reported; [s]"""
 
 
 def noticed(log: LogOfFiles, health: DeploymentHealth | None) -> list[dict[str, Any]]:
@@ -181,106 +175,6 @@ def write_events(events: Sequence[dict[str, Any]], folder: Path) -> None:
     text = "".join(json.dumps(event, sort_keys=True) + "\n" for event in events)
     with whole_file(folder / EVENTS) as place:
         place.write_text(text, encoding="utf-8")
-
-
-def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
-    """Sentences on changes since the page before.
-
-    Args:
-      before: `latest.json` of the page before; None without one.
-    """
-    if before is None or before.get("deployment") != now.deployment:
-        return []
-    known = set(before.get("dives", ()))
-    new = [number for number in now.dives if number not in known]
-    said = ["No new dive"]
-    if new:
-        span = f", {min(new)} to {max(new)}" if len(new) > 1 else f", {new[0]}"
-        said = [counted(len(new), "new dive") + span]
-    if gone := len(known - set(now.dives)):
-        said.append(f"{counted(gone, 'dive')} of the page before no longer in the files")
-    if (was := before.get("verdict")) != now.verdict:
-        said.append(f"Verdict before: {was}")
-    said += _levels(before.get("levels", {}), now)
-    said += _moved(before, now.describe()) if new else []
-    return said + surfaced(before.get("forecast"), now.legs)[:1]
-
-
-def _levels(before: Mapping[str, Any], now: Morning) -> list[str]:
-    """Sentences on channels whose level moved."""
-    if now.health is None:
-        return []
-    said = []
-    levels = now.health.levels
-    for k, channel in enumerate(CHANNELS):
-        if (was := before.get(channel.name)) is None or channel.name in now.health.lacking:
-            continue
-        level, deviation = float(levels.level[-1, k]), float(levels.deviation[-1, k])
-        if abs(level - was["level"]) > MOVED * math.hypot(deviation, was["deviation"]):
-            unit = "" if channel.unit == "1" else f" {channel.unit}"
-            first, then = apart(was["level"], level)
-            said.append(f"{channel.name} ({channel.says}) went from {first} to {then}{unit}")
-    return said
-
-
-def apart(first: float, then: float) -> tuple[str, str]:
-    """Format two numbers with the fewest digits, three at least, that make them differ."""
-    for digits in range(3, 9):
-        texts = f"{first:.{digits}g}", f"{then:.{digits}g}"
-        if texts[0] != texts[1]:
-            break
-    return texts
-
-
-def _moved(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Sentences on power, days left and current, before and now."""
-    said = []
-    if before.get("energy") and now["energy"]:
-        powers = [one["energy"]["power_w"] for one in (before, now)]
-        said.append(f"Power so far went from {powers[0]:.2f} to {powers[1]:.2f} W")
-        if before.get("days_left") is not None and now["days_left"] is not None:
-            days = before["days_left"], now["days_left"]
-            said[-1] += f", the days left from {days[0]:.1f} to {days[1]:.1f}"
-    if before.get("current") and now["current"]:
-        (north, east), then = now["current"], before["current"]
-        step = math.hypot(north - then[0], east - then[1])
-        said.append(f"The current of the last dive differs by {step:.2f} m/s from that before")
-    return said
-
-
-def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> list[str]:
-    """Compare a page's forecast surfacings with those that came, in order, however far apart.
-
-    Args:
-      foretold: the forecast in `latest.json`; None without one.
-      legs: legs of the deployment, also those after the forecast began.
-    """
-    if not foretold or not foretold["surfacings"]:
-        return []
-    begin = unix_seconds(foretold["start"]["time"])
-    after = [one for one in legs if one.leg.end > begin + MINUTE]
-    return [_beside(told, came) for told, came in zip(foretold["surfacings"], after, strict=False)]
-
-
-def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
-    """Compare one forecast surfacing with the one that came."""
-    latitude, longitude = leg.end
-    place = told["latitude"], told["longitude"]
-    away = great_circle(latitude, longitude, *place)
-    off = offset(np.array([latitude]), np.array([longitude]), *place)
-    ellipse = told["ellipse_90"]
-    turned = complex(*(float(one[0]) for one in off)) * cmath.rect(
-        1.0, -math.radians(ellipse["bearing_deg"])
-    )
-    scaled = turned.real / ellipse["semi_major_m"], turned.imag / ellipse["semi_minor_m"]
-    begin = unix_seconds(told["time"])
-    minutes = (leg.leg.end - begin) / MINUTE
-    return (
-        f"Surfacing foretold for {utc_minute(begin)} UTC: it came up "
-        f"{utc_minute(leg.leg.end)}, {abs(minutes):.0f} min "
-        f"{'later' if minutes > 0 else 'earlier'}, {away / 1e3:.2f} km away, "
-        f"{'inside' if math.hypot(*scaled) <= 1.0 else 'outside'} the 90 % ellipse"
-    )
 
 
 PAST = "as-of"
