@@ -225,7 +225,7 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
 def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> None:
     """Draw six small panels over the number of the dive."""
     dive = logs.number("dive")[missions]
-    if len(set(dive)) < len(dive):  # several dives have the same number of the vehicle
+    if len(set(dive)) < len(dive):  # the vehicle's own numbers repeat: count the dives
         dive = np.arange(len(missions), dtype=float)
     columns = dive_figures(logs, missions)
     panels = (

@@ -186,7 +186,7 @@ def converted(
     native: Mapping[str, str] = MappingProxyType({}),
     deployment: str = "",
 ) -> dict[str, Array]:
-    """Convert the columns that are in `wanted`; leave out those of another quantity.
+    """Convert the columns that `wanted` names; leave out columns of another quantity.
 
     Args:
       columns: by name, as the file has them.
@@ -271,7 +271,7 @@ def _readings(unit: str, wanted: str) -> list[str]:
 
 @functools.lru_cache(maxsize=1024)
 def _conversion(unit: str, wanted: str) -> tuple[float, float] | str:
-    """Factor and zero of a unit in the wanted one; else its quantity's unit, "" if unknown."""
+    """Factor and offset from a unit to the wanted one; if impossible, its quantity's unit or ""."""
     base = _unit(_BASES.get(wanted, wanted))
     other = ""
     for text in _readings(unit, wanted):
@@ -319,9 +319,9 @@ def _round(value: float) -> float:
 
 
 _LITRES = 5.0
-"""[cm3] Least range of a pump in a log; a smaller range is in litres, a thousandth of it in m3."""
+"""[cm3] Least range of a pump; a smaller number must be litres, or m3 if below 0.005."""
 _STILL = 1e-5
-"""Least range of a pump that shows its unit."""
+"""[m3] Least range from which the unit is inferred; a smaller one is an idle pump."""
 _LARGEST_PUMP = 3000.0
 """[cm3] Largest volume; values beyond it are sentinels and do not count."""
 

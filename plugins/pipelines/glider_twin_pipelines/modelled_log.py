@@ -154,7 +154,7 @@ def _modelled(
     logs: LogStore, name: str, missions: Sequence[int], found: FlownTracks
 ) -> ModelledLog:
     time = np.concatenate([logs.time(mission) for mission in missions])
-    # without a surface interval, one fix ends a dive and starts the next: the latter sample counts
+    # if one fix ends a dive and starts the next, keep the next dive's sample
     order = len(time) - 1 - np.unique(time[::-1], return_index=True)[1]
     joined = JoinedDives(logs, tuple(missions), order)
     variables = {n: v for n, v in corrected_places(joined, found) if n in POSITIONS}
