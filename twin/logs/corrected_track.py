@@ -30,8 +30,8 @@ from twin.identify.speed import way_of
 from twin.logs.track import Array, Fixes, SmoothedWay, smoothed_tracks, track_parameters
 
 LEAST_INTERVAL = 300.0
-"""[s] Shortest time between two fixes that give a current: over a minute at the surface, their
-noise would be a current of 10 cm/s."""
+"""[s] Shortest time between two fixes for a current: in a minute at the surface, the noise of the
+fixes would look like a current of 10 cm/s."""
 UNDER_WATER = 3.0
 """[m] Depth that a dive exceeds between two fixes; a shallower vehicle hangs at the surface"""
 SPEED_DEVIATION = 0.02
@@ -118,7 +118,7 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
 
     Args:
       velocity, period, fixes: as `corrected_track`.
-      drift: gives the standard deviation, and the current where two fixes cannot.
+      drift: gives the standard deviation, and the current if two fixes are too close.
     """
     water = way_of(velocity, period)
     time = period * np.arange(len(velocity))
@@ -148,7 +148,7 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
 def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
     """Velocity north, east [m/s] of a vehicle's on-board track, (time, 2); None without a track.
 
-    A vehicle sets its track to each new GPS fix: that jump is no motion.
+    On board, the track jumps to each new GPS fix; the velocity is without these jumps.
 
     Args:
       track: north, east [m], (time, 2), NaN where unknown.
@@ -167,7 +167,7 @@ def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
 
 
 def _open(away: NDArray[np.floating], drift: Drift) -> Array:
-    """Variance [m2] at a time [s] from the nearest fix: a changed current, and the random walk."""
+    """Variance [m2] of a position `away` [s] before the first fix, or after the last."""
     return np.asarray((drift.change * away) ** 2 + drift.diffusivity * away)
 
 

@@ -43,11 +43,11 @@ class DiveCharge:
 
     mission: int
     hours: float
-    """[h]"""
+    """[h] Time between the two samples"""
     measured: float
-    """[A h]"""
+    """[A h] Charge by the counter"""
     modelled: float
-    """[A h]"""
+    """[A h] Charge by the fitted factors"""
 
 
 class EnergyFactor(NamedTuple):
@@ -59,7 +59,7 @@ class EnergyFactor(NamedTuple):
     field: str
     """Field of `Consumption`; empty for a factor without a field"""
     inverse: bool = False
-    """True if the field is one over the factor"""
+    """True if the field is 1 / factor"""
     most: float = np.inf
 
 
@@ -70,7 +70,7 @@ FACTORS = (
     EnergyFactor("pump", "1", 1.0, "pump_efficiency", inverse=True),
     EnergyFactor("pump loss", "Pa", 0.0, "pump_loss"),
     EnergyFactor("pump return", "Pa", 0.0, "pump_return"),
-    # efficiency above 1/100: drives move with the pump and would take over its energy
+    # efficiency above 1/100: drives move with the pump, and a fit could give them its energy
     EnergyFactor("drives", "1", 1.0, "screw_efficiency", inverse=True, most=100.0),
     EnergyFactor("propeller", "1", 1.0, "propeller_efficiency", inverse=True),
     EnergyFactor("thruster", "1", 0.0, ""),

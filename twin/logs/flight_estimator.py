@@ -23,9 +23,9 @@ from twin.records.reader import MissionStore
 from twin.registry import Registry
 
 LEAST_COSINE = 0.2
-"""cos(pitch) cos(roll) below which the depth rate does not determine heave"""
+"""[1] Least cos(pitch) cos(roll) with which the depth rate determines heave"""
 LEAST_KNOWN = 0.9
-"""[1] Fraction of the time under water with a known attitude below which no current is computed"""
+"""[1] Least fraction of the time under water with a known attitude, for a current to be computed"""
 UNDER_WATER = 3.0
 """[m] Depth below which a vehicle is under water"""
 DESCENT, CLIMB = 1, 2
@@ -145,7 +145,7 @@ class FlownDive:
 
     @property
     def tells_current(self) -> bool:
-        """Whether the track through the water is known well enough for a current."""
+        """True if the track through the water is known well enough for a current."""
         return self.motion is not None and self.known >= LEAST_KNOWN
 
 
@@ -163,7 +163,7 @@ def fly_dive(
       store: the store of the dive.
       log: the dive.
       calibration: the vehicle and the errors of its sensors.
-      estimator: for the velocity through the water.
+      estimator: estimator of the velocity through the water.
       raw: the CTD as stored, None without one.
       ctd: the CTD with its thermal lag corrected.
     """
@@ -205,7 +205,7 @@ def _known(store: MissionStore, mission: int) -> float:
 
 
 def still(store: MissionStore, mission: int, ctd: CtdSeries | None) -> FlownDive:
-    """Build a mission that no model can fly: the vehicle moves with the water."""
+    """Flight of a mission that no model can fly: the vehicle moves with the water."""
     count = int(store.samples[mission])
     unknown, no = np.full(count, np.nan), np.zeros(count, bool)
     return FlownDive(

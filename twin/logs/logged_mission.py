@@ -190,7 +190,7 @@ def _reference(name: str, logs: LogStore, profiled: bool) -> str:
     """Source of a `true_` signal that the log itself holds.
 
     Args:
-      profiled: whether the log holds currents, so that its velocities come from a profiler.
+      profiled: the log holds currents, so its velocities come from a profiler.
     """
     if logs.simulated:
         return SIMULATED
