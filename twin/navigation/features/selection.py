@@ -192,8 +192,8 @@ INPUT_SETS: dict[str, tuple[str, ...]] = {
     ),
 }
 """Inputs by name. `full` needs gyroscopes and accelerometers; `glider` needs only what every
-glider logs. `glide_speed` is the kinematic speed from the depth rate: with it, ten hours of missions
-train a surge network to a hundredth of the error without it."""
+glider logs. `glide_speed` is the kinematic speed from the depth rate: with it, ten hours of
+missions train a surge network to a hundredth of the error without it."""
 
 DEFAULT_GROUPS = INPUT_SETS["full"]
 """Groups of the default inputs."""
