@@ -159,7 +159,7 @@ class Comparison(abc.ABC):
         return np.array([*bounds, *(-np.inf for _ in self.biases)])
 
     def _weighted(self, found: Mapping[str, list[Array]]) -> Array:
-        """Residuals over their standard deviations, channel by channel, in one array."""
+        """Residuals divided by their standard deviations, channel by channel, in one array."""
         with np.errstate(over="ignore", invalid="ignore"):
             parts = [
                 series * weight
@@ -372,13 +372,13 @@ class Gain(NamedTuple):
     """Decrease of the squared error of left-out dives by one more parameter."""
 
     share: float
-    """[1] Decrease over the squared error without the parameter; negative: the error grows"""
+    """[1] Decrease / squared error without the parameter; negative: the error grows"""
     deviations: float
-    """Decrease over its own standard deviation, which its scatter over the dives gives"""
+    """[1] Decrease divided by its standard deviation, from its scatter between dives"""
 
     @property
     def supported(self) -> bool:
-        """Whether the log supports the parameter."""
+        """True if the log supports the parameter."""
         return self.share > LEAST_GAIN and self.deviations > LEAST_DEVIATIONS
 
 

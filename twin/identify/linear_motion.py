@@ -46,11 +46,11 @@ LONGITUDINAL = (0, 2, 4, 7)
 PACES = tuple(0.2 * 0.8**k for k in range(24))
 """[rad/s] Bandwidths of the loops that are tried, fastest first"""
 MARGIN = (0.5, 1.0, 2.0)
-"""Factors on its gain at which a loop must be stable"""
+"""[1] Factors on a loop's gain at which the loop must be stable"""
 DAMPED = 0.3
 """Least damping ratio of the loop's modes at its own gain"""
 INTEGRAL = 0.15
-"""Bandwidth of the integral over that of the loop"""
+"""[1] Bandwidth of the integral, as a fraction of the loop's"""
 FULL_ERROR = math.radians(40.0)
 """[rad] Heading error at which the whole travel is used: larger gains would only saturate"""
 PITCH_PACE = 0.02

@@ -43,13 +43,13 @@ OFTEN = 0.25
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
 """[deg] Least amplitude of an oscillation, by the signal"""
 CYCLES, SHORTEST = 3.0, 4
-"""Fewest periods in a leg, as fewer may not go on; fewest samples of a period"""
+"""Fewest periods in a leg, because fewer may not go on; fewest samples of a period"""
 WIDTH = 0.15
-"""Relative change of an oscillation's frequency within a leg, as of speed and trim"""
+"""Relative change of an oscillation's frequency within a leg, like that of speed and trim"""
 SHARE = 0.5
 """Least fraction of the variance in an oscillation: noise is spread over all periods"""
 LASTING = 0.7
-"""Least amplitude in the second half over that in the first; with less the oscillation decays"""
+"""Least ratio of the amplitudes in the second and first half; with less the oscillation decays"""
 
 
 class FigureSamples(NamedTuple):
@@ -173,7 +173,7 @@ class Oscillation:
     period_s: float
     amplitude_deg: float
     growth: float
-    """Amplitude in the second half of a leg over that in the first"""
+    """Amplitude in the second half of a leg, divided by that in the first half"""
     legs: float
     """Fraction of the legs that show it"""
 
@@ -195,7 +195,7 @@ class PhaseFigures:
     heading_sd: float | None
     """[deg] RMS distance of the heading from its target"""
     heading_bias: float | None
-    """[deg] Mean heading less the target"""
+    """[deg] Mean heading minus its target"""
     parts: Mapping[str, float]
     """Mean positions of the parts, in the units of stores"""
     oscillation: Oscillation | None

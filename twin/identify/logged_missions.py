@@ -69,7 +69,7 @@ class Record:
     heading: Array
     """[rad] Heading from true north by the compass, unwrapped"""
     rates: Array
-    """[rad/s] Roll, pitch, yaw rate, body FRD, (3, time); of a run less the gyroscopes' biases"""
+    """[rad/s] Roll, pitch, yaw rate, body FRD, (3, time); of a run minus the gyroscopes' biases"""
     use: Mask
     """True for samples that are compared with the model: under water and measured"""
 

@@ -46,13 +46,13 @@ SAMPLE, DRIVEN_SAMPLE = 2.0, 0.5
 DEPTHS, COURSES = (15.0, 25.0), (0.0, 90.0)
 """[m], [deg] Depths and headings of the two legs of a propelled vehicle"""
 LENGTH, JUDGED = 60.0, 0.25
-"""Length of each leg in hull lengths; last fraction of it that is judged"""
+"""Length of each leg in hull lengths; fraction at the leg's end that is judged"""
 MOST_DEPTH, MOST_HEADING, MOST_SPEED = 1.0, 3.0, 0.05
-"""[m], [deg], [1] Largest mean error of depth and heading, and of speed over the speed"""
+"""[m], [deg], [1] Largest mean error of depth and of heading, and relative error of speed"""
 
 
 def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:
-    """Sentences on the failures of a vehicle in these phases; empty when it flies."""
+    """Fly a vehicle in these phases; return a sentence on each failed test."""
     vehicle = calibration.vehicle
     found: list[str] = []
     for phase in phases:

@@ -135,8 +135,8 @@ class DiveResiduals:
     and "roll" [rad]"""
 
     def information(self) -> tuple[Array, Array]:
-        """J^T J, (unknowns, unknowns), and J^T r, (unknowns,), of all residuals over their standard
-        deviations. Their sums over dives belong to a fit to all of the dives."""
+        """J^T J, (unknowns, unknowns), and J^T r, (unknowns,), of all residuals divided by their
+        standard deviations. For a fit to several dives, add those of the dives."""
         size = len(self.unknowns)
         matrix, slope = np.zeros((size, size)), np.zeros(size)
         for one in self.channels.values():

@@ -26,7 +26,7 @@ FlightModel = Literal["flight", "steady"]
 MODELS: tuple[FlightModel, ...] = ("flight", "steady")
 
 LEAST_IMMERSION = 0.3
-"""[1] Wetted fraction of the hull at the surface: half of it, less the part that waves uncover"""
+"""[1] Wetted fraction of the hull at the surface: half, minus the fraction that waves uncover"""
 START_PITCH = np.deg2rad(5.0)
 """[rad] Least pitch at which depth rate and pitch give the speed at the first sample"""
 FASTEST_START = 1.0
@@ -34,7 +34,7 @@ FASTEST_START = 1.0
 STEADY_WINDOW = 10.0
 """[s] Window of the mean attitude in the steady model"""
 STEADY_MARGIN = 45.0
-"""[s] Time before and after a change of pump or pitch that is no steady flight"""
+"""[s] Time before and after a change of pump or pitch that does not count as steady flight"""
 STEADY_PUMP, STEADY_PITCH = 40.0, np.deg2rad(8.0)
 """[cm3], [rad] Change within the margin that ends a steady flight"""
 STEADY_LEAST_PITCH = np.deg2rad(10.0)
@@ -54,7 +54,7 @@ class SpeedEstimate:
     sink_rate: Array
     """[m/s] Downward velocity through the water: the vehicle's depth rate in still water"""
     water_rise: Array
-    """[m/s] Filtered depth rate less the model's: downward motion of the water plus model error"""
+    """[m/s] Filtered depth rate minus the model's: downward motion of the water plus model error"""
     velocity_north: Array
     """[m/s] Northward velocity through the water"""
     velocity_east: Array

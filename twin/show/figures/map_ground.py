@@ -130,7 +130,7 @@ def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
 
 
 def cosine(latitude: float) -> float:
-    """Length of a degree of longitude over that of a degree of latitude, at a latitude [degree]."""
+    """Ratio of the lengths of a degree of longitude and of latitude, at a latitude [degree]."""
     ratio = normal_radius(latitude) / meridian_radius(latitude)
     return max(ratio * math.cos(math.radians(latitude)), 0.02)
 

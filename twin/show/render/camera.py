@@ -62,7 +62,7 @@ class Frame:
 
     @property
     def filled(self) -> float:
-        """Height of the filled part over the picture's height."""
+        """Height of the filled area, as a fraction of the picture's."""
         return 1.0 - self.bottom - self.top
 
 

@@ -35,9 +35,9 @@ OPEN_FADE, FADES = 90.0, 48
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
 """Cube of drifting particles that show motion: side [m], number, radius [m]; our choice"""
 IN_SIGHT = 2.0
-"""Largest depth of a block with a sea floor over its depth without one, so that a dive to 100 m
-above an abyss stays visible"""
-BELOW = 1.04  # depth of the block over the depth of the deepest floor in it
+"""Largest depth of a block with a sea floor, as a multiple of its depth without one: a dive to
+100 m above an abyss stays visible"""
+BELOW = 1.04  # depth of the block, as a multiple of the deepest floor in it
 CHART_BANDS = 14  # steps of the map's colours
 SHADED, LIT = 0.95, 0.18
 """Relative depths in the water palette, 0 to 1, of the two ends of the map's floor colours"""

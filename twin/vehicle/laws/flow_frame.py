@@ -287,8 +287,8 @@ class FlowFrame(HullLaw):
     """[rad] Angle of attack relative to zero lift in the glides that identified the coefficients;
     0: unknown."""
     cross_flow_drag: float = 0.0
-    """[kg/m] Drag of the hull across the flow, less K_D0, beyond the identified angles; 0: K_D is
-    taken, which is too small if it was measured at small angles."""
+    """[kg/m] Drag of the hull across the flow, minus K_D0, beyond the identified angles; 0: K_D,
+    which is too small if it was measured at small angles."""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:
