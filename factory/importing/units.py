@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PRACTICAL = "psu"
 """Practical salinity: files write 35 in units of `1`, `psu` or `1e-3`, and 0.035 in kg/kg."""
 _BASES = {PRACTICAL: "1e-3", "A h": "A.h"}
-"""UDUNITS' names of units of a store, where they differ."""
+"""UDUNITS' names of a store's units, if they differ."""
 _NOTHING = frozenset(
     {"", "-", "--", "?", "none", "null", "nan", "n/a", "na", "unknown", "undefined", "unset",
      "no_unit", "nodim", "tbd"}
@@ -191,7 +191,7 @@ def converted(
     Args:
       columns: by name, as the file has them.
       units: units that the file declares, by name.
-      native: units of the format where they differ from the wanted ones.
+      native: units of the format if they differ from the wanted ones.
     """
     found: dict[str, Array | None] = dict(columns)
     for name in [one for one in columns if one in wanted]:
@@ -313,7 +313,7 @@ def _quantity(unit: Any) -> str:
 
 
 def _round(value: float) -> float:
-    """Round a conversion's number, where this removes only the library's rounding error."""
+    """Round a conversion's number if this removes only the library's rounding error."""
     short = float(f"{value:.12g}")
     return short if abs(short - value) <= 1e-14 * abs(value) else value
 

@@ -190,7 +190,7 @@ def check_engines(
 def _fly(
     vehicle: Vehicle, seeds: Sequence[int], engine: str, *, threads: int, part: int = 1
 ) -> list[Trajectory | None]:
-    """Fly manoeuvres by an engine at 1 / `part` of the vehicle's step; None where unstable."""
+    """Fly manoeuvres by an engine at 1 / `part` of the vehicle's step; None if unstable."""
     step = file_timestep(vehicle) / part
     scenarios = [
         draw_manoeuvre(vehicle, seed).scenario(

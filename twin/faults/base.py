@@ -153,7 +153,7 @@ class Fault:
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Reason why a vehicle cannot have the fault; empty where it can."""
+        """Reason why a vehicle cannot have the fault; empty if it can."""
         return ""
 
     def problems(self) -> list[str]:

@@ -6,10 +6,10 @@ autocorrelation time, so that the stated standard deviations hold
 (`tests/twin/identify/test_identify_recovery.py`). Covariances come from a bootstrap over dives.
 
 Cross-validation over left-out dives judges a further parameter (Hastie et al. 2009, The Elements of
-Statistical Learning, 7.10). A pitch offset, for one, turns into drag and trim when a log holds one
-pitch, and then takes up the model's own errors. A fit without one dive, or with one parameter more,
-is one Gauss-Newton step from the fit to all, as the equations are nearly linear in the parameters.
-On public logs the gain by such a step is within a fifth of the gain of whole new fits.
+Statistical Learning, 7.10). If a log holds a single pitch, a pitch offset for example cannot be told from drag and trim, and then
+fits the model's own errors. A fit without one dive, or with one more parameter, is one Gauss-Newton
+step from the fit to all dives, because the equations are nearly linear in the parameters. On public
+logs, the gain by one step is within a fifth of the gain of complete fits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PRIOR = -1
 """Block number of the residuals of the priors"""
 DRAWS = 400
 LEAST_BLOCKS = 8
-"""Fewest blocks of a bootstrap: fewer dives are cut into parts, as samples of three say little."""
+"""Fewest blocks of a bootstrap: fewer dives are cut into parts, because three dives say little."""
 SEED = 20221123
 """Seed of the bootstrap: standard deviations are the same in every run."""
 OUTLIER = 3.0
@@ -325,7 +325,7 @@ def correlation_samples(series: Sequence[Array], longest: int) -> float:
 
 
 def cut(blocks: Blocks) -> Blocks:
-    """Return the blocks, each dive cut into equal parts where there are fewer than LEAST_BLOCKS."""
+    """Return the blocks, each dive cut into equal parts if there are fewer than LEAST_BLOCKS."""
     numbers = np.unique(blocks[blocks != PRIOR])
     parts = -(-LEAST_BLOCKS // max(len(numbers), 1))
     if parts == 1:

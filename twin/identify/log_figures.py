@@ -180,7 +180,7 @@ class Oscillation:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseFigures:
-    """Means over the legs of one phase; None where unknown."""
+    """Means over the legs of one phase; None if unknown."""
 
     depth_rate: float
     """[m/s] Depth rate, positive down"""
@@ -215,7 +215,7 @@ class PhaseFigures:
 
 
 def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
-    """Figures over the legs of one phase; None where none has enough steady samples."""
+    """Figures over the legs of one phase; None if none has enough steady samples."""
     legs = [leg for leg in legs if leg.steady.sum() >= 2]
     if sum(int(leg.steady.sum()) for leg in legs) < LEAST_SAMPLES:
         return None
@@ -272,8 +272,8 @@ def settled(leg: FigureSamples) -> Mask:
 def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
     """Slope of turn rate [deg/s] on the turning part's position [deg]; None if not determined.
 
-    The position acts through a first-order lag, the one of TURN_LAGS with the largest correlation.
-    The mean of each leg is taken off: a turn with the part at 0 is no effect of the part.
+    The position acts through the first-order lag of TURN_LAGS with the largest correlation.
+    The mean of each leg is subtracted, since a turn with the part at 0 is no effect of the part.
     """
     rates, positions = [], []
     for leg in legs:

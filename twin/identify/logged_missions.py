@@ -388,7 +388,7 @@ def _said(store: MissionStore) -> list[str]:
 
 
 def _kind(store: MissionStore) -> str | None:
-    """Type of glider that a log names; None where it names none."""
+    """Type of glider that a log names; None if it names none."""
     return _glider(*_said(store))
 
 

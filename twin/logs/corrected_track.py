@@ -82,7 +82,7 @@ def corrected_tracks(
       records: the tracks of each deployment, all in similar water, such as the missions of one
         store. Each deployment is smoothed alone; the parameters are fitted to all deployments.
       period: [s] between samples.
-      latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` where one is NaN.
+      latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` if one is NaN.
     """
     places = [x if np.isfinite(x) else NOMINAL_LATITUDE for x in latitudes]
     if not records:

@@ -239,7 +239,7 @@ class Follower:
 def followers(
     parts: Sequence[Part], steering: Mapping[str, str], alone: Sequence[str] = ()
 ) -> tuple[Follower, ...]:
-    """Followers of each lead, found from the wrenches of the parts; () where there are none.
+    """Followers of each lead, found from the wrenches of the parts; () if there are none.
 
     Args:
       steering: name of the part that guidance moves for each control.

@@ -29,7 +29,7 @@ LOG, TWIN = "log", "twin"  # labels of the lines where both are drawn
 
 
 class Panel(NamedTuple):
-    """One panel: a signal, drawn with its command where there is one, and the look of its axis."""
+    """One panel: a signal, drawn with its command if there is one, and the look of its axis."""
 
     signal: str
     title: str

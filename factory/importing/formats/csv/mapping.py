@@ -192,7 +192,7 @@ Array = NDArray[np.float64]
 def row_times(
     mapping: Mapping, time: Array, files: Sequence[Array]
 ) -> tuple[tuple[float, float], ...] | None:
-    """Start and end [s] of each row of a deployment; None where its rows are dives.
+    """Start and end [s] of each row of a deployment; None if its rows are dives.
 
     A gap in the times that is longer than the mapping's ends a row, whatever rows are. Rows of
     minutes divide the time between gaps into equal parts of about `minutes`.
