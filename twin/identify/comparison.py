@@ -6,10 +6,10 @@ autocorrelation time, so that the stated standard deviations hold
 (`tests/twin/identify/test_identify_recovery.py`). Covariances come from a bootstrap over dives.
 
 Cross-validation over left-out dives judges a further parameter (Hastie et al. 2009, The Elements of
-Statistical Learning, 7.10). If a log holds a single pitch, a pitch offset for example cannot be told from drag and trim, and then
-fits the model's own errors. A fit without one dive, or with one more parameter, is one Gauss-Newton
-step from the fit to all dives, because the equations are nearly linear in the parameters. On public
-logs, the gain by one step is within a fifth of the gain of complete fits.
+Statistical Learning, 7.10): a pitch offset, for example, cannot be told from drag and trim in a log
+with a single pitch, and would fit the model's own errors. A fit without one dive, or with one more
+parameter, is one Gauss-Newton step from the fit to all dives: the equations are nearly linear. On
+public logs, the gain by one step is within a fifth of the gain of complete fits.
 """
 
 from __future__ import annotations
