@@ -10,8 +10,8 @@ on anything but these two deployments; the methods here train on the family of t
 The horizontal speed through the water along the heading is scored. It is computed from a method's
 surge and sway, the depth rate and the logged attitude, with the pitch corrected by the log's owner.
 The depth rate removes the vertical component of a Doppler log's speed. Figures are means over the
-dives of a deployment: `dr_velocity_percent` is the sum of a dive's errors in % of its path, where it
-has truth; `surge_mse` is the squared error of one-minute means. Deployments weigh the same.
+dives of a deployment: `dr_velocity_percent` is the sum of a dive's errors in % of its path, where
+it has truth; `surge_mse` is the squared error of one-minute means. Deployments weigh the same.
 """
 
 from __future__ import annotations
