@@ -222,7 +222,7 @@ RIGHTING_ARM = UnknownParameter(
 
 LEAST_PIECES = 6
 """Fewest windows of 20 s for a fit: two minutes"""
-SILENT = 0.95
+LARGEST_UNCERTAINTY = 0.95
 """[1] Largest standard deviation, as a fraction of the spread, of a parameter that the runs
 determine; beyond, the parameter stays the vehicle file's"""
 LOOKS = (5, 3, 3)
@@ -301,7 +301,7 @@ def identify_driven(
     covariance = problem.fitted(x).covariance
     before = {p.name: float(np.sqrt(covariance[k, k])) for k, p in enumerate(free)}
     for name, off in before.items():
-        if off > SILENT:
+        if off > LARGEST_UNCERTAINTY:
             notes[name] = f"the runs leave it to {100.0 * off:.0f} % of what was known"
     kept = tuple(p for p in free if p.name not in notes)
     if not kept:
@@ -342,7 +342,7 @@ def _fitted(
     x = np.zeros(problem.size)
     stages = [(looks, True) for looks in FAR_LOOKS if far] + [(looks, False) for looks in LOOKS]
     for k, (looks, plain) in enumerate(stages):
-        first = _alike(problem, x) if plain else None
+        first = _equal_weights(problem, x) if plain else None
         x, _ = problem.fit(x, 1, first=first, max_nfev=looks, **(FAR_ENDS if plain else ENDS))
         problem.started = problem.currents(x)
         progress((k + 1) / len(stages))
@@ -350,7 +350,7 @@ def _fitted(
     return problem, x
 
 
-def _alike(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
+def _equal_weights(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
     """Noise of each channel that gives all its residuals equal weights."""
     return {
         name: ResidualNoise(

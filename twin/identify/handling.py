@@ -30,15 +30,15 @@ from twin.identify.turning_windows import channel_of, windows_of
 from twin.mission.glide_balance import steady_glide
 from twin.vehicle.vehicle import Vehicle
 
-FAR = 3.0
+CLEARLY_MOVED = 3.0
 """[standard deviations] Difference from the vehicle file's value; a larger one counts as determined
 by the log, even if its standard deviation is large"""
-SLACK, ROOM = 0.1, 0.03
-"""Margins as fractions of a part's travel: SLACK is added beyond the log's positions; ROOM is left
-at both ends of the battery's travel for guidance in the usual glide"""
-UNEVEN = math.radians(3.0)
+TRAVEL_MARGIN, GUIDANCE_MARGIN = 0.1, 0.03
+"""[1] Fraction of a part's travel that is added beyond the log's positions; fraction of the
+battery's travel that is left at both ends for guidance in the usual glide"""
+LARGEST_ASYMMETRY = math.radians(3.0)
 """[rad] Largest difference of the neutral positions of dives and climbs without a note"""
-FLATTER = math.radians(0.5)
+PITCH_STEP = math.radians(0.5)
 """[rad] Step in the search for the steepest usual glide within the battery's travel"""
 
 
@@ -91,7 +91,7 @@ def handle(
             notes.append("pitch: no battery positions in steady dives and climbs of these logs")
         else:
             calibration = balance.calibration
-            identification = _with(identification, balance)
+            identification = _with_estimates(identification, balance)
     progress(0.2)
     turns = turned(logs, calibration)
     progress(0.6)
@@ -99,9 +99,9 @@ def handle(
         notes.append("turns: too few steady parts in dives and climbs of these logs")
     else:
         calibration = turns.fitted.calibration
-        identification = _with(identification, turns.fitted)
+        identification = _with_estimates(identification, turns.fitted)
         channel = channel_of(calibration)
-        if turns.apart > UNEVEN:
+        if turns.apart > LARGEST_ASYMMETRY:
             notes.append(
                 f"asymmetry: to go straight, dives and climbs of these logs want the {channel} "
                 f"{math.degrees(turns.apart):.0f} deg apart; the mean of the two is flown"
@@ -170,9 +170,9 @@ def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple
         return calibration, ""
     vehicle = calibration.vehicle
     held = pitch
-    while held > FLATTER and not _holds(vehicle, held, net_mass):
-        held -= FLATTER
-    if not _holds(vehicle, held, net_mass):
+    while held > PITCH_STEP and not _can_hold(vehicle, held, net_mass):
+        held -= PITCH_STEP
+    if not _can_hold(vehicle, held, net_mass):
         return calibration, (
             f"usual glide: kept at the vehicle file's: the battery holds no pitch of dives and "
             f"climbs with {net_mass:.2f} kg, the log's usual net mass"
@@ -187,11 +187,11 @@ def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple
     return calibration.with_vehicle(usual_glide=(held, net_mass)), note
 
 
-def _holds(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
-    """True if the battery can hold this pitch in dives and climbs, with ROOM at both ends."""
+def _can_hold(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
+    """True if the battery can hold this pitch in dives and climbs, with a margin at both ends."""
     slide = vehicle.steered("pitch")
     assert slide is not None  # a calibration has one moving battery
-    room = ROOM * (slide.high - slide.low)
+    room = GUIDANCE_MARGIN * (slide.high - slide.low)
     low, high = slide.low + room, slide.high - room
     try:
         shifts = [steady_glide(vehicle, -s * pitch, s * net_mass).shift for s in (1.0, -1.0)]
@@ -218,18 +218,18 @@ def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
         low, high = float(known.min()), float(known.max())
         ends = {"low": min(low, part.low), "high": max(high, part.high)}
         if control == "pitch":  # the encoder's zero differs: shift the travel, keep 0 in it
-            slack = SLACK * (part.high - part.low)
+            slack = TRAVEL_MARGIN * (part.high - part.low)
             ends = {"low": min(low - slack, 0.0), "high": max(high + slack, 0.0)}
         changes[part.name] = ends
     return calibration.with_vehicle(**changes)
 
 
-def _with(identification: Identification, fitted: Fitted) -> Identification:
+def _with_estimates(identification: Identification, fitted: Fitted) -> Identification:
     """Return the identification with the estimates of a further fit added."""
     deviation, start = np.sqrt(np.diag(fitted.covariance)), identification.calibration
     estimates = []
     for parameter, moved, off in zip(fitted.parameters, fitted.offsets, deviation, strict=False):
-        sure = bool(np.isfinite(off) and (off <= UNDETERMINED or abs(moved) > FAR * off))
+        sure = bool(np.isfinite(off) and (off <= UNDETERMINED or abs(moved) > CLEARLY_MOVED * off))
         note = "" if sure else "with the others only: the log does not determine it"
         estimates.append(
             IdentifiedParameter.of(parameter, start, fitted.calibration, float(off), sure, note)

@@ -38,7 +38,7 @@ LEAST_CORRELATION = 0.3
 """Least correlation of turn rate and position; below it other causes turned the vehicle"""
 LEAST_SAMPLES = 20
 """Fewest samples of a mean"""
-OFTEN = 0.25
+LEAST_LEGS = 0.25
 """Least fraction of the legs that oscillate in a limit cycle"""
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
 """[deg] Least amplitude of an oscillation, by the signal"""
@@ -48,7 +48,7 @@ WIDTH = 0.15
 """Relative change of an oscillation's frequency within a leg, like that of speed and trim"""
 SHARE = 0.5
 """Least fraction of the variance in an oscillation: noise is spread over all periods"""
-LASTING = 0.7
+LEAST_GROWTH = 0.7
 """Least ratio of the amplitudes in the second and first half; with less the oscillation decays"""
 
 
@@ -247,7 +247,7 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
         heading_sd=rms(error) if error.size >= LEAST_SAMPLES else None,
         heading_bias=usual(error),
         parts={name: float(np.mean(np.concatenate(held))) for name, held in parts.items()},
-        oscillation=limit_cycle(swings, OFTEN),
+        oscillation=limit_cycle(swings, LEAST_LEGS),
     )
 
 
@@ -343,7 +343,7 @@ def oscillation_of(name: str, values: Array, period: float) -> Oscillation | Non
     early, late = (float(np.std(swing[part])) for part in (slice(half), slice(half, None)))
     amplitude = float(np.sqrt(2.0 * share * np.mean(swing**2)))
     growth = late / early if early > 0.0 else float("inf")
-    if amplitude < LEAST_AMPLITUDE[name] or share < SHARE or growth < LASTING:
+    if amplitude < LEAST_AMPLITUDE[name] or share < SHARE or growth < LEAST_GROWTH:
         return None
     return Oscillation(
         signal=name, period_s=count * period / peak, amplitude_deg=amplitude, growth=growth, legs=1

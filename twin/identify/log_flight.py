@@ -47,9 +47,9 @@ SAMPLE_PERIOD = 1.0
 """[s] Time between the twin's samples: the period of roll is about ten seconds"""
 PATIENCE = 2.0
 """Longest duration of the twin's dive, as a multiple of the log's"""
-LOOK = 10.0
+CHECK_PERIOD = 10.0
 """[s] Time between checks for the end of a dive"""
-BEYOND = 0.05
+PUMP_MARGIN = 0.05
 """Fraction of its travel by which the log's pump may exceed the vehicle file's"""
 
 
@@ -84,7 +84,7 @@ def fly_dives(
 
 def _fly(simulation: Simulation, row: int) -> Trajectory:
     """Fly one dive until its mission is done or the scenario's duration is over."""
-    steps = max(1, round(LOOK / simulation.model.opt.timestep))
+    steps = max(1, round(CHECK_PERIOD / simulation.model.opt.timestep))
     for _ in range(-(-simulation.steps // steps)):
         if simulation.failed or state(simulation.data)["guidance"][DONE]:
             break
@@ -105,7 +105,7 @@ def scenario_of(
     heading = 0.0 if dive.heading is None else math.radians(dive.heading[leg.first] % 360.0)
     pump = vehicle.steered("buoyancy")
     assert pump is not None
-    actuators = {pump.name: _within(vehicle, first.pieces[0].pump, dive.row)}
+    actuators = {pump.name: _limited_pump(vehicle, first.pieces[0].pump, dive.row)}
     slide = vehicle.steered("pitch")
     if slide is not None:
         # start in trim for the first target: the encoder's zero can be far from trim
@@ -152,7 +152,7 @@ def mission_of(vehicle: Vehicle, dive: ReplayedDive) -> Mission:
                     max_depth_m=bottom,
                     until_depth_m=min(max(until, top), bottom),
                     heading_deg=piece.heading,
-                    **_ways(vehicle, dive, index, piece),
+                    **_glides(vehicle, dive, index, piece),
                 )
             )
     last = segments[-1]
@@ -288,7 +288,7 @@ def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> Followe
     )
 
 
-def _ways(vehicle: Vehicle, dive: ReplayedDive, index: int, piece: DivePiece) -> dict[str, float]:
+def _glides(vehicle: Vehicle, dive: ReplayedDive, index: int, piece: DivePiece) -> dict[str, float]:
     """Pitch and net mass of a section in its phase; the other phase has its neighbour's."""
     mine = dive.targets[index]
     beside = dive.targets[index + 1 : index + 2] or dive.targets[max(index - 1, 0) : index]
@@ -317,7 +317,7 @@ def _pitch(target: Target, row: int) -> float:
 
 def _net_mass(vehicle: Vehicle, target: Target, pump: float, row: int) -> float:
     """Magnitude [kg] of a leg's net mass at reference density with its pump at `pump` [cm3]."""
-    net = vehicle.net_mass_for_pump(_within(vehicle, pump, row))
+    net = vehicle.net_mass_for_pump(_limited_pump(vehicle, pump, row))
     signed = net if target.leg.phase == "dive" else -net
     if signed <= 0.0:
         raise InputError(
@@ -332,11 +332,11 @@ def _verb(target: Target) -> str:
     return "dives" if target.leg.phase == "dive" else "climbs"
 
 
-def _within(vehicle: Vehicle, position: float, row: int) -> float:
+def _limited_pump(vehicle: Vehicle, position: float, row: int) -> float:
     """Logged pump position [cm3], limited to the travel of the vehicle's pump."""
     pump = vehicle.steered("buoyancy")
     assert pump is not None
-    slack = BEYOND * (pump.high - pump.low)
+    slack = PUMP_MARGIN * (pump.high - pump.low)
     if not pump.low - slack <= position <= pump.high + slack:
         raise InputError(
             f"dive {row}: the log's pump is at {position:.0f} cm3, that of vehicle "

@@ -41,12 +41,12 @@ LEAST_WINDOWS = 3
 FARTHEST = 4.0
 """[spreads] Largest difference of a positive coefficient from the vehicle file's. If turns
 determine only a ratio of two, damping would else grow until no time step is short enough."""
-SURE = 2.0
+LEAST_SIGNIFICANCE = 2.0
 """[standard deviations] Least gain of the fit by a yaw moment of the hull; with less, the hull gets
 none"""
 ROUNDS = 2
 """Number of fits if a battery turns the vehicle; each starts at the last one's neutral position"""
-STEERABLE = 0.8
+NEUTRAL_RANGE = 0.8
 """Middle fraction of a part's travel for its neutral position, so that it steers both ways"""
 PASSES, MOST_LOOKS = 3, 15
 """Number of fits, each with weights from the fit before; largest number of evaluations in a fit"""
@@ -336,7 +336,7 @@ def _turned(
     neutral, apart, balanced = None, 0.0, True
     own = [k for k, p in enumerate(parameters) if p.name == "yaw_moment_offset"]
     if part is not None and there:
-        neutral, calibration = 0.0, _resting(calibration, part.name, 0.0)
+        neutral, calibration = 0.0, _with_neutral(calibration, part.name, 0.0)
     farthest = [FARTHEST if p.logarithmic else np.inf for p in parameters]
     farthest += [np.inf for _ in biases_beside({p.name for p in parameters})]
     bounds = (-np.array(farthest), np.array(farthest))
@@ -348,7 +348,7 @@ def _turned(
         more = turns.neutral(x)
         if neutral is None or part is None or more is None:
             break
-        room, middle = STEERABLE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
+        room, middle = NEUTRAL_RANGE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
         mean, phases = more
         apart = max(phases.values()) - min(phases.values())
         if own:
@@ -357,10 +357,10 @@ def _turned(
             balanced = all(abs(neutral + at - middle) <= room for at in straight[1].values())
         neutral = min(max(neutral + mean, middle - room), middle + room)
         groups = groups_of(windows, channel, neutral)
-        calibration = _resting(calibration, part.name, neutral)
-        flown = _resting(fitted.calibration, part.name, neutral)
+        calibration = _with_neutral(calibration, part.name, neutral)
+        flown = _with_neutral(fitted.calibration, part.name, neutral)
         fitted = fitted._replace(calibration=flown)
-    sure = all(turns.worse_without(x, k, bounds) > SURE for k in own)
+    sure = all(turns.worse_without(x, k, bounds) > LEAST_SIGNIFICANCE for k in own)
     return TurningFit(
         fitted=fitted,
         asymmetry=asymmetry,
@@ -371,6 +371,6 @@ def _turned(
     )
 
 
-def _resting(calibration: Calibration, part: str, neutral: float) -> Calibration:
+def _with_neutral(calibration: Calibration, part: str, neutral: float) -> Calibration:
     """Return the calibration with this neutral position [rad] of the turning part set."""
     return calibration.with_vehicle(**{part: {"neutral": neutral}})

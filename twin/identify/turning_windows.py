@@ -30,7 +30,7 @@ LEAST_DEPTH = 5.0
 SPACINGS, LEAST_AVERAGE, MOST_AVERAGE = 2.5, 10.0, 90.0
 """Duration of the compared means of yaw rate and roll, in original samples, and its limits [s]: the
 end of a part's move is known to about one original sample."""
-BENT = 1e-6
+LEAST_BEND = 1e-6
 """[rad] Second difference of the heading above which a sample is original, not interpolated"""
 SPEED_BINS, ENOUGH_IN_BIN = 3, 6
 """Most speed groups of a phase, each with its own glide; fewest windows of a group"""
@@ -185,7 +185,7 @@ def spacing(logs: Sequence[Log]) -> float:
     """Time [s] between original samples; a store has interpolated samples between them."""
     bends, samples = 0, 0
     for log in logs:
-        bent = np.abs(np.diff(log.heading, 2)) > BENT
+        bent = np.abs(np.diff(log.heading, 2)) > LEAST_BEND
         bends, samples = bends + int(bent.sum()), samples + len(bent)
     # an interpolated line bends at two samples of the store for each original sample
     share = bends / max(samples, 1)

@@ -124,7 +124,7 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
     time = period * np.arange(len(velocity))
     usual = np.asarray(drift.usual, float)
     if not len(fixes):
-        open_end = np.sqrt(_open(time, drift))
+        open_end = np.sqrt(_variance_outside_fixes(time, drift))
         return water + time[:, None] * usual, open_end
     at, places = fixes.sample, fixes.position
     missed = places - water[at]
@@ -141,7 +141,7 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
         if len(at) > 1 and (apart := np.diff(time[at[pair]])[0]) >= LEAST_INTERVAL:
             current = np.diff(missed[pair], axis=0)[0] / apart
         correction[outside] = missed[fix] + away[:, None] * current
-        variance[outside] = _open(np.abs(away), drift)
+        variance[outside] = _variance_outside_fixes(np.abs(away), drift)
     return water + correction, np.sqrt(fixes.deviation**2 + variance)
 
 
@@ -166,7 +166,7 @@ def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
     return np.concatenate([steps, steps[-1:]]) / period
 
 
-def _open(away: NDArray[np.floating], drift: Drift) -> Array:
+def _variance_outside_fixes(away: NDArray[np.floating], drift: Drift) -> Array:
     """Variance [m2] of a position `away` [s] before the first fix, or after the last."""
     return np.asarray((drift.change * away) ** 2 + drift.diffusivity * away)
 

@@ -29,7 +29,7 @@ INTERVAL = 300.0
 """[s] Shortest time between the two counter readings of one equation"""
 LONGEST_STAY = 3600.0
 """[s] Longest gap between dives that counts as a surface interval; a longer gap is unknown"""
-STILL = 0.005
+LEAST_MOVE = 0.005
 """[1] Fraction of a part's travel below which a move is encoder noise"""
 
 
@@ -226,9 +226,9 @@ def least_squares(
 def settled(values: Array) -> Array:
     """Position of a part without encoder noise, (time,).
 
-    The value stays while the reading is within `STILL` of its travel, as a gear with backlash does.
+    The value stays until the reading moves by `LEAST_MOVE` of its travel, like backlash.
     """
-    play = STILL * float(np.ptp(np.percentile(values, [1.0, 99.0])))
+    play = LEAST_MOVE * float(np.ptp(np.percentile(values, [1.0, 99.0])))
     place, found = float(values[0]), np.empty(len(values))
     for k, value in enumerate(values.tolist()):
         place = min(max(place, value - play), value + play)

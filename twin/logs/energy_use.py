@@ -47,15 +47,15 @@ from twin.records.storage.store_path import StorePath
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
-ALWAYS = 0.97
-"""[1] Fraction of the time that a payload is on; above, its power is part of the electronics'"""
-DOUBTFUL = 0.5
+LARGEST_DUTY = 0.97
+"""[1] Largest fraction of the time that a payload is on, or off, for its power to be fitted"""
+LARGEST_UNCERTAINTY = 0.5
 """[1] Largest standard deviation, as a fraction of the value, of a factor that a log determines"""
 MOST_KWH = 1e4
 """[kW h] Largest energy left that is accepted"""
 LEAST_EQUATIONS = 3
 """Fewest equations for each factor"""
-WALKS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+WALK_VARIANCES = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """[1] Variances of the level's step divided by the noise variance; all are equally probable"""
 SLOPE = 0.05
 """[1] Prior standard deviation of the power's relative change over a deployment: fouling, pump,
@@ -265,7 +265,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
         )
     table = line.table(span, free)
     part_on = table[:, free.index("payload")].sum() / table[:, free.index("hotel")].sum()
-    if not 1.0 - ALWAYS < part_on < ALWAYS:
+    if not 1.0 - LARGEST_DUTY < part_on < LARGEST_DUTY:
         kept["payload"] = 0.0  # always on: part of the hotel load
         free.remove("payload")
     free = [name for name in free if line.table(span, [name]).any()]
@@ -281,7 +281,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
         del doubt[free[0]]  # every log determines the hotel load
         worst = max(doubt, key=lambda name: doubt[name], default="")
         many = len(span) >= LEAST_EQUATIONS * len(free)
-        if not worst or (doubt[worst] <= DOUBTFUL and many):
+        if not worst or (doubt[worst] <= LARGEST_UNCERTAINTY and many):
             break
         free.remove(worst)
     found = {**kept, **dict(zip(free, values.tolist(), strict=True))}
@@ -368,12 +368,12 @@ def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
     power = taken / hours * used.voltage * whole
     left = max(energy_left_kwh, 0.0) * 1e3 / power.mean() / float(np.median(hours))  # dives
     slope = SLOPE * power.mean() / (len(power) + left)
-    found = [_followed(power, ratio, slope, left) for ratio in WALKS]
+    found = [_forecast(power, ratio, slope, left) for ratio in WALK_VARIANCES]
     likely = np.array([one[2] for one in found])
     weights = np.exp(likely - likely.max())
     weights /= weights.sum()
     rng = np.random.default_rng(SEED)
-    which = rng.choice(len(WALKS), DRAWS, p=weights)
+    which = rng.choice(len(WALK_VARIANCES), DRAWS, p=weights)
     expected, spread = np.array([one[:2] for one in found]).T
     drawn = expected[which] + spread[which] * rng.standard_t(len(hours) - 1, DRAWS)
     mean = float(weights @ expected)
@@ -384,7 +384,7 @@ def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
     )
 
 
-def _followed(power: Array, walk: float, slope: float, left: float) -> tuple[float, float, float]:
+def _forecast(power: Array, walk: float, slope: float, left: float) -> tuple[float, float, float]:
     """Mean power of the dives to come, its standard deviation, and the log-likelihood.
 
     A Kalman filter of level and slope, started at the first dive. Its variances are divided by the

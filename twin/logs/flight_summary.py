@@ -17,7 +17,7 @@ from twin.logs.flight_estimator import FlownDive
 
 MOST_APART, MOST_MEAN = 0.01, 0.015
 """[m/s] Limits of a good model: difference of the means of descents and climbs; each mean"""
-BIN = 20.0
+BIN_HEIGHT = 20.0
 """[m] Largest height of a depth bin"""
 LEAST_SAMPLES = 30
 """Fewest samples in descents, and in climbs, of a bin; bins with fewer are left out"""
@@ -38,7 +38,7 @@ class FlightSummary:
     samples: int
     w_profile_difference: float = float("nan")
     """[m/s] Mean in descents minus mean in climbs, in the depth bin with the largest difference;
-    a bin is `BIN` high, or a tenth of the depth range if that is less"""
+    a bin is `BIN_HEIGHT` high, or a tenth of the depth range if that is less"""
 
     @property
     def suspect(self) -> bool:
@@ -93,7 +93,7 @@ def _profile_difference(
     if not both.any():
         return float("nan")
     top = float(depth[both].min())
-    size = min(BIN, float(np.ptp(depth[both])) / 10.0)
+    size = min(BIN_HEIGHT, float(np.ptp(depth[both])) / 10.0)
     if not size > 0.0:
         return float("nan")
     index = np.where(both, (depth - top) / size, -1.0).astype(int)
@@ -116,9 +116,9 @@ Array = NDArray[np.float64]
 
 LEAST_RATE = 0.03
 """[m/s] Least modelled depth rate of a sample; slower, the vehicle turns or flies level"""
-LASTS = 300.0
+CORRELATION_TIME = 300.0
 """[s] Correlation time of the water's vertical velocity: internal waves near the buoyancy period"""
-LIKELY = 0.15
+PRIOR_DEVIATION = 0.15
 """[1] Prior standard deviation of a factor, as from 100 g of ballast error in 200 g of buoyancy"""
 LOWEST, HIGHEST = 0.6, 1.6
 """[1] Limits of a factor; beyond them, the log is from another vehicle than the model's"""
@@ -175,9 +175,9 @@ def _factor(dives: Sequence[FlownDive], period: float, sign: float, phase: str) 
         water.append(dive.water_up[use])
     model = np.concatenate([*modelled, np.zeros(0)])
     up = np.concatenate([*water, np.zeros(0)])
-    if period * model.size < LASTS:
+    if period * model.size < CORRELATION_TIME:
         return 1.0
     found = 1.0 - float(up.mean() / model.mean())
-    spread = float(up.std() / abs(model.mean())) / np.sqrt(period * model.size / LASTS)
-    found = 1.0 + (found - 1.0) * LIKELY**2 / (LIKELY**2 + spread**2)
+    spread = float(up.std() / abs(model.mean())) / np.sqrt(period * model.size / CORRELATION_TIME)
+    found = 1.0 + (found - 1.0) * PRIOR_DEVIATION**2 / (PRIOR_DEVIATION**2 + spread**2)
     return float(np.clip(found, LOWEST, HIGHEST))

@@ -175,7 +175,7 @@ def smoothed_tracks(
             knots = []
         elif way.start > filter_.time:
             filter_.step(way.start - filter_.time, None)
-        knots += [(k, sample, node) for sample, node in _lead(filter_, way, period)]
+        knots += [(k, sample, node) for sample, node in _step_along(filter_, way, period)]
     if filter_ is not None:
         _collect(found, ways, knots, filter_.smooth(), period)
     return [found[k] for k in range(len(ways))]
@@ -234,7 +234,7 @@ def _legs(ways: Sequence[SmoothedWay], period: float) -> list[Leg]:
     return legs
 
 
-def _lead(filter_: CurrentFilter, way: SmoothedWay, period: float) -> list[tuple[int, int]]:
+def _step_along(filter_: CurrentFilter, way: SmoothedWay, period: float) -> list[tuple[int, int]]:
     """Step a filter along a track; return samples and the nodes of the filter's record at them."""
     water, fixes = way.water(period), way.fixes
     found = stays(fixes, period)

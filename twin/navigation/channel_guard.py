@@ -19,16 +19,16 @@ from twin.navigation.c_math import number
 from twin.records.schema import variable
 from twin.records.schema.limits import recorded_limits
 
-FAR = 1e30
+UNLIMITED = 1e30
 """Rate or jump of a channel without a limit; a finite number in float32 too"""
 
 
 class ChannelReach(NamedTuple):
     """Largest change of a channel since its last good value: `jump` + `rate` times the time."""
 
-    rate: float = FAR
+    rate: float = UNLIMITED
     """Largest rate of change, in the channel's unit per second"""
-    jump: float = FAR
+    jump: float = UNLIMITED
     """Largest change by noise, quantisation and delayed readings, in the channel's unit"""
 
 

@@ -139,7 +139,7 @@ def _balance(model, x, c, start, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _gives(out, rate):  # type: ignore[no-untyped-def]
+def _surge_or_rate(out, rate):  # type: ignore[no-untyped-def]
     """Surge [m/s] of a balance; on steep paths the measured depth `rate` determines the speed. If
     `rate` is NaN, the result is the depth rate [m/s] of the balance."""
     if rate != rate:
@@ -150,23 +150,23 @@ def _gives(out, rate):  # type: ignore[no-untyped-def]
 
 @jit
 def _slopes(model, x, c, start, rate, found, out):  # type: ignore[no-untyped-def]
-    """Value of `_gives`; its derivatives by the constants are written to `found`, (7,), and the
+    """Value of `_surge_or_rate`; writes its derivatives by the constants to `found`, (7,), and the
     balance of `c` to `out`."""
     for j in range(c.size):
         kept, nudge = c[j], NUDGE * model.prior[j]
         c[j] += nudge
         _balance(model, x, c, start, out)
-        found[j] = _gives(out, rate) / nudge
+        found[j] = _surge_or_rate(out, rate) / nudge
         c[j] = kept
     _balance(model, x, c, start, out)
-    here = _gives(out, rate)
+    here = _surge_or_rate(out, rate)
     for j in range(c.size):
         found[j] -= here / (NUDGE * model.prior[j])
     return here
 
 
 @jit
-def _spread(model, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
+def _surge_deviation(model, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
     """Relative standard deviation of surge from the constants' uncertainty."""
     surge, variance = _slopes(model, x, c, start, rate, slopes, out), 0.0
     for i in range(c.size):
@@ -348,7 +348,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
                     cov[i, j] -= gain[i] * gain[j] / variance
             for i in range(3):
                 start[i] = out[i]
-            carried[SPREAD] = _spread(model, x, c, cov, rate, start, slopes, out)
+            carried[SPREAD] = _surge_deviation(model, x, c, cov, rate, start, slopes, out)
         # The depth rate determines the speed on steep paths; afloat, `_move` has used it already.
         flat, sunk = FLAT_SINE * speed, carried[SUNK]
         weight = flat * flat + sunk * sunk

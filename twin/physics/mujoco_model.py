@@ -51,7 +51,7 @@ ALL_BITS = 2**31 - 1
 BEFORE_FIRST_STEP = -1e5
 """[m] Height of the floor's plane until native code first places it."""
 HIDDEN_GROUP = 5
-GIVES_WAY = 0.2
+CONTACT_TIME = 0.2
 """[s] Time constant of contacts with the sea floor, soft as mud, for every physics step: the least
 that the shipped step of 0.1 s allows; our choice."""
 _OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -311,7 +311,7 @@ def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> N
             type=mujoco.mjtGeom.mjGEOM_PLANE,
             size=[0, 0, 1],
             **touched,
-            solref=[GIVES_WAY, 1.0],
+            solref=[CONTACT_TIME, 1.0],
             priority=1,
         )
 

@@ -37,7 +37,7 @@ SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
 IN_SIGHT = 2.0
 """Largest depth of a block with a sea floor, as a multiple of its depth without one: a dive to
 100 m above an abyss stays visible"""
-BELOW = 1.04  # depth of the block, as a multiple of the deepest floor in it
+FLOOR_MARGIN = 1.04  # depth of the block, as a multiple of the deepest floor in it
 CHART_BANDS = 14  # steps of the map's colours
 SHADED, LIT = 0.95, 0.18
 """Relative depths in the water palette, 0 to 1, of the two ends of the map's floor colours"""
@@ -215,7 +215,7 @@ def _north_east(ned: Array) -> tuple[Array, Array]:
 def block_depth(table: Array, layout: SceneLayout) -> float:
     """[m] Depth of a block that reaches the sea floor, at most IN_SIGHT times its usual depth."""
     usual = float(layout.high[2])
-    return min(max(usual, BELOW * float(floor_grid(table, layout).max())), IN_SIGHT * usual)
+    return min(max(usual, FLOOR_MARGIN * float(floor_grid(table, layout).max())), IN_SIGHT * usual)
 
 
 def depth_ticks(layout: SceneLayout) -> Array:
