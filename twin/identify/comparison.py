@@ -57,14 +57,14 @@ class ComparedQuantity(NamedTuple):
     least: float
     """Lower bound of its standard deviation, in `unit`: errors of sensors and of the model"""
     samples: float = 0.0
-    """Number of residuals for one independent one; 0: the integrated autocorrelation time"""
+    """Number of residuals per independent residual; 0: use the integrated autocorrelation time"""
     longest: int = 0
-    """Longest lag in residuals over which autocorrelation is summed"""
+    """Longest lag, in residuals, in the sum of autocorrelations"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualNoise:
-    """Standard deviation of a channel's residuals, and number of them for an independent one."""
+    """Standard deviation and autocorrelation time of a channel's residuals."""
 
     deviation: float
     """Standard deviation in the channel's unit, outliers weighted down"""
@@ -73,14 +73,14 @@ class ResidualNoise:
 
 
 class Residuals(NamedTuple):
-    """Residuals of a channel near a calibration, model less log, with their Jacobian."""
+    """Residuals of a channel near a calibration, model minus log, with their Jacobian."""
 
     unit: str
     values: Array
     """Residuals in `unit`, (residuals,)"""
     deviation: Array
-    """Standard deviations in `unit`, (residuals,), as of independent residuals: the channel's times
-    the root of the autocorrelation time, and larger for outliers"""
+    """Standard deviations in `unit`, (residuals,), for weights as if independent: the channel's
+    times the root of the autocorrelation time, and larger for outliers"""
     jacobian: Array
     """Slopes in `unit` per spread of each unknown, (residuals, unknowns)"""
     dives: Blocks
@@ -88,8 +88,8 @@ class Residuals(NamedTuple):
 
 
 class Comparison(abc.ABC):
-    """Residuals of dives as functions of unknown offsets from nominal, in spreads: first those of
-    the parameters, then those of biases, which no calibration holds."""
+    """Residuals of dives as functions of unknown offsets from nominal, in spreads: offsets of the
+    parameters, then of biases, which are not in a calibration."""
 
     step = 1e-4
     """Step of the finite differences in spreads: far above rounding, far below any curvature"""
@@ -111,10 +111,10 @@ class Comparison(abc.ABC):
 
     @abc.abstractmethod
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log at these offsets: a series for each of `dives`, by channel.
+        """Residuals, model minus log, at these offsets: a series for each of `dives`, by channel.
 
         Raises:
-          InputError: the vehicle does not fly with these offsets.
+          InputError: the vehicle cannot fly with these offsets.
         """
 
     def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
@@ -137,8 +137,8 @@ class Comparison(abc.ABC):
     def calibration(self, x: Array) -> Calibration:
         """Return the calibration at these offsets; biases have no effect on it.
 
-        Parameters are set one after the other. Those before the first changed offset are kept from
-        the last call, because neighbouring columns of the slopes share most of them.
+        Parameters are set in order. The result before the first changed offset is kept from the
+        last call, because neighbouring columns of the slopes share most offsets.
         """
         out = self.nominal
         for k, (parameter, centre) in enumerate(zip(self.parameters, self.centres, strict=True)):
@@ -151,7 +151,7 @@ class Comparison(abc.ABC):
 
     @property
     def lowest(self) -> Array:
-        """Lower bounds of the offsets; a compressibility, for one, is not negative."""
+        """Lower bounds of the offsets; for example, a compressibility is not negative."""
         bounds = [
             (p.least - centre) / p.spread if p.least is not None else -np.inf
             for p, centre in zip(self.parameters, self.centres, strict=True)
@@ -170,8 +170,8 @@ class Comparison(abc.ABC):
         return np.clip(np.nan_to_num(values, nan=LARGEST), -LARGEST, LARGEST)
 
     def residual(self, x: Array) -> Array:
-        """Weighted residuals followed by the offsets, the residuals of the priors. All are infinite
-        where the vehicle does not fly, so that a search steps back."""
+        """Weighted residuals, then the offsets, which are the priors' residuals. All are infinite
+        if the vehicle cannot fly, so that a search steps back."""
         try:
             return np.concatenate([self._weighted(self.missed(x)), x])
         except InputError:
@@ -253,8 +253,8 @@ class Comparison(abc.ABC):
     ) -> tuple[Array, dict[str, ResidualNoise]]:
         """Robust least squares from `x` on; weights are set again after each of `passes`.
 
-        The noise `first` sets the weights of the first pass where the residuals at `x` are no
-        guide. Returns the offsets and the noise.
+        The noise `first` sets the weights of the first pass, if the residuals at `x` are too large
+        to do so. Returns the offsets and the noise.
         """
         low, high = bounds or (self.lowest, np.full(self.size, np.inf))
         noise = self.reweight(x, first)
