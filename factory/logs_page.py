@@ -51,7 +51,7 @@ OURS_COLOUR, THEIRS_COLOUR = style.PALETTE["green"], style.PALETTE["vermillion"]
 AXES = ("north", "east")
 MAP_TITLE = "GPS fixes and dives"
 SHAPE = 1.45
-"""[1] Width over height of the map"""
+"""[1] Width / height of the map"""
 
 
 def page_names(deployments: Iterable[str]) -> dict[str, str]:

@@ -302,7 +302,7 @@ def rms(values: Array) -> float:
 
 
 def robust_scale(values: Array) -> float:
-    """Standard deviation about zero from the median size, as of normal values."""
+    """Standard deviation about zero from the median size, for normally distributed values."""
     return float(1.4826 * np.median(np.abs(values)) + 1e-12)
 
 

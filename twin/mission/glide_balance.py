@@ -65,7 +65,7 @@ class VehiclePolar:
         self.zero_lift = float(brentq(lambda alpha: self.at(alpha).lift, low, high, xtol=1e-15))
 
     def at(self, alpha: float) -> Polar:
-        """Forces over speed squared at an angle of attack [rad], parts at rest."""
+        """Forces divided by speed squared at an angle of attack [rad], with parts at rest."""
         vehicle, density = self._vehicle, self._vehicle.reference_density
         if is_flow_frame(vehicle.law):  # the coefficients are of the whole vehicle
             return vehicle.law.polar(alpha, density)

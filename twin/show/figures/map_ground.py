@@ -117,7 +117,7 @@ def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
 
     Args:
       latitude, longitude: positions of the points; longitudes must not jump by 360 degree.
-      shape: width over height of the map [m/m].
+      shape: width / height of the map [m/m].
     """
     south, north = float(np.nanmin(latitude)), float(np.nanmax(latitude))
     west, east = float(np.nanmin(longitude)), float(np.nanmax(longitude))

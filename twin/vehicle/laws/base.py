@@ -34,7 +34,7 @@ Unrolled = tuple[tuple[str, ...], Mapping[str, Any]]
 
 
 class Polar(NamedTuple):
-    """Forces and moment in a straight flow without sideslip, over speed squared."""
+    """Forces and moment in a straight flow without sideslip, divided by speed squared."""
 
     drag: float
     """[N s2/m2] Force along the flow."""
