@@ -289,7 +289,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
         carried[SINCE_AFLOAT] = 0.0 if still else carried[SINCE_AFLOAT] + period
         carried[SINCE_UPDATE] += period
         carried[STARTED] = 1.0
-        # Under water, inputs without lag; afloat, prompt means where they exceed the noise.
+        # Under water, inputs without lag; afloat, prompt means if they exceed the noise.
         for i, value in ((PROMPT_PITCH, pitch), (PROMPT_SINKS, given[RATE])):
             carried[i] += (1.0 if first else prompt) * (value - carried[i])
         sinks = carried[PROMPT_SINKS]

@@ -37,10 +37,10 @@ STEPS = (
 MOST_LINES = 5  # most grid lines of one direction: more labels would touch
 EDGE = 0.06  # fraction of a span without lines at either end, where labels would leave the map
 LEAST_SPAN = 0.004  # [degree of latitude] least height of a map: half a kilometre
-MARGIN = 0.17  # margin on every side over the larger span
+MARGIN = 0.17  # margin on every side / larger span
 BARS = (*(m * 10**k for k in range(6) for m in (1, 2, 5)), 1_000_000)
 """[m] Lengths that a scale bar may have"""
-BAR_SHARE = 0.3  # largest length of a scale bar over the map's width
+BAR_SHARE = 0.3  # largest length of a scale bar / width of the map
 
 
 @functools.cache

@@ -28,12 +28,12 @@ the aspect WIDESCREEN; a taller picture gets a taller block."""
 WIDESCREEN = 16 / 9
 WIDTH_RATIO = {"orbit": 0.28, "side": 0.28, "map": 0.55, "chase": 0.28}
 """Least width / length of the block, so that a straight track has a body of water around it."""
-MARGIN = 0.07  # margin around the track over the track's length
-BELOW = 0.12  # water below the deepest point over that point's depth
+MARGIN = 0.07  # margin around the track / its length
+BELOW = 0.12  # height of the water below the deepest point / depth of this point
 LEAST_DEPTH, LEAST_LENGTH = 5.0, 12.0  # [m] least depth and length of the block
-VEHICLE_SHARE = 0.095  # length of the glider over the width of the view
-VIEW_MARGIN = 1.25  # approximate width of the view over the block's length: sets the scale
-SIDE_SHARE = 0.04  # free margin on each side without a HUD, over the picture's size
+VEHICLE_SHARE = 0.095  # length of the glider / width of the view
+VIEW_MARGIN = 1.25  # approximate width of the view / length of the block: sets the scale
+SIDE_SHARE = 0.04  # free margin on each side without a HUD / size of the picture
 
 NARROW, WIDE = math.radians(14.0), math.radians(24.0)
 """[rad] Half of the vertical field of view of the framed cameras, and of the chase camera."""

@@ -62,7 +62,7 @@ WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
 """Colours of text, labels and background of the strip, 0 to 255"""
 _FILES = {False: "DejaVuSans.ttf", True: "DejaVuSans-Bold.ttf"}
 CACHE = 4096  # most cached words and letters; a long video has as many different numbers
-HALO_SHARE = 14  # font size over the width of its halo
+HALO_SHARE = 14  # font size / width of its halo
 OVERHANG = 2  # [pixel] by which a letter may extend beyond its width
 
 

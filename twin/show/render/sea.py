@@ -26,10 +26,10 @@ OPEN_RADIUS = 700.0  # [m] radius of the chase camera's backdrop
 RELIEF, CELLS, CHART_CELLS = 26, 96, 200
 """Grid cells along each side: of decorative relief and waves, of a sea floor, and of the map's
 floor, whose colour edges are visible"""
-RELIEF_SHARE = 0.05  # largest height of the floor's relief over the block's depth
+RELIEF_SHARE = 0.05  # largest height of the floor's relief / depth of the block
 SHADOW_LIFT, SHADOW_WIDTH = 0.03, 0.1
 """[display units] Height of a shadow above the ground, and width of the shadow"""
-WAVE_SHARE = 0.0035  # height of the drawn waves over the block's length
+WAVE_SHARE = 0.0035  # height of the drawn waves / length of the block
 OPEN_FADE, FADES = 90.0, 48
 """[m] Distance at which surface and floor fade out for the chase camera; number of fading rings"""
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
