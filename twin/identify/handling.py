@@ -57,7 +57,7 @@ class Handling:
     yaw_bias: float | None
     """[rad] Yaw moment at no roll and no rudder, as the sideslip of an equal Munk moment"""
     roll_offset: float | None
-    """[rad] Zero of the roll sensor, or roll of the vehicle's weight"""
+    """[rad] Offset of the measured roll: zero of the sensor, or heel of the vehicle"""
     neutral: float | None
     """[rad] Neutral position of the turning part in the fitted vehicle; None: not known"""
     failures: tuple[str, ...]

@@ -44,13 +44,13 @@ SHALLOWEST = 2.0
 BIN = 2.0
 """[m] Thickness of the layers of the log's density profile"""
 SAMPLE_PERIOD = 1.0
-"""[s] Time between the twin's samples: the period of roll is about ten seconds"""
+"""[s] Time between the twin's samples: short against the roll's period of about ten seconds"""
 PATIENCE = 2.0
 """Longest duration of the twin's dive, as a multiple of the log's"""
 CHECK_PERIOD = 10.0
 """[s] Time between checks for the end of a dive"""
 PUMP_MARGIN = 0.05
-"""Fraction of its travel by which the log's pump may exceed the vehicle file's"""
+"""[1] Largest distance of the log's pump beyond the vehicle file's travel, in travels"""
 
 
 def fly_dives(

@@ -42,10 +42,10 @@ FARTHEST = 4.0
 """[spreads] Largest difference of a positive coefficient from the vehicle file's. If turns
 determine only a ratio of two, damping would else grow until no time step is short enough."""
 LEAST_SIGNIFICANCE = 2.0
-"""[standard deviations] Least gain of the fit by a yaw moment of the hull; with less, the hull gets
-none"""
+"""[standard deviations] Least significance of the hull's own yaw moment; below, the hull gets no
+moment"""
 ROUNDS = 2
-"""Number of fits if a battery turns the vehicle; each starts at the last one's neutral position"""
+"""Number of fits if a battery turns the vehicle; each starts at the last neutral position"""
 NEUTRAL_RANGE = 0.8
 """Middle fraction of a part's travel for its neutral position, so that it steers both ways"""
 PASSES, MOST_LOOKS = 3, 15
@@ -108,7 +108,7 @@ TURNING = (
         "roll_moment_lift", "rad-1",
         "part of the roll moment of sideslip that is odd in lift, over the same",
         10.0, "roll_moment_lift", scale=_side_scale),
-    # for a battery alone: a rudder's neutral position would balance the same moment
+    # with a battery only: a rudder's neutral position has the same effect
     UnknownParameter(
         "yaw_moment_offset", "degree",
         "yaw moment of the hull without sideslip, as the sideslip with such a Munk moment",
@@ -132,13 +132,13 @@ BIASES = ("yaw_bias", "roll_offset")
 """[rad] Biases that are fitted with TURNING: a yaw moment at no roll and no rudder, as the sideslip
 of an equal Munk moment, and the roll sensor's zero. The fitted vehicle has the neutral position of
 the turning part that balances both. A rolled battery balances a yaw moment to opposite sides in
-dives and in climbs; so with a battery the moment is a parameter of the hull, `yaw_moment_offset`,
-and no bias."""
+dives and in climbs; so the moment can be a parameter of the hull, `yaw_moment_offset`, in place
+of the bias."""
 BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 
 
 def biases_beside(names: Collection[str]) -> tuple[str, ...]:
-    """BIASES that are fitted if parameters of these names are."""
+    """Select the BIASES that are fitted together with parameters of these names."""
     return BIASES[1:] if "yaw_moment_offset" in names else BIASES
 
 
@@ -252,7 +252,7 @@ class Turns(Comparison):
         return found
 
     def best_start(self) -> Array:
-        """Best of several starts of yaw moment and damping, each with its best biases, as offsets.
+        """Offsets of the best of several starts of yaw moment and damping, each with its best biases.
         From a single start, the fit could end in turns to the wrong side, a local minimum."""
         best, lowest = np.zeros(self.size), math.inf
         names = [p.name for p in self.parameters]
