@@ -252,7 +252,7 @@ class Turns(Comparison):
         return found
 
     def best_start(self) -> Array:
-        """Offsets of the best of several starts of yaw moment and damping, each with its best biases.
+        """Offsets of the best of several starts of yaw moment and damping, each with best biases.
         From a single start, the fit could end in turns to the wrong side, a local minimum."""
         best, lowest = np.zeros(self.size), math.inf
         names = [p.name for p in self.parameters]

@@ -1,7 +1,7 @@
 """Flight estimators: velocity of a logged vehicle through the water; an extension point.
 
 The steady model balances the forces at every sample (`twin.identify.speed`). The flight model
-integrates the three equations of translation (`twin.identify.translation`). `fly_dive` uses them.
+integrates the equations of translation (`twin.identify.translation`). `fly_dive` applies them.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ LEVEL_RATE = 0.03
 class FlightEstimator(abc.ABC):
     """Estimator of a logged vehicle's velocity through the water, an extension point.
 
-    Speed, track and currents come from its velocities. The vertical velocity of the water is always
-    the flight model's depth rate minus the logged one: an estimator that solves for heave from the
-    depth rate cannot give it.
+    The estimator gives speed, track and currents. The vertical velocity of the water is always the
+    flight model's depth rate minus the logged one, because an estimator that solves the depth rate
+    for heave would give none.
     """
 
     kind: ClassVar[str]
@@ -68,7 +68,7 @@ class FlightEstimator(abc.ABC):
         """Velocity through the water, body FRD, at each of the log's samples.
 
         Args:
-          store: for signals that the log lacks; `log.index` is its mission.
+          store: store with signals that the log lacks; `log.index` is the mission.
           log: the dive, with corrected density.
           calibration: the vehicle and the errors of its sensors.
           start: surge, sway, heave [m/s] at the first sample, from depth rate and pitch.
@@ -96,7 +96,7 @@ def open_estimator(text: str) -> FlightEstimator:
 
 
 class FlightModel(FlightEstimator):
-    """Weight, buoyancy, drag and lift with the vehicle's inertia."""
+    """Flight model: weight, buoyancy, drag, lift and the vehicle's inertia."""
 
     kind = "flight"
     summary = "the vehicle's flight model with its inertia"
@@ -111,7 +111,7 @@ class FlightModel(FlightEstimator):
 
 
 class SteadyModel(FlightModel):
-    """The flight model of glider pilots, without inertia."""
+    """Steady model, as glider pilots use it: the flight model without inertia."""
 
     kind = "steady"
     summary = "forces in balance at every sample, zero at inflections"
