@@ -103,7 +103,7 @@ class WriteError(StoreError):
 
 
 class OddFile(OSError):
-    """A path leads to a pipe, a device or a folder, where a file must be."""
+    """A path leads to a pipe, a device or a folder in place of a file."""
 
 
 class LayoutError(TwinError):

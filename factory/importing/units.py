@@ -327,7 +327,7 @@ _LARGEST_PUMP = 3000.0
 
 
 def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
-    """Pumped volume in cm3 where no unit is declared; its range shows litres and m3."""
+    """Convert a pumped volume without a unit to cm3; its range shows litres and m3."""
     good = values[np.isfinite(values)]
     good = good[np.abs(good) <= _LARGEST_PUMP]
     span = float(np.ptp(np.percentile(good, [1.0, 99.0]))) if good.size >= 20 else 0.0

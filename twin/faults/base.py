@@ -257,7 +257,7 @@ def faults_of(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def check_fits(fault: Fault, vehicle: Vehicle) -> None:
-    """Raise InputError where a vehicle cannot have a fault."""
+    """Raise InputError if a vehicle cannot have a fault."""
     reason = type(fault).unfit(vehicle)
     if reason:
         known = ", ".join(faults_of(vehicle)) or "none"

@@ -149,7 +149,7 @@ def _change(  # type: ignore[no-untyped-def]
 def _fly(  # type: ignore[no-untyped-def]
     p: ForceParameters, depth, down, rates, positions, use, begun, period, steps, lags, rolled
 ) -> Any:
-    """Velocity and angular acceleration (time, 3), by Heun's method; 0 where the run is not used.
+    """Velocity and angular acceleration (time, 3), by Heun's method; 0 while the run is not used.
 
     Between samples a part moves with its lag [s] towards a constant command, and attitude and rates
     are linear. The angular acceleration is the mean until the next sample.

@@ -78,7 +78,7 @@ class EnergyTerm:
     value: float
     """Factor, in `unit`"""
     deviation: float
-    """Standard deviation; NaN where the value is the vehicle's own"""
+    """Standard deviation; NaN if the value is the vehicle's own"""
     unit: str
     energy: float
     """[J] Energy of the deployment"""

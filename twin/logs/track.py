@@ -88,7 +88,7 @@ def fixes_at(known: Array) -> Fixes:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Place:
-    """Origin of a mission's frame [degree], NaN where the store does not have it."""
+    """Origin of a mission's frame [degree], NaN if the store does not have it."""
 
     latitude: float
     longitude: float

@@ -276,7 +276,7 @@ class FlowFrame(HullLaw):
     yaw_moment_offset: tuple[float] = (0.0,)
     """K_MY0 [kg] of a hull with unequal sides: positive turns it to starboard"""
     wing_asymmetry: tuple[float] = (0.0,)
-    """K_W [kg/rad] of wings with unequal lift: positive where the port wing lifts more"""
+    """K_W [kg/rad] of wings with unequal lift: positive if the port wing lifts more"""
     linear_angle: float
     """[rad] Largest flow angle at which the published law holds as printed."""
     blend_angle: float

@@ -93,7 +93,7 @@ class Quantity:
     unit: str
     """Unit as CF writes it."""
     scale: float
-    """Stored value per unit of the position: 180 / pi where a store has degrees."""
+    """Stored value per unit of the position: 180 / pi if a store has degrees."""
     long_name: str
     """Description without the part's name."""
     limits: tuple[float, float] | None = None
