@@ -318,9 +318,9 @@ def identify_driven(
     progress(1.0)
     covariance = covariance[: len(kept), : len(kept)]
     determined = (np.sqrt(np.diag(covariance)) <= UNDETERMINED).tolist()
-    said = [(sure, "" if sure else TOGETHER) for sure in determined]
+    answers = [(sure, "" if sure else TOGETHER) for sure in determined]
     noise = problem.reweight(x)["depth_rate"]
-    found = answer_of(problem, x, runs, wanted, notes, before, covariance, said, noise, DRIVEN)
+    found = answer_of(problem, x, runs, wanted, notes, before, covariance, answers, noise, DRIVEN)
     order = sorted(found.estimates, key=lambda one: not one.determined)
     return dataclasses.replace(found, estimates=tuple(order))
 

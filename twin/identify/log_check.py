@@ -161,13 +161,13 @@ def _beyond(phase: PhaseComparison) -> list[str]:
     twin = phase.twin
     if twin is None:
         return ["the twin never flew it steadily"]
-    said, found = phase.describe(), []
-    ratio, turn = (said["ratio"][name] for name in ("depth_rate_m_s", "turn_per_actuator"))
+    figures, found = phase.describe(), []
+    ratio, turn = (figures["ratio"][name] for name in ("depth_rate_m_s", "turn_per_actuator"))
     if ratio is not None and abs(ratio - 1.0) > DEPTH_RATE_LIMIT:
         found.append(f"depth rate {ratio:.3f} times the log's (within {DEPTH_RATE_LIMIT:.0%})")
     if turn is not None and abs(turn - 1.0) > TURN_LIMIT:
         found.append(f"turn per actuator {turn:.2f} times the log's (within {TURN_LIMIT:.0%})")
-    if abs(said["deviation"].get("turning_deg") or 0.0) > TURNING_LIMIT:
+    if abs(figures["deviation"].get("turning_deg") or 0.0) > TURNING_LIMIT:
         found.append(
             f"what turns it is at {twin.turning:.1f} deg on the mean, the log's at "
             f"{phase.log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such "
@@ -224,8 +224,8 @@ def check_logs(
         rows = list(range(len(logs))) if missions is None else list(missions)
         for row in rows:
             logs.check_mission(row)
-        said = log_rows(logs)
-        powered = [row for row in rows if said[row].powered]
+        listed = log_rows(logs)
+        powered = [row for row in rows if listed[row].powered]
         rows = [row for row in rows if row not in powered]
         _check_signals(logs, there)
         read = [read_dive(logs, row, hull, turning) for row in rows]

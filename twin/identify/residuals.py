@@ -1,8 +1,8 @@
 """Residuals of dives, model minus log: vertical velocity, pitch and turns, for any other fit.
 
     noise = noise_of_dives(logs[:6], calibration)
-    said = dive_residuals([logs[6]], calibration, choose(["neutral_density", "drag"]), noise)
-    said.information()                                    # J^T J and J^T r, to add up over dives
+    found = dive_residuals([logs[6]], calibration, choose(["neutral_density", "drag"]), noise)
+    found.information()                                   # J^T J and J^T r, to add up over dives
 
 `DepthRates` compares the vertical velocity at every sample under water. If a store has fixes, it
 also compares the depth-averaged currents of successive dives: a wrong angle of attack or compass

@@ -212,9 +212,9 @@ class ChargeForecast:
             "each": np.full(len(hours), self.each),
         }
         found = {}
-        for name, said in rivals.items():
-            found[f"{name}_per_dive"] = float(np.mean(np.abs(said / measured - 1.0)))
-            found[f"{name}_sum"] = float(said.sum() / measured.sum() - 1.0)
+        for name, predicted in rivals.items():
+            found[f"{name}_per_dive"] = float(np.mean(np.abs(predicted / measured - 1.0)))
+            found[f"{name}_sum"] = float(predicted.sum() / measured.sum() - 1.0)
         return found
 
 

@@ -256,7 +256,7 @@ def _join(parts: list[_Part], period: float, provenance: dict[str, object]) -> L
         },
         states=np.zeros((0, 0)),
         provenance=provenance,
-        sources={name: " or ".join(said) for name, said in sources.items()},
+        sources={name: " or ".join(named) for name, named in sources.items()},
         starts=tuple(starts),
     )
 

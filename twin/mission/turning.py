@@ -54,7 +54,7 @@ def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...])
     pitch, speed, alpha, *command = numbers
     part = vehicle.parts[index]
 
-    def left(x: Array, moved: float) -> Array:
+    def residual(x: Array, moved: float) -> Array:
         """Residual side force [N], roll and yaw moment [N m] at sway, roll and turn rate."""
         velocity = np.array([speed * math.cos(alpha), x[0], speed * math.sin(alpha)])
         position = np.array(command)
@@ -62,9 +62,9 @@ def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...])
         motion = {"pitch": pitch, "roll": x[1], "turn_rate": x[2]}
         return imbalance(vehicle, position, velocity, **motion)[list(LATERAL)]
 
-    slopes = [(left(d, 0.0) - left(-d, 0.0)) / (2.0 * STEP) for d in STEP * np.eye(3)]
+    slopes = [(residual(d, 0.0) - residual(-d, 0.0)) / (2.0 * STEP) for d in STEP * np.eye(3)]
     step = PART_STEP * (part.high - part.low)
-    driven = (left(np.zeros(3), step) - left(np.zeros(3), -step)) / (2.0 * step)
+    driven = (residual(np.zeros(3), step) - residual(np.zeros(3), -step)) / (2.0 * step)
     found = solved_system(np.column_stack(slopes), -driven)
     if found is None:
         raise MissionError(

@@ -229,9 +229,9 @@ def _residuals(
     if errors is None:
         return rows, found, np.zeros(len(rate), bool)
     scale, angle = unknowns[size : size + 2]
-    forward, said, fell = found[seen, 1], glides.log[seen], rate[seen]
-    down = said[:, 1] - (1.0 + scale) * fell - angle * forward
-    ahead = said[:, 0] - (1.0 + scale) * forward + angle * fell
+    forward, logged, fell = found[seen, 1], glides.log[seen], rate[seen]
+    down = logged[:, 1] - (1.0 + scale) * fell - angle * forward
+    ahead = logged[:, 0] - (1.0 + scale) * forward + angle * fell
     ahead = ahead - errors.shear(glides)[seen] @ unknowns[size + 2 :]
     return np.concatenate([rows, down / LOG_SD[0], ahead / LOG_SD[1]]), found, seen
 

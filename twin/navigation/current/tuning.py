@@ -351,7 +351,7 @@ def consistency_of(
         filter_ = CurrentFilter(parameters, latitude=latitude, time=legs[0].start, memory=memory)
         return replay(filter_, legs, noise**2 * np.eye(2))
 
-    said: list[tuple[Sequence[Leg], Sequence[Innovation]]] = []
+    results: list[tuple[Sequence[Leg], Sequence[Innovation]]] = []
     held: list[tuple[bool, bool]] = []
     for taught, judged in parts:
         parameters = tune(
@@ -361,15 +361,15 @@ def consistency_of(
         distances = [one.normalised for legs in taught for one in innovations_of(legs, parameters)]
         for legs in judged:
             found, reaches = innovations_of(legs, parameters), Reaches.of(distances)
-            said.append((legs, found))
+            results.append((legs, found))
             for one in found:
                 held.append(reaches.held(one.normalised))
                 reaches.learn(one.normalised)
-    every = [one for _, innovations in said for one in innovations]
-    first = [(legs[0], innovations[0]) for legs, innovations in said]
+    every = [one for _, innovations in results for one in innovations]
+    first = [(legs[0], innovations[0]) for legs, innovations in results]
     later = [
         (legs[k - 1], legs[k], innovations[k])
-        for legs, innovations in said
+        for legs, innovations in results
         for k in range(1, len(legs))
     ]
     return Consistency(
