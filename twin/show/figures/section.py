@@ -26,7 +26,7 @@ from twin.show.figures.water import draw_current, draw_sections, ocean_map, wate
 
 Array = NDArray[np.float64]
 FLOOR_IN_SIGHT = 1.5
-"""Largest extension of the depth axis, over the deepest point, to show the sea floor"""
+"""Largest depth axis that shows the sea floor, as a multiple of the deepest point"""
 HEIGHTS, PANEL_HEIGHT = (1.9, 2.75), 0.87
 """[in] Heights of section and track in an overview, and of each signal below them"""
 LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks
