@@ -36,6 +36,7 @@ BAND = 2.0
 ELLIPSE_POINTS = 73
 STYLED = {
     "forecast": ("forecast", "vermillion"),
+    "over_ground": ("over ground as the last three", "sky"),
     "persistence": ("persistence", "blue"),
     "tide": ("mean and tide", "yellow"),
     "no_current": ("no current", "green"),
