@@ -1,4 +1,4 @@
-"""Forecasts of surfacings and of currents on real deployments, each left out of what it is told.
+"""Surfacings: forecasts of surfacings and currents on real deployments, with others' priors.
 
     python -m benchmarks.surfacings FOLDER [--shipped | --priors | --times] [--waypoints 1]
         [--json]
@@ -84,7 +84,7 @@ def stores_in(folder: Path, work: Path) -> list[Path]:
         return stores
     shelf = work / "caches"
     shelf.mkdir()
-    for path in sorted(folder.rglob("*.cac")):  # a deployment may need the list of another
+    for path in sorted(folder.rglob("*.cac")):  # one deployment may need another's sensor list
         shutil.copyfile(path, shelf / path.name)
     for top in sorted(path for path in folder.iterdir() if path.is_dir()):
         kind = top.name.split("_")[0].lower()
@@ -92,7 +92,7 @@ def stores_in(folder: Path, work: Path) -> list[Path]:
             continue
         holding = {path.parent for path in top.rglob("*") if path.suffix.lower() in LOGS}
         if top in holding:
-            holding = {top}  # folders below it are raw files of the same dives
+            holding = {top}  # its subfolders have raw files of the same dives
         for number, place in enumerate(sorted(holding)):
             try:
                 dataset, _ = import_logs(kind, [place], cache=shelf if kind == "slocum" else None)
