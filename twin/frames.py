@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 from twin.numbers import Array
 
 FLIP = np.array([1.0, -1.0, -1.0])
+UPRIGHT = 1e-6
+"""Cosine of the pitch below which rounding would decide about roll and heading"""
 FLIP_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
 
 
@@ -52,12 +54,20 @@ def euler_to_quaternion(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -
 
 
 def quaternion_to_euler(quaternion: ArrayLike) -> tuple[Array, Array, Array]:
-    """Convert body-to-NED quaternions (..., 4) to roll, pitch and heading [0, 2 pi), all [rad]."""
+    """Convert body-to-NED quaternions (..., 4) to roll, pitch and heading [0, 2 pi), all [rad].
+
+    With the nose straight up or down roll and heading are one angle: it is given as the heading.
+    """
     w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
     roll = np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0))
-    heading = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-    return roll, pitch, np.mod(heading, 2 * np.pi)
+    sine = np.clip(2 * (w * y - x * z), -1.0, 1.0)
+    ahead, aside = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z)
+    heading = np.arctan2(aside, ahead)
+    upright = np.hypot(ahead, aside) < UPRIGHT
+    if upright.any():
+        roll = np.where(upright, 0.0, roll)
+        heading = np.where(upright, 2.0 * np.arctan2(-np.sign(sine) * x, w), heading)
+    return roll, np.arcsin(sine), np.mod(heading, 2 * np.pi)
 
 
 def quaternion_to_matrix(quaternion: ArrayLike) -> Array:

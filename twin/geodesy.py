@@ -1,17 +1,17 @@
 """Geodesy: conversions between metres and degrees on the WGS84 ellipsoid, for all packages.
 
-There are two conventions, both to second order in distance over the Earth's radius:
+There are two conventions:
 
 - `offset` and `position` count metres along the meridian and along the parallel of the mean
-  latitude, as dead reckoning by compass adds them up. Logs and their displacements use this.
-- `from_tangent_plane` takes north and east in the plane that touches the Earth at an origin.
-  A simulated mission moves in such a plane.
+  latitude, as dead reckoning by compass adds them up, to second order in distance over the Earth's
+  radius. Logs and their displacements use this.
+- `from_tangent_plane` takes north and east in the plane that touches the Earth at an origin, and
+  finds the place below. A simulated mission moves in such a plane.
 
 The two differ by tan(latitude) east^2 / 2 R: 0.6 m for 3 km east at 40 degree.
 
-pymap3d has the same radii (equal to 4e-16) but neither convention: its local frames leave the
-ellipsoid with distance (height is a third coordinate), and its geodesics need iteration for the
-inverse. Its import would cost each start 40 ms. So only the tests compare with pymap3d.
+pymap3d has the same radii (equal to 4e-16) and the same plane (within 1 mm to 500 km), but not the
+first convention. Its import would cost each start 40 ms. So only the tests compare with pymap3d.
 """
 
 from __future__ import annotations
@@ -31,10 +31,6 @@ WGS84_FLATTENING = 1.0 / 298.257223563
 """Flattening of the WGS84 ellipsoid (NGA.STND.0036)."""
 _E2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
 """First eccentricity, squared."""
-
-
-INVERSE_ROUNDS = 12
-"""Fixed-point iterations in `to_tangent_plane`; each scales the error by distance over radius"""
 
 
 def meridian_radius(latitude_deg: float) -> float:
@@ -86,16 +82,18 @@ def from_tangent_plane(
 ) -> tuple[Array, Array]:
     """Latitude and longitude [degree] of points [m] in the plane tangent at an origin [degree].
 
-    The error is below 1 m within 28 km at 52 degree.
+    A point of the plane and its place are on one normal of the ellipsoid.
     """
-    curvature = convergence(latitude0)
-    along = north - 0.5 * curvature * east**2
-    across = east * (1.0 + north * curvature)
-    cosine = np.cos(np.radians(latitude0))
-    return (
-        latitude0 + np.degrees(along / meridian_radius(latitude0)),
-        longitude0 + np.degrees(across / (normal_radius(latitude0) * cosine)),
-    )
+    origin, axes = _plane(latitude0, longitude0)
+    x, y, z = origin[:, None] + axes[:, :2] @ np.array([np.ravel(north), np.ravel(east)])
+    # Bowring 1976, Survey Review 23: latitude of a point near the ellipsoid
+    p, polar = np.hypot(x, y), 1.0 - WGS84_FLATTENING
+    reduced = np.arctan2(z, polar * p)
+    rise = z + _E2 / polar * WGS84_SEMI_MAJOR * np.sin(reduced) ** 3
+    latitude = np.arctan2(rise, p - _E2 * WGS84_SEMI_MAJOR * np.cos(reduced) ** 3)
+    turned = np.mod(np.degrees(np.arctan2(y, x)) - longitude0 + 180.0, 360.0) - 180.0
+    shape = np.shape(north)
+    return np.degrees(latitude).reshape(shape), (longitude0 + turned).reshape(shape)
 
 
 def to_tangent_plane(
@@ -103,17 +101,24 @@ def to_tangent_plane(
 ) -> tuple[float, float]:
     """North and east [m] of a place [degree] in the plane tangent at an origin [degree].
 
-    This inverts `from_tangent_plane`, the short way round, to 1 mm within 100 km.
+    This inverts `from_tangent_plane` for places less than 90 degrees of arc from the origin.
     """
-    curvature = convergence(latitude0)
-    along = math.radians(latitude - latitude0) * meridian_radius(latitude0)
-    around = math.radians((longitude - longitude0 + 180.0) % 360.0 - 180.0)
-    across = around * normal_radius(latitude0) * math.cos(math.radians(latitude0))
-    north, east = along, across
-    for _ in range(INVERSE_ROUNDS):
-        east = across / (1.0 + north * curvature)
-        north = along + 0.5 * curvature * east**2
-    return north, east
+    origin, axes = _plane(latitude0, longitude0)
+    place, directions = _plane(latitude, longitude)
+    north, east, down = (place - origin) @ axes
+    up = -directions[:, 2] @ axes
+    height = -down / up[2]  # at which the normal of the place meets the plane
+    return float(north + height * up[0]), float(east + height * up[1])
+
+
+def _plane(latitude: float, longitude: float) -> tuple[Array, Array]:
+    """Earth-centred place [m] of a point of the ellipsoid, and its axes NED as columns, (3, 3)."""
+    (s, c), (sl, cl) = (
+        (math.sin(angle), math.cos(angle)) for angle in np.radians([latitude, longitude]).tolist()
+    )
+    n = normal_radius(latitude)
+    axes = np.array([[-s * cl, -sl, -c * cl], [-s * sl, cl, -c * sl], [c, 0.0, -s]])
+    return n * np.array([c * cl, c * sl, (1.0 - _E2) * s]), axes
 
 
 def great_circle(latitude: float, longitude: float, latitude0: float, longitude0: float) -> float:
