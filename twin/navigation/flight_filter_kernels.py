@@ -15,6 +15,7 @@ from twin.identify.speed import balanced_forces
 from twin.navigation.dead_reckoning import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.vehicle.laws.flow_frame import CROSS_FLOW, K_ALPHA, K_D, K_D0, LINEAR, native_wrench
 from twin.vehicle.parts.pump import CUBIC_CM
+from twin.water.density import STANDARD_OCEAN
 
 CHANNELS = (
     *("measured_depth", "measured_roll", "measured_pitch"),
@@ -30,9 +31,6 @@ OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
 """Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 where
 the glide is steady as the balance takes it, and the deviation [m/s] that the constants leave to
 surge. The angle is held to 0.3 rad either way: stalled or tail first it says the side alone."""
-STANDARD_OCEAN = (1028.106, 4.7e-3)
-"""[kg/m3], [kg/m4]: density of TEOS-10's standard ocean at the surface and its growth with depth,
-within 0.02 kg/m3 to 1000 m."""
 SMOOTHED_S = 5.0
 """[s] exponential mean of what the balance reads: longer than noise, shorter than a glider takes to
 settle."""
