@@ -5,7 +5,7 @@
     factory.generate("missions.zarr", preset="field", hours=10)
     store = factory.open("missions.zarr")
 
-Every public name is imported when it is first used.
+Each public name is imported on first use.
 """
 
 from typing import TYPE_CHECKING

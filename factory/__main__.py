@@ -1,4 +1,4 @@
-"""`factory`: glider missions in bulk."""
+"""Command line program `factory`: randomised glider missions in bulk."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Facade: what the commands of `factory` do, as functions of plain values."""
+"""Facade: the commands of `factory` as Python functions with plain arguments."""
 
 from __future__ import annotations
 
@@ -39,31 +39,31 @@ def generate(
     resume: bool = False,
     overwrite: bool = False,
 ) -> Summary:
-    """Fly randomised missions in parallel and store them; the same bytes whoever flies them.
+    """Fly randomised missions in parallel and store them; the bytes do not depend on the workers.
 
     Args:
-      out: the store: a path, or an address such as s3://bucket/missions.zarr.
-      store: instead of `out`, a zarr store that is empty and open for writing. Missions are made in
-        a temporary folder of this machine and copied. Nothing is committed: a store with sessions,
-        as icechunk has, keeps them by one commit of its own.
+      out: path of the store, or an address such as s3://bucket/missions.zarr.
+      store: an empty zarr store, open for writing, instead of `out`. Missions are made in a
+        temporary folder and copied. For a store with sessions, such as icechunk's, the caller must
+        commit the session afterwards.
       preset: "paper", "field", "family" or "paper-test".
-      hours: [h] of all missions together; None: 10, or what the preset's missions last.
+      hours: [h] of all missions together; None: 10, or the duration of the preset's missions.
       seed: root of every random draw.
       changes: distributions to replace, such as {"mission.pitch_deg": "uniform(15,35)"}.
       vehicle: shipped name, or the path of an MJCF file.
       sensors: suite, or its name, instead of the preset's.
-      current: one current for all missions instead of drawn ones, as text.
-      engine: what flies the missions: "mujoco", or "lanes", the Fossen model side by side.
-      workers: processes; None: the CPUs that this process may use.
-      executor: what flies missions instead of such processes; it must reach `out` by the same path.
-      scheduler: address of a dask scheduler whose workers do, such as tcp://127.0.0.1:8786.
-      resume: complete a store that an earlier run left incomplete; start it if there is none.
+      current: one current for all missions instead of sampled ones, as text.
+      engine: "mujoco", or "lanes", the batched engine with the Fossen model.
+      workers: number of processes; None: the number of CPUs that this process may use.
+      executor: executor that flies missions instead; it must reach `out` by the same path.
+      scheduler: address of a dask scheduler, such as tcp://127.0.0.1:8786, to fly missions instead.
+      resume: complete an unfinished store; start the store if there is none.
       overwrite: replace an existing store.
 
     Raises:
-      InputError: a name or value that cannot be used. StoreError: something is in the way, or the
-        disk refuses; finished missions are kept for `resume`. TwinError: a worker or a cluster was
-        lost.
+      InputError: a name or value that cannot be used.
+      StoreError: the store exists, or the disk refuses; finished missions are kept for `resume`.
+      TwinError: a worker or a cluster was lost.
     """
     if (out is None) == (store is None):
         raise InputError("give either out, a path or an address, or store, an open zarr store")
@@ -91,7 +91,7 @@ def generate(
 
 
 def parameters(vehicle: str | Path = "glider") -> dict[str, Parameter]:
-    """Everything that missions of a vehicle are drawn from, with unit and reason, by name.
+    """List the parameters from which missions of a vehicle are sampled, with unit and reason.
 
     Args:
       vehicle: shipped name, or the path of an MJCF file.
@@ -106,16 +106,16 @@ def parameters(vehicle: str | Path = "glider") -> dict[str, Parameter]:
 
 
 def make_deployments(out: str | Path, *, preset: str = "faulty", **options: Any) -> Any:
-    """Fly deployments of many dives, half of them with a fault, by the plugin `ops`.
+    """Fly deployments of many dives, half of them with a fault; needs the plugin `ops`.
 
     Args:
-      options: of `glider_twin_ops.presets.make_deployments`.
+      options: options of `glider_twin_ops.presets.make_deployments`.
 
     Returns:
-      The store, and how many deployments, faults, dives and days are in it.
+      The store, and its numbers of deployments, faults, dives and days.
 
     Raises:
-      InputError: the plugin is not installed, or cannot do as it is asked.
+      InputError: the plugin is not installed, or refuses an option.
     """
     point = entry_point("glider_twin.deployments", "faulty")
     if point is None:
@@ -137,24 +137,24 @@ def import_logs(
     """Read the logs of real vehicles, cut them into dives and store them.
 
     Args:
-      kind: name of the kind of log, such as "slocum"; `factory import --help` lists them.
+      kind: format of the logs, such as "slocum"; `factory import --help` lists all.
       files: files or folders.
-      out: the store.
+      out: path of the store.
       overwrite: replace an existing store.
-      options: of `factory.importing.import_run.import_logs`, such as period [s] and rules.
+      options: options of `factory.importing.import_run.import_logs`, such as period [s] and rules.
 
     Returns:
-      What was done to the logs.
+      The import report.
 
     Raises:
-      InputError: a file cannot be used; the message names it and says why. WriteError: something
-        is in the way of the store, or the disk refuses.
+      InputError: a file cannot be used; the message names the file and the reason.
+      WriteError: `out` exists and may not be replaced, or the disk refuses.
     """
     from factory.importing.import_run import import_logs as read
     from twin.records.store import check_target, write_store
 
     target = Path(out)
-    check_target(target, overwrite=overwrite)  # refuses before anything is read
+    check_target(target, overwrite=overwrite)  # before the long work of reading
     dataset, report = read(kind, files, **options)
     write_store(dataset, target, overwrite=overwrite)
     return report

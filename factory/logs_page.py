@@ -1,4 +1,4 @@
-"""Logs page: a page on a deployment that a pilot reads: where, how deep, and how it flew."""
+"""Logs page: one page of figures on a deployment: map, depths and flight of each dive."""
 
 from __future__ import annotations
 
@@ -33,34 +33,34 @@ from twin.show.style import DAY, LABEL, draw_dates
 Array = NDArray[np.float64]
 
 POINTS = 400
-"""Samples of a dive that are drawn"""
+"""Most samples of a dive in a figure"""
 HEIGHTS = (3.5, 1.9, 1.25, 1.25, 1.25)
-"""[in] of map, depth, and three rows of figures of dives"""
+"""[in] Heights of map, depths and three rows of figures of dives"""
 NO_MAP = 0.6
-"""[in] of the line that says that there is no map"""
+"""[in] Height of the message in place of a map"""
 HEADROOM = 1.12
-"""Of axes that begin at 0, above the largest value"""
+"""[1] Upper end of an axis that begins at 0, relative to the largest value"""
 ERROR_HEADROOM = 1.25
-"""Likewise, for a line of text"""
+"""[1] Factor on the upper end of an axis that makes room for a line of text"""
 DIVE, CLIMB = style.PALETTE["blue"], style.PALETTE["vermillion"]
 
 OURS, THEIRS, PROFILER = "ours", "theirs", "profiler"
-"""Kinds of depth-averaged currents that a store of logs may have"""
+"""Sources of depth-averaged currents in a store of logs, see `averaged`"""
 BASE_STATION, VEHICLE = "base station's", "vehicle's own"
 OURS_COLOUR, THEIRS_COLOUR = style.PALETTE["green"], style.PALETTE["vermillion"]
 AXES = ("north", "east")
 MAP_TITLE = "GPS fixes and dives"
 SHAPE = 1.45
-"""Width over height of the map"""
+"""[1] Width over height of the map"""
 
 
 def page_names(deployments: Iterable[str]) -> dict[str, str]:
-    """The part of a page's name that tells its deployment, by deployment."""
+    """Make a unique part of a file name for each deployment, by deployment."""
     return file_names(deployments, "deployment")
 
 
 def deployment_page(logs: LogStore, deployment: str) -> Figure:
-    """Map with depth-averaged currents, all depths over time, and figures of each dive."""
+    """Plot a map with depth-averaged currents, depths over time, and figures of each dive."""
     missions = logs.missions_of(deployment)
     fixed = any(np.isfinite(fix).all() for k in missions for fix in logs.fixes(k))
     heights = (HEIGHTS[0] if fixed else NO_MAP, *HEIGHTS[1:])
@@ -94,7 +94,7 @@ def _headline(logs: LogStore, deployment: str, missions: list[int]) -> str:
 
 
 def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
-    """Fixes and dives on the map, arrows for the currents; beside it the key."""
+    """Draw the map with fixes, dives and current arrows, and the key beside it."""
     fixes = {k: logs.fixes(k) for k in missions}
     places = np.array([fix for pair in fixes.values() for fix in pair])
     known = np.isfinite(places).all(axis=1)
@@ -141,7 +141,7 @@ def _draw_map(figure: SubFigure, logs: LogStore, missions: list[int]) -> None:
 
 
 def _currents(logs: LogStore, missions: list[int], turns: dict[int, Array]) -> tuple[Currents, ...]:
-    """Each kind of depth-averaged current at the middles of its dives."""
+    """Depth-averaged currents of each source at the middles of the dives."""
     found = []
     for kind, colour in ((OURS, OURS_COLOUR), (THEIRS, THEIRS_COLOUR)):
         rows = []
@@ -156,29 +156,29 @@ def _currents(logs: LogStore, missions: list[int], turns: dict[int, Array]) -> t
             latitude, longitude, north, east = np.array(rows).T
             found.append(
                 Currents(latitude=latitude, longitude=longitude, north=north, east=east,
-                         name=_called(logs, kind), colour=colour)
+                         name=_label(logs, kind), colour=colour)
             )  # fmt: skip
     return tuple(found)
 
 
 def averaged(logs: LogStore, missions: list[int], kind: str) -> Array:
-    """Depth-averaged currents of dives, north and east [m/s], (dives, 2); NaN without.
+    """Read depth-averaged currents of dives, north and east [m/s], (dives, 2); NaN if unknown.
 
     Args:
-      kind: OURS, from depth rate, pitch and the fixes; THEIRS, as the vehicle or its base station
-        reported them; or PROFILER, the mean of a current profiler over the dive.
+      kind: OURS, computed from sink rate, pitch and fixes; THEIRS, reported by the vehicle or its
+        base station; or PROFILER, the mean of a current profiler over the dive.
     """
     if kind == PROFILER:
         names = [f"true_current_{name}" for name in AXES]
-        return np.array([[_middle(logs.signal(n, k), np.mean) for n in names] for k in missions])
+        return np.array([[_average(logs.signal(n, k), np.mean) for n in names] for k in missions])
     prefix = {OURS: "dac", THEIRS: "vehicle_dac"}[kind]
     return np.stack([logs.number(f"{prefix}_{name}")[missions] for name in AXES], axis=1)
 
 
 def current_errors(logs: LogStore, missions: list[int]) -> dict[str, float]:
-    """Root mean square of the error vector [m/s] of each kind of current, against the profiler.
+    """Compute the RMS error [m/s] of each source of current, relative to the profiler.
 
-    On the dives that all kinds know; empty without a profiler.
+    Only dives with currents of all sources count; the result is empty without a profiler.
     """
     truth = averaged(logs, missions, PROFILER)
     kinds = {kind: averaged(logs, missions, kind) for kind in (OURS, THEIRS)}
@@ -187,13 +187,13 @@ def current_errors(logs: LogStore, missions: list[int]) -> dict[str, float]:
     if not common.any():
         return {}
     return {
-        _called(logs, kind): float(np.sqrt(np.mean(np.sum((values - truth)[common] ** 2, axis=1))))
+        _label(logs, kind): float(np.sqrt(np.mean(np.sum((values - truth)[common] ** 2, axis=1))))
         for kind, values in kinds.items()
     }
 
 
-def _called(logs: LogStore, kind: str) -> str:
-    """Whose current it is."""
+def _label(logs: LogStore, kind: str) -> str:
+    """Name of a source of currents for labels."""
     if kind == THEIRS:
         return BASE_STATION if "seaglider" in logs.source else VEHICLE
     return kind
@@ -203,7 +203,7 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
     deepest = 0.0
     known = [k for k in missions if np.isfinite(logs.signal("measured_depth", k)).any()]
     axes.set_title("depth of all dives")
-    if not known:  # a log whose rows are no dives may have none
+    if not known:  # a log whose rows are no dives may lack depths
         style.say_instead(axes, "not in the log")
         return
     for k in known:
@@ -223,9 +223,9 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
 
 
 def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> None:
-    """Six small panels over the number of the dive."""
+    """Draw six small panels over the number of the dive."""
     dive = logs.number("dive")[missions]
-    if len(set(dive)) < len(dive):  # several dives under one of the vehicle's numbers
+    if len(set(dive)) < len(dive):  # several dives have the same number of the vehicle
         dive = np.arange(len(missions), dtype=float)
     columns = dive_figures(logs, missions)
     panels = (
@@ -236,7 +236,7 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
         ("speed between fixes", "[m/s]", (("over_ground", "over ground", DIVE),)),
         ("current", "[m/s]", (
             ("current_ours", "ours", OURS_COLOUR),
-            ("current_theirs", _called(logs, THEIRS), THEIRS_COLOUR),
+            ("current_theirs", _label(logs, THEIRS), THEIRS_COLOUR),
             ("current_profiler", PROFILER, style.COMMAND),
         )),
     )  # fmt: skip
@@ -270,7 +270,7 @@ def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> No
 
 
 def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
-    """Figures of dives, each (dives,); NaN where the log cannot say.
+    """Compute figures of dives, each (dives,); NaN if the log lacks the data.
 
     Returns:
       deepest [m], duration [min], sink and rise [cm/s] and pitch_down, pitch_up [degree] as
@@ -288,8 +288,8 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
         found["deepest"].append(deepest)
         for flag, speed, angle in ((1.0, "sink", "pitch_down"), (2.0, "rise", "pitch_up")):
             there = (phase == flag) & known
-            found[speed].append(100.0 * abs(_middle(rate[there])))
-            found[angle].append(_middle(pitch[there]))
+            found[speed].append(100.0 * abs(_average(rate[there])))
+            found[angle].append(_average(pitch[there]))
     duration = logs.number(DIVE_DURATION)[missions]
     moved = [logs.number(f"displacement_{axis}")[missions] for axis in ("north", "east")]
     return {
@@ -303,7 +303,7 @@ def dive_figures(logs: LogStore, missions: list[int]) -> dict[str, Array]:
     }
 
 
-def _middle(values: Array, of: Callable[[Array], Any] = np.median) -> float:
-    """The median or mean of what is known of some values."""
+def _average(values: Array, of: Callable[[Array], Any] = np.median) -> float:
+    """Median or mean of the finite values; NaN without any."""
     values = values[np.isfinite(values)]
     return float(of(values)) if values.size else float("nan")

@@ -1,4 +1,4 @@
-"""Missions page: figures of what a store of simulated missions holds."""
+"""Missions page: one page of figures on a store of simulated missions."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from twin.show import style
 Array = NDArray[np.float64]
 
 MOST_TRACKS = 60
-"""Tracks drawn: more hide each other."""
+"""Most tracks in the figure; more would hide each other."""
 MOST_PROFILES = 8
-"""Depths over time drawn."""
+"""Most missions in the figure of depth over time"""
 MOST_MISSIONS = 200
-"""Missions behind the histograms, spread evenly over the store."""
+"""Most missions that the page reads, evenly chosen from the store"""
 ALTITUDE = "true_altitude"
 POINTS = 1500
-"""Samples of a mission behind the histograms, spread evenly over it."""
+"""Most samples of a mission that the page uses, evenly chosen"""
 BINS = 60
 COVERED = 0.1, 99.9
-"""Percentiles that the axes of histograms cover; launches and surfacings lie outside."""
+"""Percentiles at the ends of a histogram's axis; launches and surfacings lie outside."""
 SPLIT_COLOURS = {
     "train": style.PALETTE["blue"],
     "validation": style.PALETTE["green"],
@@ -48,17 +48,17 @@ PARTS = {
     "measured_shift": "battery shift [mm]",
     "measured_rotation": "battery rotation [deg]",
 }
-"""Labels of a glider's parts, in their order on the page; others go by their own names"""
+"""Labels of a glider's parts in the order of the page; other parts have their signal's name."""
 COLUMNS = 3
 HEAD_HEIGHT, ROW_HEIGHT = 5.0, 1.4
-"""[in] of the tracks and depths with the title, and of each row of histograms"""
+"""[in] Height of title, tracks and depths together, and of each row of histograms"""
 ERRORS = (
     ("pitch", "pitch error [deg]"),
     ("heading", "heading error [deg]"),
     ("depth", "depth error [m]"),
 )
 DOPPLER = [(f"dvl_{name}", f"DVL {name} error [m/s]") for name in ("surge", "sway")]
-"""Of surveys, whose Doppler log sees the sea floor"""
+"""Errors of the Doppler log, for surveys near the sea floor"""
 MILLIMETRES = {"measured_shift": 1000.0}
 
 
@@ -66,19 +66,19 @@ class Sampled(NamedTuple):
     """Evenly thinned samples of some missions of a store."""
 
     splits: list[str]
-    """of each mission"""
+    """Split of each mission"""
     time: list[Array]
     signals: dict[str, list[Array]]
-    """by name: one array for each mission"""
+    """Signals by name, with one array for each mission"""
 
     def pooled(self, name: str, split: str) -> Array:
-        """All samples of the missions of one split."""
+        """Join all samples of a signal in the missions of one split."""
         rows = [r for r, s in zip(self.signals[name], self.splits, strict=True) if s == split]
         return np.concatenate(rows) if rows else np.zeros(0)
 
 
 def sample_store(run: GeneratedStore, names: list[str]) -> Sampled:
-    """Read what a page needs."""
+    """Read evenly thinned samples of the signals `names`."""
     count = min(len(run), MOST_MISSIONS)
     missions = np.unique(np.linspace(0, len(run) - 1, count).round().astype(int))
     period = run.period
@@ -94,7 +94,7 @@ def sample_store(run: GeneratedStore, names: list[str]) -> Sampled:
 
 
 def store_page(run: GeneratedStore) -> Figure:
-    """Tracks, depths, currents, velocities, measured signals, and sensor errors if any."""
+    """Plot tracks, depths, currents, velocities, measured signals and, if any, sensor errors."""
     noisy = run.sensor_preset != "ideal"
     names = [f"true_{n}" for n in ("north", "east", "depth", "current_north", "current_east")]
     inputs = [*MEASURED, *part_inputs(run)]
@@ -137,7 +137,7 @@ def store_page(run: GeneratedStore) -> Figure:
 
 
 def part_inputs(run: GeneratedStore) -> list[tuple[str, str]]:
-    """The readings of the vehicle's parts with their labels, a glider's first."""
+    """List the measured positions of the vehicle's parts with labels, a glider's parts first."""
     parts = [part for part in actuator_names(run.signals()) if f"measured_{part}" in run]
     named = {f"measured_{n}": f"{n} [{VARIABLES[f'measured_{n}'].units}]" for n in parts}
     known = {name: label for name, label in PARTS.items() if name in named}
@@ -213,7 +213,7 @@ def _draw_error(axes: Axes, data: Sampled, name: str, label: str) -> None:
 
 
 def _draw_doppler(axes: Axes, data: Sampled, name: str, label: str) -> None:
-    """Measured less what the log sees: velocity over ground or through the water by its lock."""
+    """Draw errors of the Doppler log: measured minus true velocity, relative to bottom or water."""
     values: dict[str, Array] = {split: np.zeros(0) for split in SPLITS}
     for i, split in enumerate(data.splits):
         signals = {signal: rows[i] for signal, rows in data.signals.items()}
@@ -224,7 +224,7 @@ def _draw_doppler(axes: Axes, data: Sampled, name: str, label: str) -> None:
 
 
 def _draw_locks(axes: Axes, data: Sampled, name: str, label: str) -> None:
-    """How often the log locked on the bottom, on the water and on nothing, for each split."""
+    """Draw how often the Doppler log locked on bottom, water or nothing, for each split."""
     present = [split for split in SPLITS if split in data.splits]
     for row, split in enumerate(present):
         mode = data.pooled(name, split)
@@ -238,11 +238,11 @@ def _draw_locks(axes: Axes, data: Sampled, name: str, label: str) -> None:
 
 
 DRAW = {"sensor errors": _draw_error, "Doppler log": _draw_doppler, "locks": _draw_locks}
-"""What draws a panel, by its kind; the others are histograms of a signal"""
+"""Functions that draw a panel, by its kind; all other kinds are histograms of a signal."""
 
 
 def _histograms(axes: Axes, values: Mapping[str, Array], label: str) -> None:
-    """One outline for each split over common bins, each of area 1."""
+    """Draw a histogram of area 1 for each split, with common bins."""
     everything = np.concatenate(list(values.values()))
     everything = everything[np.isfinite(everything)]
     low, high = np.percentile(everything, COVERED) if everything.size else (0.0, 0.0)

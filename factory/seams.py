@@ -1,6 +1,6 @@
-"""Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
+"""Extension points of the factory: registries of log formats and export formats.
 
-Here are those of logs and exports.
+Each registry maps the name of a format to the module that implements it; plugins add their own.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ IMPORTERS: Registry[Any] = Registry(
     apart=dict.fromkeys(("lrauv", "mcap", "rosbag2", "ardusub", "dorado", "lsf"), PROTOCOLS),
     objects=True,
 )
-"""Logs that can be imported."""
+"""Formats of logs that can be imported"""
 
 EXPORTERS: Registry[Any] = Registry(
     "export format",
@@ -45,4 +45,4 @@ EXPORTERS: Registry[Any] = Registry(
     apart=dict.fromkeys(("huggingface", "lerobot"), "plugins/hubs") | {"mcap": PROTOCOLS},
     objects=True,
 )
-"""Formats that a store can be exported to."""
+"""Formats that a store can be exported to"""

@@ -1,8 +1,8 @@
-"""Verify: read every chunk of a store and check that it says something possible.
+"""Soundness: read every chunk of a store and check that its values are possible.
 
-The limits are wide: what they catch is damage, wrong units and wrong signs, not unusual missions.
+The limits are wide: they catch damage, wrong units and wrong signs, not unusual missions.
 
-Replay: fly a stored mission again, from what the store says, and compare every byte.
+`replay_mission` flies a stored mission again from the store's recipe and compares every byte.
 """
 
 from __future__ import annotations
@@ -58,28 +58,28 @@ from twin.version import __version__
 
 Array = NDArray[np.float64]
 Watch = Callable[[int], None]
-"""Called with the number of missions or dives just read"""
+"""Function called with the number of missions or dives just read"""
 OF_ALL = (N_SAMPLES, SPLIT, TIME, MISSION)
 """Arrays that every store has"""
 FLOWN = (*OF_ALL, DURATION, ATTEMPT)
-"""Arrays that `factory generate` writes"""
+"""Arrays that every store of `factory generate` has"""
 LOGGED = (*OF_ALL, DEPLOYMENT, DIVE, START_TIME, DIVE_DURATION, "measured_gap")
-"""Arrays that every import writes"""
+"""Arrays that every imported store has"""
 WITH_DEPTH = ("measured_depth", "measured_pressure", "measured_phase")
-"""Arrays that an import writes together, or not at all: a log whose rows are no dives may have no
-depth."""
+"""Arrays that an imported store has all or none of; it has none if the log's rows are no dives and
+contain no depth."""
 COMPLETE = frozenset({"measured_gap", *WITH_DEPTH})
-"""Signals without a hole: the import bridges and marks them."""
+"""Logged signals without NaN, because the import interpolates gaps and marks them"""
 CODES = {"measured_gap": (0.0, 1.0), "measured_phase": (0.0, 1.0, 2.0, 3.0)}
 OFFSET_TOLERANCE = 0.02, 2.0
-"""Of displacements against the fixes, relative and [m]: rounding, and fixes near each other"""
+"""[1], [m] Tolerance of displacements: fraction of the distance of the fixes, and a lower bound"""
 
 
 def verify_store(
     run: GeneratedStore, watch: Watch | None = None, *, workers: int = 1
 ) -> StoreReport:
-    """Read and check all that a store of `factory generate` says, by as many processes as there are
-    `workers`; `factory.store_check.check_files` compares its files."""
+    """Read and check all arrays of a store of `factory generate`, in `workers` processes.
+    `factory.store_check.check_files` checks the files."""
     parts = ("metadata", "parameters", "chunks", "padding", "finite", "range", "kinematics")
     checks = {name: StoreCheck(name) for name in parts}
     check, names = checks["metadata"], run.signals()
@@ -88,18 +88,18 @@ def verify_store(
         sha256(run.attributes[VEHICLE_MJCF]) == run.attributes[VEHICLE_SHA256],
         "the vehicle's MJCF text does not have the recorded SHA-256",
     )
-    if not check.problems:  # which signals there must be depends on the vehicle
+    if not check.problems:  # the vehicle decides which signals must exist
         _check_needed(run, FLOWN, check)
         for name in simulated_signals(run.vehicle):
             check.expect(name in names, f"signal {name!r} is missing")
         _check_layout(run, "mission", DURATION, check)
     if not check.problems:
         _check_parameters(run, checks["parameters"])
-    return _read(run, checks, _check_mission, watch, workers)
+    return _check_all(run, checks, _check_mission, watch, workers)
 
 
 def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1) -> StoreReport:
-    """Read and check all that a store of logs says, as `verify_store` does."""
+    """Read and check all arrays of a store of logs, as `verify_store`."""
     parts = ["metadata", "order", "fixes", "chunks", "padding", "finite", "range", "depth"]
     checks = {name: StoreCheck(name) for name in (*parts, SUSPECT)}
     check = checks["metadata"]
@@ -116,14 +116,14 @@ def verify_logs(logs: LogStore, watch: Watch | None = None, *, workers: int = 1)
         _check_fixes(logs, checks["fixes"])
         for dive, why in enumerate(logs.suspect):
             checks[SUSPECT].expect(not why, f"dive {dive}: {why}")
-    return _read(logs, checks, _check_dive, watch, workers)
+    return _check_all(logs, checks, _check_dive, watch, workers)
 
 
-def _read(
+def _check_all(
     stored: GeneratedStore | LogStore, checks: dict[str, StoreCheck], check: MissionCheck,
     watch: Watch | None, workers: int,
 ) -> StoreReport:  # fmt: skip
-    """All missions read and checked, where the metadata are sound."""
+    """Read and check all missions if the metadata are sound."""
     read = 0
     if not checks["metadata"].problems:
         read = check_missions(stored, stored.signals(), checks, check, watch, workers)
@@ -139,7 +139,7 @@ def _check_layout(
     stored: MissionStore, what: str, lasting: str, check: StoreCheck, *, least: int = 1,
     slack: float = 0.0,
 ) -> None:  # fmt: skip
-    """Units, the time axis to `slack` [s], and samples of each mission by how long it lasts."""
+    """Check units, the time axis to `slack` [s], and each mission's samples by its duration."""
     for name in stored.signals():
         units, wanted = stored.dataset[name].attrs.get("units"), VARIABLES[name].units
         check.expect(units == wanted, f"{name}: units {units!r}, not {wanted!r}")
@@ -158,7 +158,7 @@ def _check_layout(
 
 
 def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
-    """Every drawn value is one that its distribution allows."""
+    """Check that each sampled value is allowed by its distribution and reproduced by its seed."""
     preset = PRESETS.get(str(run.settings["preset"]))
     given = preset is not None and preset.fixed_missions
     if not given:
@@ -173,7 +173,7 @@ def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
     try:
         recipe = run.recipe
     except TwinError as error:
-        # another program's missions cannot be drawn again here; its values are checked all the same
+        # missions of other versions cannot be sampled again; their values are checked anyway
         if run.settings.get(VERSIONS) == versions(run.vehicle):
             check.problems.append(str(error))
     for mission in range(len(run)):
@@ -195,7 +195,7 @@ def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
 
 
 def drawn_otherwise(run: GeneratedStore, recipe: Recipe, mission: int, stored: Parameters) -> str:
-    """What of a mission is not what its seed, number and attempt give; empty when all is."""
+    """Describe the first parameter that seed, number and attempt do not give; empty if none."""
     attempt = run.attempt(mission)
     try:
         drawn = recipe.parameters(mission, attempt)
@@ -232,7 +232,7 @@ def _check_mission(
 
 
 def _check_order(logs: LogStore, check: StoreCheck) -> None:
-    """Dives of a deployment follow each other."""
+    """Check that dives of a deployment follow each other."""
     check.expect(bool(np.isfinite(logs.starts).all()), "start_time is not finite everywhere")
     duration = logs.number(DIVE_DURATION)
     for deployment in dict.fromkeys(logs.deployments):
@@ -246,7 +246,7 @@ def _check_order(logs: LogStore, check: StoreCheck) -> None:
 
 
 def _check_fixes(logs: LogStore, check: StoreCheck) -> None:
-    """Positions are on Earth, and displacements are what lies between them."""
+    """Check that fixes are on Earth and that displacements agree with them."""
     north, east = (logs.number(f"displacement_{name}") for name in ("north", "east"))
     for mission in range(len(logs)):
         start, end = logs.fixes(mission)
@@ -293,29 +293,29 @@ def _check_dive(
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayComparison:
-    """A replayed mission against the stored one."""
+    """Comparison of a replayed mission with the stored one."""
 
     mission: int
     signals: int
-    """signals compared"""
+    """Number of compared signals"""
     samples: int
     bytes_compared: int
     different: dict[str, float]
-    """signal: largest difference, of those whose bytes differ"""
+    """Largest difference of each signal whose bytes differ"""
     other_versions: tuple[str, ...]
-    """libraries whose version is not the store's: they may change the last bits"""
+    """Libraries with another version than the store's, which may change the last bits"""
 
     @property
     def identical(self) -> bool:
-        """Whether every byte is the same."""
+        """True if all bytes are equal."""
         return not self.different
 
 
 def replay_mission(run: GeneratedStore, mission: int) -> ReplayComparison:
-    """Fly a mission of the store again and compare.
+    """Fly a mission of the store again and compare all bytes.
 
     Raises:
-      StoreError: no such mission, its data cannot be read, or it flew by another physics.
+      StoreError: no such mission, data that cannot be read, or another version of the physics.
     """
     _check_physics(run)
     run.check_mission(mission)
@@ -326,7 +326,7 @@ def replay_mission(run: GeneratedStore, mission: int) -> ReplayComparison:
             f"store {run.path}: mission {mission} is not of this recipe: {other}; `factory verify` "
             "finds all such missions"
         )
-    flight = _flown(run, mission, attempt, run.sensor_constants(mission))
+    flight = _fly_again(run, mission, attempt, run.sensor_constants(mission))
     samples, again = int(run.samples[mission]), len(flight.trajectory.time)
     if again != samples:
         raise StoreError(
@@ -353,10 +353,10 @@ def replay_mission(run: GeneratedStore, mission: int) -> ReplayComparison:
 
 
 def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str, str]:
-    """Fly a failed attempt again; returns its error then and its error now.
+    """Fly a failed attempt again; returns the recorded error and the error now.
 
     Raises:
-      StoreError: the store knows no such failure, or it flew by another physics.
+      StoreError: the store has no such failure, or another version of the physics made the store.
     """
     _check_physics(run)
     known = {(one.mission, one.attempt): one.reason for one in run.failures()}
@@ -368,13 +368,13 @@ def replay_failure(run: GeneratedStore, mission: int, attempt: int) -> tuple[str
         )
     try:
         with quiet_mujoco():
-            _flown(run, mission, attempt)
+            _fly_again(run, mission, attempt)
     except REPLACED as error:
         return known[mission, attempt], reason(error)
     return known[mission, attempt], "flew to its end"
 
 
-def _flown(
+def _fly_again(
     run: GeneratedStore, mission: int, attempt: int, drawn: Mapping[str, float] | None = None
 ) -> FlownSignals:
     recipe, seed = run.recipe, sensor_seed(run.seed, mission, attempt)
@@ -385,7 +385,7 @@ def _flown(
 
 
 def _check_physics(run: GeneratedStore) -> None:
-    """Raise StoreError when the store's missions flew by another physics."""
+    """Raise StoreError if another version of the physics flew the store's missions."""
     theirs, ours = str(run.settings[VERSIONS].get("physics", 1)), run.vehicle.physics_version
     if theirs != str(ours):
         raise StoreError(

@@ -1,6 +1,6 @@
-"""Checks: what is asked of every store, simulated or logged, and how a check says what it found.
+"""Store checks: checks of files and signals for every store, simulated or logged.
 
-Kinematics: whether position, velocity, attitude, rates and current of a mission agree.
+`kinematic_problems` compares position, velocity, attitude, rates and current of a mission.
 """
 
 from __future__ import annotations
@@ -26,36 +26,36 @@ from twin.records.storage.store_path import StorePath
 
 Block = Mapping[str, NDArray[np.float32]]
 MissionCheck = Callable[[Any, int, Block, Mapping[str, "StoreCheck"]], None]
-"""Of a store, a mission's number, its signals, and the checks that count what is found"""
+"""Function of a store, a mission's number, its signals, and the checks that record the results"""
 MISSIONS_AT_ONCE = 16
-"""Missions that are read and checked together: some 100 MB of hours of all signals"""
+"""Least number of missions that are read together; missions of some hours take about 100 MB."""
 SAMPLES_AT_ONCE = 16 * 7200
-"""Samples of them; short missions, which cost more to ask for than to read, are more at a time"""
+"""Number of samples that are read together, since each request for short missions takes time"""
 WHOLE_SHARD = 4
-"""Times as many missions may be in a shard that is read whole"""
+"""Most missions of a shard that is read whole, relative to the missions that are read together"""
 MAX_NAMED = 20
-"""Problems of one check that are named; the others are counted."""
+"""Most problems of one check that are named; further ones are counted."""
 NUMBER = re.compile(r"(?<=[\s=])-?\d[\d.e+-]*")
-"""In a problem, and no part of a file's or an array's name"""
+"""Number in a problem's text, but not in the name of a file or array"""
 
 
 @dataclass
 class StoreCheck:
-    """One kind of check."""
+    """Number of checks of one type, and the problems found."""
 
     name: str
     done: int = 0
     problems: list[str] = field(default_factory=list)
 
     def expect(self, condition: bool, problem: str) -> None:
-        """Count a check, and its problem if it failed."""
+        """Count a check; add `problem` if `condition` is False."""
         self.done += 1
         if not condition:
             self.problems.append(problem)
 
     def alike(self) -> list[str]:
-        """The problems in their order; of those that differ in numbers alone, such as all missions
-        of one damaged file, the first with the count of the others."""
+        """List the problems in order. Problems that differ only in numbers, such as all missions of
+        a damaged file, become the first of them with the count of the others."""
         groups: dict[str, list[str]] = {}
         for problem in self.problems:
             groups.setdefault(NUMBER.sub("#", problem), []).append(problem)
@@ -67,7 +67,7 @@ class StoreCheck:
 
 @dataclass(frozen=True)
 class StoreReport:
-    """The outcome of all checks."""
+    """Results of all checks of a store."""
 
     missions: int
     bytes_read: int
@@ -75,14 +75,14 @@ class StoreReport:
 
     @property
     def ok(self) -> bool:
-        """No problem at all."""
+        """True if no check found a problem."""
         return not any(check.problems for check in self.checks)
 
 
 def check_files(store: StorePath, workers: int = 1) -> StoreCheck:
-    """Compare every file of a store with its list of checksums, `workers` of them at a time.
+    """Compare every file of a store with the list of checksums, in `workers` threads.
 
-    Stores of versions before 0.2 have no list: nothing is checked of them.
+    Stores of versions before 0.2 have no list, so their files are not checked.
     """
     check = StoreCheck("files")
     if has_checksums(store):
@@ -100,16 +100,16 @@ def check_missions(
     watch: Callable[[int], None] | None,
     workers: int,
 ) -> int:
-    """Read every mission shard by shard and call `check` with the store, its number, its signals
-    and the checks.
+    """Read every mission, shard by shard, and call `check` with the store, the mission's number,
+    its signals and `checks`.
 
     Args:
-      check: a function of a module, which other processes find by its name.
-      watch: called with the number of missions just read.
-      workers: processes that read; what they find does not depend on it.
+      check: a module's function, because other processes find it by its name.
+      watch: function called with the number of missions just read.
+      workers: number of processes that read; the results do not depend on it.
 
     Returns:
-      The bytes read.
+      The number of bytes read.
     """
     from factory.generation.executors import local_pool
 
@@ -134,8 +134,8 @@ def check_missions(
 
 
 def _blocks(stored: MissionStore, names: list[str]) -> tuple[int, bool]:
-    """How many missions are read together, and whether by the fast pipeline. That one compares the
-    checksums of shards that it decodes whole, not of parts: it is used where shards are small."""
+    """Number of missions to read together, and whether to use the fast pipeline. The fast pipeline
+    compares checksums only in shards that it decodes whole, so it serves small shards."""
     size = max(MISSIONS_AT_ONCE, SAMPLES_AT_ONCE // max(stored.dataset.sizes[TIME], 1))
     arrays = (stored.dataset.variables[name].encoding for name in names)
     shard = math.lcm(*((e.get("shards") or e.get("chunks") or (1,))[0] for e in arrays))
@@ -150,7 +150,7 @@ def _check_range(
     check: MissionCheck,
     missions: range,
 ) -> tuple[dict[str, StoreCheck], int]:
-    """What is found in some missions, and the bytes read."""
+    """Check some missions; returns the results and the number of bytes read."""
     stored, checks = _opened(store, fast), {kind: StoreCheck(kind) for kind in kinds}
     block = read_block(stored, names, missions, checks["chunks"])
     for row, mission in enumerate(missions):
@@ -160,8 +160,8 @@ def _check_range(
 
 @functools.lru_cache(maxsize=1)
 def _opened(store: StorePath, fast: bool) -> MissionStore:
-    """A store whose chunks are decoded by the fast pipeline, in a twentieth of the time where
-    missions are short, or by zarr's own; a process keeps it open."""
+    """Open a store once in each process, with the fast pipeline or with zarr's own. The fast one
+    takes a twentieth of the time if missions are short."""
     from factory.generation.generated_store import open_missions
 
     with fast_reading(store) if fast else contextlib.nullcontext():
@@ -169,8 +169,8 @@ def _opened(store: StorePath, fast: bool) -> MissionStore:
 
 
 def read_block(run: MissionStore, names: list[str], missions: range, check: StoreCheck) -> Block:
-    """All signals of some missions; where that fails, mission by mission by zarr's own pipeline,
-    which compares each checksum, to find the damage."""
+    """Read all signals of some missions. If that fails, read mission by mission with zarr's own
+    pipeline, which compares each checksum, to find the damage."""
     from factory.generation.generated_store import open_missions
 
     block: dict[str, NDArray[np.float32]] = {}
@@ -180,7 +180,7 @@ def read_block(run: MissionStore, names: list[str], missions: range, check: Stor
             block[name] = run.dataset[name][missions.start : missions.stop].values
             continue
         except Exception:
-            pass  # somewhere in these missions: each is tried on its own below
+            pass  # one of these missions is damaged: each is read alone below
         rows = []
         with open_missions(run.path) as careful:
             for mission in missions:
@@ -203,8 +203,8 @@ def check_signal(
     complete: bool,
     limits: tuple[float, float],
 ) -> NDArray[np.float32]:
-    """A signal of `what`: NaN after its `samples`, without holes where it must be `complete`, and
-    within its `limits`; returns its samples."""
+    """Check a signal: NaN after `samples`, values within `limits`, and no NaN if `complete`.
+    Returns the signal without padding; `what` names the mission in problems."""
     inside = row[:samples]
     problem = f"{what}: {name} has values after its {samples} samples"
     checks["padding"].expect(bool(np.isnan(row[samples:]).all()), problem)
@@ -228,21 +228,21 @@ def check_signal(
 Array = NDArray[np.float64]
 
 STEP_TOLERANCE_M = 0.3
-"""[m] position change of one sample against its velocities; a launch from rest makes 0.08"""
+"""[m] Largest difference of position change and integrated velocity in a step; a launch has 0.08"""
 DRIFT_TOLERANCE_M = 1.0
-"""[m] the same, summed over a mission"""
+"""[m] Largest sum of these differences over a mission"""
 VELOCITY_TOLERANCE = 1e-4
-"""[m/s] over ground = through the water + current; rounding makes 2e-6"""
+"""[m/s] Largest error of over ground = through the water + current; rounding causes 2e-6"""
 TURN_TOLERANCE = 0.2
-"""[rad] attitude changes against the rates, summed over a mission; inflections make 0.03"""
+"""[rad] Largest sum of a mission's attitude changes minus rates; inflections cause 0.03"""
 
 
 def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:
-    """What does not fit together among position, velocity, attitude, rates and current.
+    """Find contradictions between position, velocity, attitude, rates and current of a mission.
 
     Args:
-      truth: true_* signals of shape (time,), degrees as stored.
-      period: [s] between samples.
+      truth: true_* signals of shape (time,), angles in degrees as stored.
+      period: [s] Time between samples.
     """
     position = _columns(truth, "true_", "north", "east", "depth")
     velocity = _columns(truth, "true_velocity_", "north", "east", "down")
@@ -251,7 +251,7 @@ def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:
     rates = _columns(truth, "true_", "roll_rate", "pitch_rate", "yaw_rate")
     angles = np.radians(_columns(truth, "true_", "roll", "pitch", "heading"))
     if not all(np.isfinite(a).all() for a in (position, velocity, through, current, rates, angles)):
-        return []  # the check of finite values names them
+        return []  # `check_signal` reports the NaN
     to_ned = euler_to_matrix(*angles.T)
     moved = np.diff(position, axis=0) - period * (velocity[1:] + velocity[:-1]) / 2
     turn = np.einsum("tji,tjk->tik", to_ned[:-1], to_ned[1:])

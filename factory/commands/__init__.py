@@ -1,1 +1,1 @@
-"""One module per subcommand of `factory`; each is imported only when it is called."""
+"""Commands of `factory`; each command's module is imported only when the command runs."""

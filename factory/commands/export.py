@@ -1,4 +1,4 @@
-"""`factory export`: a store in formats that others read."""
+"""Command `factory export`: write a store in formats of other programs."""
 
 from __future__ import annotations
 
@@ -45,16 +45,14 @@ class ExportStore(JsonOption):
     mission: tuple[int, ...] | None = None
     """only these missions [default: all]"""
     vehicle: str | None = None
-    """og1, erddap: the vehicle that made the logs, as `twin identify` wrote it, or a shipped name;
-    its flight model makes track, velocities and currents [default: the shipped one of the log's
-    kind]"""
+    """og1, erddap: vehicle file from `twin identify`, or a shipped name; its flight model makes
+    track, velocities and currents [default: the shipped vehicle for the log's format]"""
     metadata: Path | None = None
     """og1, erddap, data sets: YAML file in pyglider's layout with title, people, licence,
     citation, project and instruments [default: metadata.yml or deployment.yml beside the store, and
-    what the import found beside the log]"""
+    the file that the import found beside the log]"""
     file_dir: str | None = None
-    """erddap: absolute path on the server of the folder in which the files will lie [default: the
-    folder that is written]"""
+    """erddap: absolute path of the files' folder on the server [default: the output folder]"""
 
     def run(self, console: Console) -> int:
         """Export."""
@@ -90,7 +88,7 @@ class ExportStore(JsonOption):
 
 
 def check_missions(missions: Sequence[int]) -> None:
-    """Raise InputError unless `--mission` has numbers, each once."""
+    """Raise InputError if `--mission` has no numbers, or a number twice."""
     if not missions:
         raise InputError("--mission needs a number, such as 0; leave it out to export all")
     twice = [mission for mission, count in Counter(missions).items() if count > 1]

@@ -1,4 +1,4 @@
-"""`factory generate`, `reference`, `finish`, `distributions`: randomised missions in a store."""
+"""Commands `factory generate`, `reference`, `finish`, `distributions`: make randomised missions."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from factory.sampling import Recipe
 
 DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE = "faulty", "faulty-satellite"
-"""Presets of deployments; the first begins both names"""
+"""Presets of deployments; the names of both begin with the first name."""
 DEFAULT_OUT = Path("data/missions.zarr")
 MOST_NAMED = 8
-"""Arrays of a reference set that are named when more than so many differ."""
+"""Most differing arrays of a reference set that are named; the others are counted."""
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Generate(EngineOption, JsonOption):
-    """Fly randomised missions in parallel and store them; the same bytes for any --workers.
+    """Fly randomised missions in parallel and store them; --workers does not change the bytes.
 
     Examples:
 
@@ -42,49 +42,49 @@ class Generate(EngineOption, JsonOption):
 
     hours: Hours | None = None
     """simulated time of all missions together, such as 10 (hours), 90min or 2d [default: 10];
-    preset faulty makes whole deployments of some days that last so long at least [default: 240]"""
+    preset faulty makes whole deployments with at least this time together [default: 240]"""
     preset: str = "paper"
-    """paper (noise-free, constant current; vehicles with a propeller: still water, the paper's
-    instruments), field (sensor errors, sheared and tidal currents, vehicle spread, GPS at the
-    surface), family (the same of vehicles far from their file, over longer missions), paper-test
-    (the paper's three test missions of a glider), or faulty (a glider's deployments of 20 to 60
-    dives in the form of imported logs, half of them with a fault, labelled) and faulty-satellite
-    (the same as sent by satellite); docs/howto/health.md explains these"""
+    """paper: noise-free, constant current; with a propeller: still water, the paper's instruments.
+    field: sensor errors, sheared and tidal currents, changed vehicles, GPS at the surface.
+    family: as field, with vehicles far from their file and longer missions.
+    paper-test: the paper's three test missions of a glider.
+    faulty: a glider's deployments of 20 to 60 dives as imported logs, half with a labelled fault.
+    faulty-satellite: as faulty, but only the data sent by satellite (see docs/howto/health.md)"""
     seed: int = 0
     """root of every random draw"""
     out: StoreArgument = DEFAULT_OUT
     """the store: a folder, or an address such as s3://bucket/missions.zarr (needs the extra: pip
     install "glider-twin[cloud]")"""
     workers: int | None = None
-    """processes [default: the CPUs that this process may use]"""
+    """number of processes [default: the CPUs that this process may use]"""
     scheduler: str | None = None
-    """address of a dask scheduler, tcp://HOST:PORT, whose workers fly the missions instead; they
-    must see --out under the same path (needs the extra: pip install "glider-twin[cluster]")"""
+    """address of a dask scheduler, tcp://HOST:PORT, whose workers fly the missions; they must see
+    --out under the same path (needs the extra: pip install "glider-twin[cluster]")"""
     set: tuple[str, ...] = ()
     """replace distributions: NAME=DISTRIBUTION ..., such as mission.pitch_deg="uniform(15,35)";
-    `factory distributions` lists them"""
+    `factory distributions` lists the names"""
     config: Path | None = None
     """TOML file with distributions to replace: tables [mission], [vehicle], [current], [water],
     [floor]"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
+    """shipped vehicle name, or the path of an MJCF file; NAME:PRESET takes its preset"""
     sensors: str | None = None
     """sensor suite instead of the preset's: ideal, field, field-uncalibrated, field-no-dvl, survey
-    or survey-field; +NAME adds a sensor that an installed distribution brings"""
+    or survey-field; +NAME adds a sensor of an installed plugin"""
     current: str | None = None
-    """one current for all missions instead of drawn ones, as in `twin simulate`, such as
+    """one current for all missions instead of sampled ones, as in `twin simulate`, such as
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05"""
     shard: str | None = None
-    """i/n: fly part i of n (0 to n - 1) and stop; many such commands may run at once, on machines
-    that share --out, and `factory finish` completes the store [default: the task of a Slurm job
-    array, where this is one]"""
+    """i/n: fly part i of n (0 to n - 1) and stop; the commands for all parts may run at once, on
+    machines that share --out, and `factory finish` completes the store [default: the task's part
+    in a Slurm job array]"""
     resume: bool = False
     """complete a store that an earlier run left incomplete; start it if it is missing"""
     overwrite: bool = False
     """replace an existing store, once the new one is complete"""
 
     def run(self, console: Console) -> int:
-        """Generate, with progress, and summarise."""
+        """Generate with a progress bar, and summarise."""
         import_numpy_with_one_thread()
         from factory.generation import dask_executor, generate, parse_part, slurm_part
 
@@ -119,7 +119,7 @@ class Generate(EngineOption, JsonOption):
         return 0
 
     def _deployments(self, console: Console) -> int:
-        """Deployments of many dives, half of them with a fault."""
+        """Make deployments of many dives, half of them with a fault."""
         from factory.facade import make_deployments
 
         for name in ("set", "config", "sensors", "current", "shard", "resume", "scheduler"):
@@ -175,7 +175,7 @@ class Generate(EngineOption, JsonOption):
         if self.preset not in PRESETS:
             presets = [*PRESETS, DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE]
             raise InputError(unknown_name("preset", self.preset, presets))
-        # what is to be resumed may be nearly complete; an object storage has room
+        # no check for a resumed store, which may be nearly complete, nor for an object storage
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
             check_room(self.hours, self.out)
         names = ("preset", "hours", "seed", "vehicle", "sensors", "current", "engine")
@@ -185,8 +185,8 @@ class Generate(EngineOption, JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class WriteReference(JsonOption):
-    """Make the reference set of 200 h and compare every array with its checksum, so that results of
-    different groups are results on the same data. Exit code 1 when an array differs.
+    """Make the reference set of 200 h and compare every array with its checksum, so that different
+    groups have results on the same data. The exit code is 1 if an array differs.
 
     Example:
 
@@ -194,7 +194,7 @@ class WriteReference(JsonOption):
     """
 
     name: str = "field-200h"
-    """which set: field-200h, or field-2h to try"""
+    """name of the set: field-200h, or field-2h for a quick try"""
     out: Path = Path("data/reference.zarr")
     """the store"""
     compare: bool = False
@@ -207,7 +207,7 @@ class WriteReference(JsonOption):
     """replace an existing store, once the new one is complete"""
 
     def run(self, console: Console) -> int:
-        """Generate, compare, and say what differs."""
+        """Generate, compare, and print the differences."""
         import_numpy_with_one_thread()
         from factory.generation import generate
         from factory.sampling import make_recipe, reference_set
@@ -256,8 +256,8 @@ class WriteReference(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class Finish(JsonOption):
-    """Complete a store that `factory generate --shard` made in parts: the same bytes as those of a
-    single run. Lists missing parts as Slurm's --array takes them.
+    """Complete a store that `factory generate --shard` made in parts; a single run would make the
+    same bytes. If parts are missing, list them in the form of Slurm's --array.
 
     Example:
 
@@ -279,7 +279,7 @@ class Finish(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class Distributions(JsonOption):
-    """Every parameter with its distribution, unit and reason.
+    """List every parameter with its distribution, unit and reason.
 
     Examples:
 
@@ -288,13 +288,13 @@ class Distributions(JsonOption):
     """
 
     preset: Literal["paper", "field", "family", "paper-test"] = "paper"
-    """whose distributions to show"""
+    """preset whose distributions are listed"""
     set: tuple[str, ...] = ()
-    """replacements to apply first, as in `factory generate`"""
+    """replaced distributions, as in `factory generate`"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
+    """shipped vehicle name, or the path of an MJCF file; NAME:PRESET takes its preset"""
     config: Path | None = None
-    """TOML file with replacements"""
+    """TOML file with replaced distributions"""
 
     def run(self, console: Console) -> int:
         """Print the table."""
@@ -322,7 +322,7 @@ class Distributions(JsonOption):
 
 
 def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
-    """What a run did, as a table and as JSON."""
+    """Show the summary of a run as a table and as JSON."""
     from twin.physics import ENGINES
     from twin.records import SPLITS
 
@@ -362,7 +362,7 @@ def show_summary(recipe: Recipe, summary: Summary, console: Console) -> None:
 
 @contextlib.contextmanager
 def watching(hours: float, console: Console) -> Iterator[Watcher]:
-    """A progress bar over `hours`, and the function that tells it of a finished mission."""
+    """Show a progress bar over `hours` [h]; yields the function to call for a finished mission."""
     with console.progress(total=hours, label="generate", unit="h") as progress:
 
         def watch(flown: float, failures: int) -> None:
@@ -374,10 +374,10 @@ def watching(hours: float, console: Console) -> Iterator[Watcher]:
 
 
 def import_numpy_with_one_thread() -> None:
-    """Import numpy, if that has not been done, so that its BLAS starts no threads.
+    """Import numpy with a BLAS that starts no threads, unless numpy is imported already.
 
-    Worker processes share the CPUs, and forks are cleanest from a process with one thread. BLAS
-    reads the variable once; the environment is left as it was.
+    Worker processes share the CPUs, and forks are safest from a process with one thread. BLAS
+    reads the environment variable once; the environment is unchanged afterwards.
     """
     if BLAS_THREADS in os.environ:
         return

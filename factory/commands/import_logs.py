@@ -1,4 +1,4 @@
-"""`factory import`: real logs in the same store as the factory's missions."""
+"""Command `factory import`: read logs of real vehicles into a store of the factory's layout."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ CACHED = ", ".join(importer.name for importer in IMPORTERS.values() if importer.
 
 @dataclass(frozen=True, kw_only=True)
 class ImportLogs(JsonOption):
-    """Read logs of a real vehicle, cut them into dives from GPS fix to GPS fix, put these on one
-    time grid, and print what was repaired, left out or missing.
+    """Read logs of a real vehicle, cut them into dives from GPS fix to GPS fix, and resample them
+    to one time grid. Print the repairs, omissions and missing data.
 
     Examples:
 
@@ -32,7 +32,7 @@ class ImportLogs(JsonOption):
     """
 
     kind: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar=CHOICES)]
-    """kind of the logs"""
+    """format of the logs"""
     files: Annotated[
         tuple[Path, ...],
         tyro.conf.Positional,
@@ -45,7 +45,7 @@ class ImportLogs(JsonOption):
         tyro.conf.arg(help=f"seconds between samples of the store [default: {PERIODS}]"),
     ] = None
     min_depth: float = 5.0
-    """metres: what goes deeper between two fixes is a dive"""
+    """least depth in metres of a dive between two fixes"""
     variation_deg: float | None = None
     """magnetic variation, east positive [default: the log's own]"""
     cache: Annotated[
@@ -61,12 +61,12 @@ class ImportLogs(JsonOption):
         ),
     ] = None
     payload: tuple[str, ...] = ()
-    """NAME=COLUMN or NAME=COLUMN[UNITS]: a column that becomes the signal measured_NAME, beside
-    those of oxygen, chlorophyll ... whose names are known"""
+    """NAME=COLUMN or NAME=COLUMN[UNITS]: store a column as signal measured_NAME, in addition to
+    known columns such as oxygen and chlorophyll"""
     keep_going: bool = False
-    """import what can be read even where half of the files or more cannot"""
+    """import the readable files even if half of the files or more cannot be read"""
     recursive: bool = False
-    """search the folders below the named ones too"""
+    """also search the subfolders of the given folders"""
     overwrite: bool = False
     """replace an existing store"""
 

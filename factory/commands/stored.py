@@ -1,4 +1,4 @@
-"""`factory info`, `verify`, `plot`: what a store holds, whether it is sound, and a page of it."""
+"""Commands `factory info`, `verify`, `plot`: describe, check and plot a store."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from twin.records import LogStore
 
 FORMATS = (".png", ".pdf", ".svg")
-"""Endings that a page may have."""
+"""Allowed endings of a page's file"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Info(JsonOption):
-    """Preset, missions, splits, size, drawn values and failures of a store.
+    """Show preset, missions, splits, size, sampled values and failures of a store.
 
     Example:
 
@@ -38,7 +38,7 @@ class Info(JsonOption):
     """the store"""
 
     def run(self, console: Console) -> int:
-        """Print what the store holds."""
+        """Print the description of the store."""
         from factory.generation import open_missions, unfinished
         from twin.records import LogStore
         from twin.records.storage import files_at
@@ -71,7 +71,7 @@ class Info(JsonOption):
         return 0
 
     def _missions(self, run: GeneratedStore, size: int, console: Console) -> None:
-        """A store of simulated missions."""
+        """Print the description of a store of simulated missions."""
         settings, splits, drawn = run.settings, split_rows(run), drawn_rows(run)
         console.pairs(
             {
@@ -117,7 +117,7 @@ class Info(JsonOption):
         )
 
     def _logs(self, logs: LogStore, size: int, console: Console) -> None:
-        """A store of real logs: what was imported, and the report of it."""
+        """Print the description of a store of logs, with the import report."""
         report, deployments = logs.report, deployment_rows(logs)
         console.pairs(
             {
@@ -145,11 +145,10 @@ class Info(JsonOption):
 @dataclass(frozen=True, kw_only=True)
 class Verify(JsonOption):
     """Compare every file with its checksum and read every chunk; check metadata, padding, finite
-    values and ranges; of simulated missions also parameters and kinematics, of logs the order of
-    dives, fixes and depth.
+    values and ranges. For simulated missions, also check parameters and kinematics; for logs, the
+    order of dives, fixes and depth.
 
-    With --replay, missions of `factory generate` are flown again instead, from what the store
-    holds, and every byte is compared.
+    With --replay, fly missions of `factory generate` again instead and compare every byte.
 
     Examples:
 
@@ -160,15 +159,15 @@ class Verify(JsonOption):
     store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store, or another folder that a command wrote: a run, a page, an export"""
     workers: int = 1
-    """processes that read; every call reads all bytes again, since a changed disk does not change
-    the size or the time of a file"""
+    """number of reading processes; each call reads all bytes, since damage on a disk does not
+    change a file's size or time"""
     replay: tuple[int, ...] = ()
     """missions to fly again"""
     attempt: int | None = None
-    """with --replay: fly this failed attempt at the mission instead, to see it fail"""
+    """with --replay: fly this failed attempt at the mission again"""
 
     def run(self, console: Console) -> int:
-        """Verify; exit code 1 when something is wrong."""
+        """Verify; returns exit code 1 if a check fails."""
         if self.workers < 1:
             raise InputError(f"--workers {self.workers} must be at least 1")
         if self.attempt is not None and not self.replay:
@@ -183,7 +182,7 @@ class Verify(JsonOption):
         ending = ""
         try:
             what, report = ("mission", StoreReport(0, 0, ())) if plain else self._read(console)
-        except Exception:  # whatever damaged files make readers raise: the files are named
+        except Exception:  # readers of damaged files raise any error; `files` names these files
             if not files.problems:
                 raise
             what, report = "mission", StoreReport(0, 0, ())
@@ -210,7 +209,7 @@ class Verify(JsonOption):
         return 0 if report.ok else 1
 
     def _read(self, console: Console) -> tuple[str, StoreReport]:
-        """Read a whole store: the word for its missions, and the report."""
+        """Check a whole store; returns "mission" or "dive" for messages, and the report."""
         from factory.generation import is_flight, open_missions
         from factory.soundness import verify_logs, verify_store
         from factory.store_check import StoreReport
@@ -218,7 +217,7 @@ class Verify(JsonOption):
 
         with MissionStore(self.store) as reader:
             if is_flight(reader.attributes):
-                return "mission", StoreReport(len(reader), 0, ())  # its files say all
+                return "mission", StoreReport(len(reader), 0, ())  # checksums are the only check
         run = open_missions(self.store)
         what = "dive" if isinstance(run, LogStore) else "mission"
         with console.progress(total=len(run), label="verify", unit=what + "s") as progress:
@@ -227,7 +226,7 @@ class Verify(JsonOption):
             return what, verify_store(run, progress.update, workers=self.workers)
 
     def _replay(self, console: Console) -> int:
-        """Fly missions again; exit code 1 when a byte differs."""
+        """Fly missions again; returns exit code 1 if a byte differs."""
         from factory.generation import GeneratedStore
         from factory.soundness import replay_failure, replay_mission
 
@@ -260,9 +259,9 @@ class Verify(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class PlotStore(JsonOption):
-    """Simulated missions: tracks, depths, currents and histograms of velocities and measured
-    signals on one page. Logs: map with currents, depth over time and figures of the dives, one page
-    a deployment.
+    """Plot a page of figures. Simulated missions: tracks, depths, currents, and histograms of
+    velocities and measured signals. Logs: map with currents, depth over time and figures of the
+    dives, one page for each deployment.
 
     Example:
 
@@ -272,11 +271,11 @@ class PlotStore(JsonOption):
     store: Annotated[StoreArgument, tyro.conf.Positional]
     """the store"""
     out: Path | None = None
-    """PNG, PDF or SVG file [default: the store's name with .png]; of a store with several
-    deployments each page has its deployment's name added"""
+    """PNG, PDF or SVG file [default: the store's name with .png]; for several deployments, the
+    name of each page's file also contains its deployment"""
 
     def run(self, console: Console) -> int:
-        """Draw and save."""
+        """Plot and save the pages."""
         from factory.generation import open_missions
         from factory.logs_page import current_errors, deployment_page, page_names
         from factory.missions_page import store_page
@@ -310,7 +309,7 @@ class PlotStore(JsonOption):
 
 
 def drawn_rows(run: GeneratedStore) -> list[dict[str, object]]:
-    """One row for each drawn parameter: its distribution beside what was drawn."""
+    """Return a table row for each sampled parameter: its distribution and the sampled values."""
     import numpy as np
 
     rows: list[dict[str, object]] = []
@@ -339,7 +338,7 @@ def drawn_rows(run: GeneratedStore) -> list[dict[str, object]]:
 
 
 def split_rows(run: GeneratedStore) -> list[dict[str, object]]:
-    """Missions and hours of each split."""
+    """Return a table row for each split: missions and hours."""
     from twin.records import SPLITS
 
     hours = run.array("duration") / 3600.0
@@ -355,7 +354,7 @@ def split_rows(run: GeneratedStore) -> list[dict[str, object]]:
 
 
 def deployment_rows(logs: LogStore) -> list[dict[str, object]]:
-    """Dives, time, place and depth of each deployment."""
+    """Return a table row for each deployment: dives, times, place and depth."""
     import numpy as np
 
     from twin.records import SPLITS

@@ -1,4 +1,4 @@
-"""Exporting: stores in the formats that others read."""
+"""Exporting: stores written in formats that other programs read."""
 
 from typing import TYPE_CHECKING
 

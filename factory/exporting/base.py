@@ -1,6 +1,6 @@
-"""Exporter: what the export must know of one format, and the function that writes it.
+"""Base of the exporters: the class `Exporter`, which describes one format and names its writer.
 
-Registry of the exporters: names for the command line, and writers.
+The registry of exporters holds their names for the command line.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
 
 
 Advance = Callable[[], object]
-"""Called once for each mission or dive that is done, for a progress bar."""
+"""Function that is called once for each finished mission or dive, for a progress bar."""
 
 
 def no_progress() -> None:
-    """For callers that show no progress."""
+    """Do nothing, for callers that show no progress."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExportOptions:
-    """What a user may say beside the store; a format names the fields that it takes."""
+    """Options that a user may give with the store; each format names the fields that it takes."""
 
     vehicle: str | None = None
     """file or name of the vehicle whose flight model makes tracks and velocities"""
     metadata: Path | None = None
-    """YAML file with what the logs do not say: who, why, which instruments"""
+    """YAML file with facts that logs lack: operator, purpose, instruments"""
     file_dir: str | None = None
-    """folder of a server in which the files will lie; default the one that is written"""
+    """folder of a server for the files; default: the folder that is written"""
 
     @property
     def given(self) -> list[str]:
@@ -49,33 +49,33 @@ class ExportOptions:
 
 
 Writer = Callable[..., "list[Path]"]
-"""Takes a `MissionStore`, missions, a path, an `Advance` and, where the format `takes` any option,
-`ExportOptions`.
+"""Function of a `MissionStore`, missions, a path, an `Advance` and, where the format `takes` any
+option, `ExportOptions`.
 
-It writes the chosen missions of the store to a file that is not there, or into an empty folder,
-and returns what it wrote. File or folder become the user's when it returns.
+It writes the chosen missions of the store to a file that does not exist yet, or into an empty
+folder, and returns the written paths. The file or folder is the user's afterwards.
 
-It raises `StoreError` for data that cannot be read and `OSError` when the disk refuses.
+It raises `StoreError` for data that cannot be read, and `OSError` when the disk refuses.
 """
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Exporter:
-    """One format; help texts show all but `write`."""
+    """One format; help texts show all fields but `write`."""
 
     name: str
-    """What the user types: `factory export STORE --to NAME`."""
+    """Name that the user types: `factory export STORE --to NAME`."""
     title: str
-    """What is written, in a few words for help texts and documents."""
+    """Description of the output, in a few words for help texts and documents."""
     ending: str
-    """Put behind the store's name where the user names no target: `.parquet`, `-og1`. One that
-    begins with a dot makes a file, another one a folder."""
+    """Ending after the store's name where the user names no target: `.parquet`, `-og1`. An ending
+    that begins with a dot makes a file, another one a folder."""
     write: Writer | str
-    """The writer, or its place `module:function`, which is imported when it writes."""
+    """Writer, or its place `module:function`, which is imported when it writes."""
     takes: tuple[str, ...] = ()
-    """Names of the `ExportOptions` that it takes; with any, they are `write`'s fifth argument."""
+    """Names of `ExportOptions` that the format takes; with any, `write` has a fifth argument."""
     extra: str | None = None
-    """Extra of this project, or `plugins/NAME`, with the packages which writing needs."""
+    """Extra of this project, or `plugins/NAME`, with the packages that writing needs."""
 
     def __post_init__(self) -> None:
         why = ""
@@ -96,12 +96,12 @@ class Exporter:
 
     @property
     def target(self) -> str:
-        """file or folder."""
+        """Kind of target: file or folder."""
         return "file" if self.ending.startswith(".") else "folder"
 
     def default_path(self, store: StorePath) -> Path:
-        """Where an export goes when the user names no target: beside the store, or into the current
-        folder where the store is not on this machine."""
+        """Default target of an export: beside the store, or in the current folder if the store is
+        not on this machine."""
         store = named(store) if isinstance(store, Path) else store
         name = store.stem + self.ending
         return store.with_name(name) if isinstance(store, Path) else Path(name)
@@ -116,10 +116,10 @@ class Exporter:
         *,
         overwrite: bool = False,
     ) -> list[Path]:
-        """Write, after the store and the missions were checked; whole or not at all.
+        """Write missions after checks of the store; the export is whole or absent.
 
         Args:
-          overwrite: take the place of an earlier export, which stays until the new one is whole.
+          overwrite: replace an earlier export, which stays until the new one is whole.
 
         Raises:
           StoreError: no such mission, or its data cannot be read.
@@ -159,8 +159,8 @@ class Exporter:
 
 
 def _is_export(folder: Path) -> bool:
-    """Whether a folder is an earlier export, without anything that a user put beside it."""
-    from twin.records.presence import is_complete  # numpy, which help texts do without
+    """True if a folder is an earlier export, without any file that a user added."""
+    from twin.records.presence import is_complete  # deferred: help needs no numpy
 
     return is_listed(folder) and not is_complete(folder)
 
@@ -172,10 +172,10 @@ PARQUET = Exporter(
     write="factory.exporting.flat_table:export_parquet",
     extra="parquet",
 )
-"""For tools that know no arrays."""
+"""Exporter of a flat table, for tools without arrays."""
 
 EXPORTERS: Registry[Exporter] = seams.EXPORTERS
 """Every format that a store can be exported to, by name."""
 
 register = EXPORTERS.add
-"""Add an exporter of one's own."""
+"""Function that adds an exporter to `EXPORTERS`."""

@@ -1,7 +1,7 @@
-"""A data set for an ERDDAP server: OG1.0 files, and the `datasets.xml` by which it serves them.
+"""ERDDAP data set: OG1.0 files, and the `datasets.xml` with which a server serves them.
 
-Each file is one table: a row a sample, what the file says once in every row. All its variables are
-served. The names and rules are those of "Working with the datasets.xml File", the manual of
+Each file is one table with a row for each sample; values held once are repeated. All its variables
+are served. Names and rules are those of "Working with the datasets.xml File", the manual of
 ERDDAP's administrators (EDDTableFromMultidimNcFiles; cdm_data_type Trajectory; ioos_category).
 """
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
 CHUNK = "datasets.xml"
 DAY = "1440"
-"""[minute] after which a server looks at the files again"""
+"""[minute] Time after which a server reads the files again."""
 REMOVED = "null"
-"""Value by which ERDDAP leaves out an attribute of a file"""
+"""Value with which ERDDAP leaves out an attribute of a file."""
 SPECIAL = {"TIME": "time", "LONGITUDE": "longitude", "LATITUDE": "latitude", "DEPTH": "depth"}
-"""Variables for which ERDDAP has names of its own; all others keep theirs"""
+"""Variables that ERDDAP renames; all others keep their names."""
 TYPES = {"float64": "double", "float32": "float", "int32": "int", "int8": "byte"}
-"""ERDDAP's data types by numpy's; text is String"""
+"""ERDDAP's data types, by numpy's; text is String."""
 LARGEST_BYTE = "127"
-"""What ERDDAP takes for missing in bytes"""
+"""Value of bytes that ERDDAP takes as missing."""
 MILLISECONDS = "1970-01-01T00:00:00.000Z"
-"""As which times are written; without it ERDDAP cuts fractions of seconds off"""
+"""Layout in which times are written; without it ERDDAP cuts off fractions of seconds."""
 ABOUT = ("infoUrl", "creator_url", "publisher_url", "references")
-"""Attributes of a file that may be the address of a page about it, the best first"""
+"""Attributes that may be the address of a page about a file, the preferred first."""
 ADDRESS, ABSOLUTE = r"https?://[!-~]+", r"(/|[A-Za-z]:[\\/]).*"
-"""What an address of a page is, and an absolute path of Unix or Windows"""
+"""Patterns of a page's address, and of an absolute path of Unix or Windows."""
 CATEGORIES = (
     (r"time", "Time"),
     (r"latitude|longitude|depth", "Location"),
@@ -48,8 +48,8 @@ CATEGORIES = (
     (r".*oxygen.*", "Dissolved O2"),
     (r".*chlorophyll.*", "Ocean Color"),
 )
-"""IOOS' category, which ERDDAP demands, by the standard name; else text is an Identifier, the rest
-Other"""
+"""IOOS category, which ERDDAP demands, by the standard name; otherwise text is an Identifier, the
+rest Other."""
 
 
 def _write(
@@ -61,16 +61,16 @@ def _write(
 ) -> list[Path]:
     from twin.records.logged import LogStore
 
-    there = str(options.file_dir)
-    if not (re.fullmatch(ABSOLUTE, there) and there.isprintable()):
+    place = str(options.file_dir)
+    if not (re.fullmatch(ABSOLUTE, place) and place.isprintable()):
         raise InputError(
-            f"--file-dir {there!r} must be the absolute path of the files' folder on the server, "
+            f"--file-dir {place!r} must be the absolute path of the files' folder on the server, "
             "such as /data/calypso"
         )
     assert callable(OG1.write)
     files = OG1.write(run, missions, folder, advance, options)
     root = ElementTree.Element("erddapDatasets")
-    if isinstance(run, LogStore):  # a deployment is a data set, as glider servers have them
+    if isinstance(run, LogStore):  # one data set per deployment, as on glider servers
         for file in files:
             name, pattern = identifier(file.stem), re.escape(file.name)
             root.append(dataset(file, name, pattern, options, many=False))
@@ -83,22 +83,22 @@ def _write(
 
 
 def identifier(name: str) -> str:
-    """A datasetID: letters, digits and underscores, a letter first."""
+    """Make a datasetID: letters, digits and underscores, a letter first."""
     return re.sub(r"^(?![A-Za-z])", "glider_", re.sub(r"[^A-Za-z0-9]+", "_", name))
 
 
 def dataset(
     file: Path, name: str, pattern: str, options: ExportOptions, *, many: bool
 ) -> ElementTree.Element:
-    """The tag of one data set. What ERDDAP demands beside it, a file says: title, summary,
-    institution.
+    """Make the tag of one data set. ERDDAP also demands title, summary and institution, which the
+    files hold.
 
     Args:
-      file: OG1.0 file whose variables it has.
-      name: its datasetID, which addresses contain.
-      pattern: regular expression of Java of all its files' names.
-      options: the server's folder.
-      many: whether files of several missions are in it, so that no mission's name is its own.
+      file: OG1.0 file with the data set's variables.
+      name: datasetID, which addresses contain.
+      pattern: Java regular expression of the names of all its files.
+      options: options with the server's folder.
+      many: True if the files are of several missions, so that no mission's name is its own.
     """
     import netCDF4
 
@@ -131,9 +131,9 @@ def dataset(
     return made
 
 
-def _address(said: object) -> str:
-    """What metadata gives as an address, often without its scheme."""
-    return re.sub(r"^www\.", "https://www.", str(said))
+def _address(value: object) -> str:
+    """Address from metadata, with a scheme if it has none."""
+    return re.sub(r"^www\.", "https://www.", str(value))
 
 
 def _destination(name: str) -> str:
@@ -141,7 +141,7 @@ def _destination(name: str) -> str:
 
 
 def _variable(one: Any) -> ElementTree.Element:
-    """The tag of one variable of a file."""
+    """Make the tag of one variable of a file."""
     kind = "String" if one.dtype is str else TYPES[one.dtype.name]
     own = one.__dict__
     made = ElementTree.Element("dataVariable")
@@ -170,9 +170,9 @@ def _tags(made: ElementTree.Element, **texts: str) -> None:
         ElementTree.SubElement(made, tag).text = text
 
 
-def _attributes(made: ElementTree.Element, said: Sequence[tuple[str, str, str | None]]) -> None:
+def _attributes(made: ElementTree.Element, items: Sequence[tuple[str, str, str | None]]) -> None:
     added = ElementTree.SubElement(made, "addAttributes")
-    for name, value, kind in said:
+    for name, value, kind in items:
         tag = ElementTree.SubElement(added, "att", {"name": name})
         tag.text = value
         if kind is not None:
@@ -186,4 +186,4 @@ ERDDAP = Exporter(
     takes=("vehicle", "metadata", "file_dir"),
     write=_write,
 )
-"""For who serves data with ERDDAP."""
+"""Exporter for servers of data with ERDDAP."""

@@ -1,4 +1,4 @@
-"""A store written as one Parquet table with a row for every sample."""
+"""Flat table: a store written as one Parquet table with a row for every sample."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def export_parquet(
 
 
 class FlatTable:
-    """A store as rows of samples: mission, split, time, when and where, then every signal.
+    """Table of a store's samples: mission, split, time, date, position, then every signal.
 
-    Logs have also the deployment and the dive. Units and meanings are in the columns' metadata.
+    Logs also have the deployment and the dive. Units and meanings are in the columns' metadata.
 
     Raises:
       ModuleNotFoundError: pyarrow is not installed.
@@ -71,13 +71,13 @@ class FlatTable:
             metadata = {key: str(attributes[key]) for key in ("units", "long_name", "signal_group")}
             fields.append(pa.field(name, pa.float32(), metadata=metadata))
         self.schema = pa.schema(fields, metadata=_about(run))
-        """of pyarrow"""
+        """Schema of pyarrow."""
 
     def rows(self, mission: int) -> Any:
-        """The samples of a mission, a pyarrow.Table.
+        """Samples of a mission, as a pyarrow.Table.
 
         Raises:
-          StoreError: its data cannot be read.
+          StoreError: the mission's data cannot be read.
         """
         run, pa = self._run, self._pa
         samples = int(run.samples[mission])
@@ -98,13 +98,13 @@ class FlatTable:
 
 
 def _about(run: MissionStore) -> dict[str, str]:
-    """What the table says about itself."""
+    """Metadata of the table."""
     if isinstance(run, GeneratedStore):
         return {"title": "SIMULATED underwater glider missions", "settings": str(run.settings)}
     if isinstance(run, StoredFlight):
-        said = {key: str(run.attributes[key]) for key in (TITLE, "vehicle", "mission", SCENARIO)}
+        about = {key: str(run.attributes[key]) for key in (TITLE, "vehicle", "mission", SCENARIO)}
         places = {mission: run.place(mission) for mission in range(len(run))}
-        return {**said, "places": json.dumps(places)}
+        return {**about, "places": json.dumps(places)}
     return {key: str(run.attributes[key]) for key in (TITLE, COMMENT, PLATFORM, HISTORY)}
 
 

@@ -1,8 +1,8 @@
-"""Metadata: what people know of a deployment and no log says, from a YAML file.
+"""Metadata: facts on a deployment that no log holds, from a YAML file written by people.
 
 The layout is pyglider's: a section `metadata` (`global` in older files) with attributes of the
-whole file, and `glider_devices` (or `sensors`) with one section for each instrument. Others, such
-as `netcdf_variables`, are for pyglider itself and are left alone.
+whole file, and `glider_devices` (or `sensors`) with one section for each instrument. Other
+sections, such as `netcdf_variables`, are for pyglider itself and are ignored.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from twin.records.attributes import DEPLOYMENT_METADATA
 from twin.records.reader import MissionStore
 
 MOST_DEPTH = 32
-"""Sections inside each other in a metadata file; pyglider's has 3"""
+"""Most sections inside each other in a metadata file; pyglider's has 3."""
 MOST_REFERENCES = 8
-"""References (*name) in it; merged into each other, each can double the one before"""
+"""Most references (*name) in a metadata file; each can double the one before."""
 
 GLOBAL = ("metadata", "global")
 DEVICES = ("glider_devices", "sensors")
 VEHICLE = "glider"
 BESIDE = ("metadata.yml", "deployment.yml", "metadata.yaml", "deployment.yaml")
-"""Names that are looked for beside a store"""
+"""Names of metadata files that are looked for beside a store."""
 OWN = frozenset(
     {
         "Conventions", "Metadata_Conventions", "id", "date_created", "featureType", "history",
@@ -35,7 +35,7 @@ OWN = frozenset(
         "glider_instrument_name", "deployment_start", "deployment_end",
     }
 )  # fmt: skip
-"""Attributes that the export itself knows, or that have a variable of their own"""
+"""Attributes that the export itself knows, or that have a variable of their own."""
 SPELT = {"acknowledgment": "acknowledgement"}
 INSTRUMENTS = {
     "SENSOR_CTD": ("ctd",),
@@ -43,26 +43,26 @@ INSTRUMENTS = {
     "SENSOR_AHRS": ("ahrs", "attitude", "compass"),
     "SENSOR_DVL": ("dvl", "adcp", "ad2cp"),
 }
-"""Sensor variable of the format, and what its device is called in such files"""
+"""Names of devices in metadata files, by the sensor variable of the format."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Metadata:
-    """What such a file says; empty without one."""
+    """Contents of a metadata file; empty without one."""
 
     attributes: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """of the whole file"""
+    """Attributes of the whole file."""
     devices: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
-    """of each instrument, by its name in small letters"""
+    """Attributes of each instrument, by its name in small letters."""
     wmo: str = ""
-    """identifier of the World Meteorological Organization"""
+    """Identifier of the World Meteorological Organization."""
     serial: str = ""
-    """of the glider"""
+    """Serial number of the glider."""
     model: str = ""
-    """of the glider"""
+    """Model of the glider."""
 
     def sensor(self, variable: str) -> Mapping[str, str]:
-        """What is known of the instrument behind a sensor variable such as SENSOR_CTD."""
+        """Attributes of the instrument behind a sensor variable such as SENSOR_CTD."""
         for name, device in self.devices.items():
             if any(word in name for word in INSTRUMENTS.get(variable, ())):
                 return device
@@ -70,7 +70,7 @@ class Metadata:
 
 
 def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
-    """Of the given file, else of one beside the store, else what lay beside the log; or empty.
+    """Find metadata: in the given file, else beside the store, else in the store; or none.
 
     Raises:
       InputError: the file cannot be read or has another layout.
@@ -88,7 +88,7 @@ def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
 
 
 def read_metadata(path: Path) -> Metadata:
-    """Read the metadata of a YAML file; errors as `parse_metadata`, and where it is unreadable."""
+    """Read the metadata of a YAML file; errors as in `parse_metadata`, or if it is unreadable."""
     return parse_metadata(read_text(path, "metadata", most=MOST_SETTINGS), str(path))
 
 
@@ -96,7 +96,7 @@ def parse_metadata(text: str, path: str) -> Metadata:
     """Parse the metadata of a YAML text; `path` is named in errors.
 
     Raises:
-      InputError: it is not YAML or has another layout.
+      InputError: the text is not YAML or has another layout.
     """
     import yaml
 
@@ -107,32 +107,32 @@ def parse_metadata(text: str, path: str) -> Metadata:
         loaded: Any = yaml.safe_load(text)
     except InputError:
         raise
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that there is not
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: an impossible date
         raise InputError(f"metadata {path} is not YAML: {' '.join(str(error).split())}") from error
     if not isinstance(loaded, dict) or not any(name in loaded for name in GLOBAL):
         raise InputError(
             f"metadata {path} has no section `metadata` (or `global`) with title, institution and "
             "the like: pyglider's deployment.yml has it"
         )
-    said = _words(path, loaded, GLOBAL)
+    words = _words(path, loaded, GLOBAL)
     vehicle = _words(path, loaded, (VEHICLE,))
     sections = (loaded.get(name) for name in DEVICES)
     devices = next((one for one in sections if isinstance(one, dict)), {})
     return Metadata(
-        attributes={SPELT.get(name, name): text for name, text in said.items() if name not in OWN},
+        attributes={SPELT.get(name, name): text for name, text in words.items() if name not in OWN},
         devices={
             str(name).lower(): _words(path, devices, (name,))
             for name in devices
             if isinstance(devices[name], dict)
         },
-        wmo=said.get("wmo_id", "") or vehicle.get("WMO", ""),
-        serial=said.get("glider_serial", "") or vehicle.get("serial", ""),
-        model=said.get("glider_model", "") or vehicle.get("type", ""),
+        wmo=words.get("wmo_id", "") or vehicle.get("WMO", ""),
+        serial=words.get("glider_serial", "") or vehicle.get("serial", ""),
+        model=words.get("glider_model", "") or vehicle.get("type", ""),
     )
 
 
 def _refuse_bombs(events: Iterable[Any], path: str) -> None:
-    """Raise InputError before values that refer to each other, or nest, grow without end."""
+    """Refuse a text whose references or nesting would make values grow without end."""
     depth = references = 0
     for event in events:
         kind = type(event).__name__
@@ -147,7 +147,7 @@ def _refuse_bombs(events: Iterable[Any], path: str) -> None:
 
 
 def _words(path: str, loaded: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, str]:
-    """The entries of the first of these sections that is there, as text; empty ones left out."""
+    """Entries of the first of these sections that exists, as text; empty entries are left out."""
     section: Any = next((loaded[name] for name in names if name in loaded), {}) or {}
     if not isinstance(section, dict):
         raise InputError(f"metadata {path}: section `{names[0]}` must hold names and values")
@@ -159,7 +159,7 @@ def _words(path: str, loaded: Mapping[str, Any], names: tuple[str, ...]) -> dict
 
 
 def with_metadata(own: dict[str, Any], metadata: Metadata, *, simulated: bool) -> dict[str, Any]:
-    """The attributes with what people said: comments together, a simulation still marked as one."""
+    """Merge attributes with metadata: comments are joined, a simulation stays marked as one."""
     given = dict(metadata.attributes)
     if "comment" in given:
         given["comment"] = f"{given['comment']} {own['comment']}"
@@ -169,7 +169,7 @@ def with_metadata(own: dict[str, Any], metadata: Metadata, *, simulated: bool) -
                 given[name] = f"SIMULATED: {given[name]}"
     if "institution" in given:
         given.setdefault("contributing_institutions", given["institution"])
-    for part in ("name", "email"):  # who made the data contributed to it
+    for part in ("name", "email"):  # creators of the data are contributors
         if f"creator_{part}" in given:
             given.setdefault(f"contributor_{part}", given[f"creator_{part}"])
     merged = {**own, **given}

@@ -1,4 +1,4 @@
-"""Generation: many missions into one store, on all cores, resumable."""
+"""Generation: fly many missions into one store, in parallel and resumable."""
 
 from typing import TYPE_CHECKING
 

@@ -1,11 +1,11 @@
-"""Completion: finished shards into a store: what it keeps of each mission, metadata, checksums.
+"""Completion: turn finished shards into a store by writing arrays over missions and metadata.
 
-Beside its signals a store has arrays over missions: every drawn parameter, every constant of the
-sensors, how many attempts it took. Those that say nothing, because all missions have the same fixed
-value, are left out.
+Besides signals, a store has arrays over missions: every sampled parameter, every constant of the
+sensors and the number of failed attempts. An array is left out if all missions have the same fixed
+value.
 
-Marker: record of a finished shard, so that it is neither repeated nor mistaken.
-Run log: which machine made a store, when and by which command, beside the store.
+`Marker` records a finished shard, so that no run repeats it.
+`note` writes the log beside a store: the machine, time and command of each run.
 """
 
 from __future__ import annotations
@@ -48,18 +48,18 @@ from twin.records.storage.store_path import FileSum, StorePath, files_at
 from twin.version import __version__
 
 UNUSED_CODE = -1
-"""Stands in integer parameters where NaN stands in the others."""
+"""Value of an unused integer parameter; unused other parameters are NaN."""
 SENSOR_PREFIX = "sensor_"
 LENGTH = "mission.duration_h"
-"""The parameter that has no array of its own: `duration` has it"""
+"""Parameter without an array of its own, because `duration` holds its values"""
 SEGMENT = "segment"
-"""Dimension of the parameters that are drawn for every segment."""
+"""Dimension of the parameters that are sampled for every segment"""
 DIGEST = 32
-"""[byte] of a marker's SHA-256, with which its file begins"""
+"""[byte] Length of the SHA-256 at the start of a marker's file"""
 RECIPE_COPY = "recipe"
-"""Group whose attributes are the recipe once more: either copy is enough to make a store again"""
+"""Group whose attributes are a second copy of the recipe; either copy can make the store again."""
 FAILURE = "failure"
-"""Dimension of the attempts that failed and were replaced."""
+"""Dimension of the attempts that failed and were replaced"""
 FAILED_MISSION, FAILED_ATTEMPT = "failure_mission", "failure_attempt"
 FAILED_TIME, FAILED_REASON = "failure_time", "failure_reason"
 PLANNED: Mapping[str, Mapping[str, Any]] = {
@@ -69,7 +69,7 @@ PLANNED: Mapping[str, Mapping[str, Any]] = {
         "comment": "missions are split, never samples",
     },
 }
-"""CF attributes of what the plan says, beside those of every store"""
+"""CF attributes of the arrays from the plan, except those that every store has"""
 FAILED: Mapping[str, Mapping[str, Any]] = {
     FAILED_MISSION: {"long_name": "mission that the attempt was for"},
     FAILED_ATTEMPT: {"long_name": "number of the attempt"},
@@ -80,31 +80,31 @@ FAILED: Mapping[str, Mapping[str, Any]] = {
     },
     FAILED_REASON: {"long_name": "why the attempt failed"},
 }
-"""CF attributes of the arrays over attempts that failed; a store without any has none of them"""
+"""CF attributes of the arrays over failed attempts; a store without failures lacks these arrays."""
 
 
 class FailedAttempt(NamedTuple):
-    """An attempt that had to be replaced, as JSON lists and the arrays of a store have it."""
+    """Failed attempt at a mission, which another attempt replaced."""
 
     mission: int
     attempt: int
     reason: str
     time_s: float | None
-    """[s] when the simulation left the finite numbers; None: it never started"""
+    """[s] Time at which the simulation lost finite values; None if it never started"""
 
 
 class FlownMission(NamedTuple):
-    """One mission as it was made."""
+    """Record of one flown mission."""
 
     mission: int
     attempt: int
-    """the attempt that succeeded, from 0"""
+    """Number of the attempt that succeeded, from 0"""
     samples: int
     parameters: Parameters
     place: Mapping[str, float | str]
-    """where and when it began, as a trajectory's provenance says it"""
+    """Start place and time, with the names of a trajectory's provenance"""
     sensors: Mapping[str, float]
-    """the sensors' constants"""
+    """Sampled constants of the sensors"""
     failures: tuple[FailedAttempt, ...] = ()
 
 
@@ -113,7 +113,7 @@ Array = tuple[str, NDArray[Any], Mapping[str, Any]]
 
 
 def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """Arrays over missions of a store, without those of its plan and those that say nothing."""
+    """Yield the arrays over missions, except those of the plan and those with one fixed value."""
     counted: dict[str, NDArray[Any]] = {
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
@@ -132,7 +132,7 @@ def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator
 
 
 def _parameter(recipe: Recipe, name: str, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """The array of a parameter, unless all missions have the same fixed value."""
+    """Yield the array of a parameter, unless all missions have the same fixed value."""
     parameter, distribution = recipe.table[name], recipe.distributions[name]
     words = option_names(recipe, name)
     fixed = distribution.value if isinstance(distribution, Fixed) else None
@@ -167,13 +167,13 @@ def _parameter(recipe: Recipe, name: str, missions: Sequence[FlownMission]) -> I
 
 
 def constant_attributes(name: str, unit: str) -> dict[str, Any]:
-    """CF attributes of a constant that a sensor draws for a mission."""
+    """Return the CF attributes of a constant that is sampled for a mission's sensor."""
     text = "constant of this mission's sensors: " + name.replace("_", " ")
     return {"units": unit, "long_name": text}
 
 
 def option_names(recipe: Recipe, name: str) -> tuple[str, ...]:
-    """The words that a parameter can be; stores keep their positions."""
+    """Return the words that a parameter can have; stores keep a word's position as integer."""
     if name == "mission.kind":
         return kinds_for(recipe.vehicle)
     distribution = recipe.distributions[name]
@@ -187,21 +187,21 @@ class Marker(NamedTuple):
 
     number: int
     recipe: str
-    """hash of the recipe"""
+    """Hash of the recipe"""
     files: dict[str, FileSum]
-    """by key in the tree"""
+    """Size and hash of each file of the shard, by key in the tree"""
     missions: list[FlownMission]
     versions: dict[str, str]
-    """of what can change a bit of a result"""
+    """Versions of all software that can change a bit of a result"""
 
     def to_bytes(self) -> bytes:
-        """As it is kept: SHA-256 of the rest, which is JSON."""
+        """Format the marker's file: the SHA-256 of a JSON text, then the text."""
         data = json.dumps(self, default=vars).encode()
         return hashlib.sha256(data).digest() + data
 
     @classmethod
     def of_bytes(cls, data: bytes) -> Marker:
-        """Read a marker; raises ValueError, KeyError or TypeError where the file is damaged."""
+        """Parse a marker's file; raises ValueError, KeyError or TypeError if it is damaged."""
         if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
             raise ValueError("it does not have its own digest")
         shard, recipe, files, missions, versions = json.loads(data[DIGEST:])
@@ -222,10 +222,10 @@ class Marker(NamedTuple):
 
 
 def read_marker(job: Job, number: int) -> Marker | None:
-    """The marker of a shard; None when there is none, or a damaged one: the shard is flown again.
+    """Read the marker of a shard; None if it is missing or damaged, so that the shard flies again.
 
     Raises:
-      StoreError: it is that of another shard or recipe.
+      StoreError: the marker is of another shard or recipe.
     """
     key = job.marker(number)
     try:
@@ -242,8 +242,8 @@ def read_marker(job: Job, number: int) -> Marker | None:
 
 
 def finished(job: Job, number: int, sizes: Mapping[str, int] | None = None) -> Marker | None:
-    """The marker of a shard whose files are all in the tree, by the `sizes` there, which are listed
-    where none are given; else None."""
+    """Return the marker of a shard if all its files are in the tree with the right size, else None.
+    `sizes` are those of the files in the tree; None lists them."""
     found = read_marker(job, number)
     if found is None:
         return None
@@ -252,8 +252,8 @@ def finished(job: Job, number: int, sizes: Mapping[str, int] | None = None) -> M
 
 
 def complete(job: Job) -> None:
-    """Write all that is not in the shards; what they say of each mission, some kB, is in memory
-    meanwhile.
+    """Write all parts of a store except its shards, from the markers. The records of all missions,
+    some kB each, are in memory meanwhile.
 
     Raises:
       StoreError: a shard is missing. OSError: the disk refuses.
@@ -303,7 +303,7 @@ def complete(job: Job) -> None:
 
 
 def _failures(missions: Sequence[FlownMission]) -> dict[str, NDArray[Any]]:
-    """The attempts that failed; no arrays where none did."""
+    """Arrays over failed attempts; empty without failures."""
     failures = [failure for one in missions for failure in one.failures]
     if not failures:
         return {}
@@ -317,13 +317,13 @@ def _failures(missions: Sequence[FlownMission]) -> dict[str, NDArray[Any]]:
 
 
 def failures_in(store: StorePath) -> int:
-    """Attempts that failed and were replaced, in a complete store."""
+    """Count the failed attempts in a complete store."""
     table = json.loads(files_at(store).read_small(METADATA))["consolidated_metadata"]["metadata"]
     return int(table[FAILED_MISSION]["shape"][0]) if FAILED_MISSION in table else 0
 
 
 def store_attributes(recipe: Recipe) -> dict[str, Any]:
-    """The store's own attributes, the same for equal recipes."""
+    """Return the store's own attributes, which depend only on the recipe."""
     return {
         names.SOURCE: f"simulation, vehicle {recipe.vehicle.name} in MuJoCo",
         names.PRESET: recipe.preset,
@@ -335,7 +335,7 @@ def store_attributes(recipe: Recipe) -> dict[str, Any]:
         names.VEHICLE_MJCF: recipe.vehicle.xml,
         names.VEHICLE_SHA256: sha256(recipe.vehicle.xml),
         names.RECIPE: recipe.digest,
-        BESIDE: " ".join(PLACE),  # of no signal: of the store
+        BESIDE: " ".join(PLACE),  # coordinates over missions, so not named by any signal
         names.HISTORY: f"factory generate of glider-twin {__version__}, recipe {recipe.digest}",
     }
 
@@ -363,7 +363,7 @@ def note(store: StorePath, recipe: Recipe, command: str) -> None:
 
 
 def _processor() -> str:
-    """Name of the processor, which may decide how numbers round."""
+    """Name of the processor, since processors may round differently."""
     with contextlib.suppress(OSError), Path("/proc/cpuinfo").open(encoding="utf-8") as file:
         for line in file:
             if line.startswith("model name"):

@@ -1,8 +1,8 @@
-"""Executors: what flies missions: a pool of this machine's processes, or a dask cluster.
+"""Executors: a pool of processes on this machine, or a dask cluster, to fly missions in parallel.
 
-Processes are forked, where the system can fork: a fresh interpreter would need seconds for what is
-imported and compiled already. A worker ignores Ctrl-C, which its parent answers, and ends
-when the parent dies, which the standard pool does not see to.
+Processes are forked if the system can fork, because a fresh interpreter needs seconds to import and
+compile the code again. A worker ignores Ctrl-C, which its parent handles, and ends when the parent
+dies, unlike a worker of the standard pool.
 """
 
 from __future__ import annotations
@@ -26,38 +26,38 @@ from twin.extras import require
 from twin.version import __version__
 
 RETRIES = 2
-"""Times that a shard which raised an error is flown again, perhaps by another worker. One whose
-worker is lost is flown again by dask itself, see its setting distributed.scheduler.allowed-failures
+"""Number of times that dask flies a shard again after an error, perhaps with another worker. If a
+worker is lost, dask's setting distributed.scheduler.allowed-failures decides instead.
 """
 TIMEOUT_S = 30.0
-"""[s] to reach the scheduler"""
+"""[s] Longest time to reach the scheduler"""
 WORKERS_S = 10.0
-"""[s] after which a scheduler without workers is told of"""
+"""[s] Longest wait for a first worker; then a warning follows."""
 VERSION = "factory.generation.completion:__version__"
-"""What is there where shards can be flown"""
+"""Object that a worker must be able to import in this version, to fly shards"""
 
 
 @contextlib.contextmanager
 def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes on this machine; a second interrupt while it ends kills them.
+    """Yield a pool of processes on this machine; an interrupt while the pool ends kills them.
 
     Args:
-      fork: whether processes may be forked; what has threads, as clients of object storages have,
-        does not work in them.
+      fork: whether processes may be forked; libraries with threads, such as clients of object
+        storages, do not work in forked processes.
     """
     fork = fork and "fork" in multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("fork" if fork else "spawn")
-    executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
     with warnings.catch_warnings():
-        # Python 3.12 warns of forks beside threads; the ones there may be are idle pools of
-        # numeric libraries, which take forks into account
+        # Python 3.12 warns of forks in a process with threads; here these are idle pools of
+        # numeric libraries, which allow forks
         warnings.simplefilter("ignore", DeprecationWarning)
-        executor.submit(int).result()  # forks all, before this process has threads of zarr
+        executor.submit(int).result()  # forks all workers before zarr starts threads
     children = multiprocessing.active_children()
     try:
         yield executor
     finally:
-        try:  # after an error each worker finishes its shard, and the others are dropped
+        try:  # after an error each worker finishes its shard, and queued shards are dropped
             executor.shutdown(cancel_futures=True)
         except KeyboardInterrupt:
             for child in children:
@@ -65,8 +65,8 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
             raise
 
 
-def _begin() -> None:
-    """A worker's first act."""
+def _prepare_worker() -> None:
+    """Prepare a new worker: close inherited locks, set signals, and watch the parent."""
     close_locks()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
@@ -74,7 +74,7 @@ def _begin() -> None:
 
 
 def _watch_parent() -> None:
-    """End this process when its parent has gone: nobody would ever take what it makes."""
+    """End this process when its parent ends, because its results would be lost."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         multiprocessing.connection.wait([parent.sentinel])
@@ -83,15 +83,15 @@ def _watch_parent() -> None:
 
 @contextlib.contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """The workers of the scheduler at `address`, such as tcp://127.0.0.1:8786.
+    """Yield an executor with the workers of the dask scheduler at `address`.
 
-    Clusters of dask-jobqueue and dask-kubernetes have such an address too. Workers may come and go.
+    Example of an address: tcp://127.0.0.1:8786. Clusters of dask-jobqueue and dask-kubernetes have
+    an address too. Workers may join and leave.
 
     Raises:
-      InputError: dask.distributed is not installed, nobody answers there, or glider-twin is not
-        there in this version.
-      TwinError: the cluster was lost while it worked.
-    """
+      InputError: dask.distributed is not installed, no scheduler answers, or a worker lacks this
+        version of glider-twin.
+      TwinError: the cluster was lost during the work."""
     require("distributed", extra="cluster", purpose="--scheduler")
     import distributed
     from distributed.comm import CommClosedError
@@ -104,7 +104,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
             f"--scheduler {address}: no dask scheduler answers there "
             f"({' '.join(str(error).split())}); `dask scheduler` prints its address"
         ) from error
-    log = logging.getLogger("distributed.client")  # it logs a traceback when a scheduler is gone
+    log = logging.getLogger("distributed.client")  # logs a traceback when the scheduler is lost
     with contextlib.ExitStack() as after, client:
         after.callback(log.setLevel, log.level)
         log.setLevel(logging.CRITICAL)
@@ -122,7 +122,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
 def _check_workers(client: Any, address: str) -> None:
     """Raise InputError unless the scheduler and all workers can fly shards; warn of no workers.
 
-    A task that a worker cannot even read would end that worker, and then the next one.
+    A task that a worker cannot import would end that worker, and then the next worker.
     """
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
@@ -131,10 +131,10 @@ def _check_workers(client: Any, address: str) -> None:
     found = client.run(pkgutil.resolve_name, VERSION, on_error="return")
     try:
         found["the scheduler"] = client.run_on_scheduler(pkgutil.resolve_name, VERSION)
-    except Exception as error:  # whatever an import raises
+    except Exception as error:  # an import may raise any error
         found["the scheduler"] = error
     for place, version in found.items():
-        if version != __version__ and not isinstance(version, OSError):  # else it has gone away
+        if version != __version__ and not isinstance(version, OSError):  # OSError: it has left
             has = "cannot import it" if isinstance(version, Exception) else "has"
             raise InputError(
                 f"--scheduler {address} needs glider-twin {__version__} on the scheduler and all "

@@ -1,6 +1,6 @@
-"""Generated store: a store of `factory generate` read back, with everything that made it.
+"""Generated store: read a store of `factory generate` with its recipe, parameters and failures.
 
-Stored flight: a store of `twin simulate` or `Trajectory.save` read back, for exports.
+`StoredFlight` reads a store of `twin simulate` or `Trajectory.save`, for exports.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 class GeneratedStore(MissionStore):
-    """A store that `factory generate` made.
+    """Store that `factory generate` made.
 
     Raises:
       StoreError: missing, damaged, of a newer schema, or not made by `factory generate`.
@@ -91,22 +91,22 @@ class GeneratedStore(MissionStore):
 
     @functools.cached_property
     def hours(self) -> float:
-        """Simulated time of all missions [h]."""
+        """[h] Simulated time of all missions."""
         return float(self.array(DURATION).sum()) / 3600.0
 
     @functools.cached_property
     def table(self) -> Table:
-        """Every parameter of missions of the vehicle."""
+        """Parameters of the vehicle's missions by name."""
         return parameter_table(self.vehicle)
 
     @functools.cached_property
     def suite(self) -> SensorSuite:
-        """The sensors, from their settings in the store."""
+        """Sensor suite, from the settings in the store."""
         return SensorSuite.from_settings(self.settings["sensors"])
 
     @functools.cached_property
     def given_current(self) -> GivenCurrent | None:
-        """The current of all missions; None when each has its own."""
+        """Current of all missions; None if each mission has its own."""
         description = self.settings.get("current")
         if description is None:
             return None
@@ -116,12 +116,12 @@ class GeneratedStore(MissionStore):
 
     @functools.cached_property
     def recipe(self) -> Recipe:
-        """What the store was made by, to make any of its missions again.
+        """Recipe of the store, to fly any mission again.
 
-        Where libraries have other versions than then, last bits may differ.
+        If libraries have other versions now, the last bits of a result may differ.
 
         Raises:
-          StoreError: it is damaged, or this program would make another store of it.
+          StoreError: the recipe is damaged, or this program would make another store from it.
         """
         own = self.settings["distributions"]
         older = {name: text for name, text in ADDED.items() if name not in own}
@@ -136,20 +136,20 @@ class GeneratedStore(MissionStore):
             raise StoreError(f"store {self.path}: {error}") from error
 
     def attempt(self, mission: int) -> int:
-        """The attempt that made the stored mission."""
+        """Return the number of the attempt that made the stored mission."""
         return int(self._at(ATTEMPT, mission))
 
     def _at(self, name: str, mission: int) -> Any:
-        """Value of a per-mission array, which is kept once it is read."""
+        """Value for a mission in an array over missions; the array is read once and kept."""
         if name not in self._read:
             self._read[name] = self.array(name)
         return self._read[name][mission]
 
     def parameters(self, mission: int) -> Parameters:
-        """What the mission was made of.
+        """Read the sampled parameters of a mission.
 
         Raises:
-          StoreError: the factory that made the store knew other parameters.
+          StoreError: the version of the factory that made the store had other parameters.
         """
         changed = sorted(self.distributions.keys() ^ self.table.keys())
         if changed:
@@ -190,12 +190,12 @@ class GeneratedStore(MissionStore):
         return math.nan if value == UNUSED_CODE else words[int(value)]
 
     def sensor_constants(self, mission: int) -> dict[str, float]:
-        """The sensors' constants of a mission; those that no mission has are 0."""
+        """Read the sampled constants of a mission's sensors; constants without an array are 0."""
         stored = {name: SENSOR_PREFIX + name for name in self.suite.drawn_units()}
         return {n: float(self._at(a, mission)) if a in self else 0.0 for n, a in stored.items()}
 
     def failures(self) -> list[FailedAttempt]:
-        """The attempts that failed and were replaced."""
+        """List the attempts that failed and were replaced."""
         if FAILED_MISSION not in self.dataset.variables:
             fields = ("mission", "attempt", "reason", "time_s")
             return [FailedAttempt(*(item[name] for name in fields)) for item in self._failed]
@@ -205,10 +205,10 @@ class GeneratedStore(MissionStore):
 
 
 def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:
-    """The store as what it is: flown by the factory, or logged at sea.
+    """Open a store of the factory or a store of logs.
 
     Raises:
-      StoreError: it cannot be read, is neither, or holds no missions.
+      StoreError: the store cannot be read, is neither of these, or holds no missions.
     """
     with MissionStore(path) as store:
         store.check_filled()
@@ -216,7 +216,7 @@ def open_missions(path: str | StorePath) -> GeneratedStore | LogStore:
 
 
 class StoredFlight(MissionStore):
-    """A store of missions that were flown one by one, each from its scenario.
+    """Store of single missions, each flown from its own scenario.
 
     Raises:
       StoreError: missing, damaged, of a newer schema, or flown without sensors.
@@ -241,25 +241,25 @@ class StoredFlight(MissionStore):
 
     @functools.cached_property
     def splits(self) -> list[str]:
-        """Single flights belong to no split."""
+        """Split of each mission: "none", since single flights have no split."""
         return ["none"] * len(self)
 
     def place(self, mission: int) -> dict[str, float | str]:
-        """Where and when it began; see `twin.records.coordinates`."""
+        """Read a mission's start place and time; see `twin.records.coordinates`."""
         return read_place(self.dataset.isel({MISSION: mission}))
 
 
 def is_flight(attributes: dict[Any, Any]) -> bool:
-    """Whether a store's attributes are those of single flights, not of the factory's missions."""
+    """True if `attributes` belong to a store of single flights, not to one of the factory."""
     return SCENARIO in attributes and SETTINGS not in attributes
 
 
 def open_exportable(path: str | StorePath) -> GeneratedStore | LogStore | StoredFlight:
-    """As `open_missions`, and also a single flight of `twin simulate` with sensors.
+    """Open a store as `open_missions`, or a single flight of `twin simulate` with sensors.
 
     Raises:
-      StoreError: it cannot be read, is none of these, holds no missions, or was flown without
-        sensors.
+      StoreError: the store cannot be read, is none of these, holds no missions, or was flown
+        without sensors.
     """
     with MissionStore(path) as reader:
         reader.check_filled()

@@ -1,16 +1,15 @@
-"""Generate: all missions of a recipe into one store, resumable at any moment.
+"""Generation: make the store of a recipe, in parallel and resumable at any moment.
 
-How a store is made:
+Steps that make a store:
 
-- Plan. The recipe says how long each mission lasts, and its bytes follow from the recipe and its
-  number alone. `Layout` cuts the missions into shards.
-- Workers. Shards are flown by whatever runs them, in any order, and twice if need be; nobody
-  coordinates and nothing conflicts.
-- Shard. A worker flies its missions and puts a file of each signal into the tree of the job
+- Plan. The recipe gives the duration of each mission. The recipe and a mission's number alone
+  decide the mission's bytes. `Layout` groups the missions into shards.
+- Workers. Any worker flies any shard, in any order, even twice; no coordination is needed.
+- Shard. A worker flies the shard's missions and puts a file of each signal into the tree of the job
   (`fly_shard`).
-- Marker. Then it leaves the shard's marker. A run flies the shards that have none, so that a kill
-  at any moment costs the shards that were being flown.
-- Finish. `complete` writes from the markers what is not in the shards, the metadata last, and
+- Marker. The worker then writes the shard's marker. A run flies only shards without a marker, so a
+  kill costs only the shards in flight.
+- Finish. `complete` writes all other arrays from the markers, the metadata last, and
   `Job.give_name` gives the store its name in one step.
 """
 
@@ -48,32 +47,32 @@ if TYPE_CHECKING:
 
 
 Watcher = Callable[[float, int], None]
-"""Called with the hours [h] of a finished mission and the attempts that it needed beyond one."""
+"""Function called with the duration [h] of a finished mission and its number of failed attempts"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """What a run did."""
+    """Summary of a run of `generate`."""
 
     store: StorePath | AnyStore
-    """where the missions are: a path, an address or an open zarr store"""
+    """Path, address or open zarr store with the missions"""
     missions: int
     hours: float
-    """[h] of all missions in the store"""
+    """[h] Simulated time of all missions in the store"""
     flown: int
-    """missions that this run flew; the others were there"""
+    """Number of missions that this run flew; the others existed already"""
     flown_hours: float
-    """[h]"""
+    """[h] Simulated time of the missions that this run flew"""
     failed: int
-    """attempts that failed and were replaced, in the whole store"""
+    """Number of failed and replaced attempts in the whole store"""
     wall_s: float
-    """[s] this run took"""
+    """[s] Elapsed time of this run"""
     stored_bytes: int
-    """size of the store's files"""
+    """[byte] Size of the store's files"""
 
     @property
     def times_real_time(self) -> float:
-        """Simulated over elapsed time of this run."""
+        """[1] Simulated time over elapsed time of this run."""
         return self.flown_hours * HOUR / self.wall_s
 
 
@@ -91,23 +90,23 @@ def generate(
     """Make the store at `out`.
 
     Args:
-      workers: processes of this machine; None: as many as it may use CPUs.
+      workers: number of local processes; None: the number of CPUs that this process may use.
       out: a path, or an address such as s3://bucket/missions.zarr.
-      executor: what flies the shards instead of such processes: any executor of
-        `concurrent.futures`, that of a dask client too. It must reach `out` by the same path.
-      resume: continue a store that an earlier run left incomplete; start one if there is none.
-      overwrite: replace what is there, once the new store is complete.
-      history: what the log beside the store says that the run was called with.
+      executor: executor of `concurrent.futures` that flies the shards instead of local processes,
+        such as a dask client's. It must reach `out` by the same path.
+      resume: complete an unfinished store; start the store if there is none.
+      overwrite: replace an existing store once the new store is complete.
+      history: command to write into the log beside the store.
 
     Raises:
-      StoreError: something is in the way, another recipe is to be resumed, or the disk refuses.
-        Finished shards are kept, and `resume` goes on from them.
-      TwinError: a mission that no attempt could fly, or a dead worker.
+      StoreError: `out` exists, the unfinished store has another recipe, or the disk refuses.
+        Finished shards are kept, and `resume` continues from them.
+      TwinError: all attempts at a mission failed, or a worker died.
     """
     begun = time.perf_counter()
     store = store_path(out)
     if executor is not None and isinstance(store, Path):
-        store = store.absolute()  # its processes may work in other folders
+        store = store.absolute()  # the executor's processes may have other working folders
     if workers is not None and executor is not None:
         raise StoreError("give either workers or an executor, which has its own")
     if workers is not None and workers < 1:
@@ -128,7 +127,7 @@ def generate(
                     recipe.warm()
                     most = min(workers or processors(), len(shards))
                     executor = pool.enter_context(local_pool(most, fork=job.local))
-                for shard, failures in _flown(executor, job, shards):
+                for shard, failures in _fly_shards(executor, job, shards):
                     report_shard(job, shard, failures, watch)
             complete(job)
             job.give_name()
@@ -137,7 +136,7 @@ def generate(
 
 @contextlib.contextmanager
 def reported(store: StorePath) -> Iterator[None]:
-    """Say of the errors of a disk or a storage what is kept and how to go on."""
+    """Translate errors of a disk or storage to a StoreError that says how to continue."""
     try:
         yield
     except OSError as error:
@@ -145,13 +144,13 @@ def reported(store: StorePath) -> Iterator[None]:
         if isinstance(store, Path):
             what += "; finished missions are kept: make room or a writable place, then continue "
             what += "with --resume"
-        elif not isinstance(error, PermissionError | NotADirectoryError):  # else none was begun
+        elif not isinstance(error, PermissionError | NotADirectoryError):  # before any mission
             what += "; finished missions are kept: continue with --resume"
         raise StoreError(what) from error
 
 
 def missing_shards(job: Job, shards: Sequence[int], watch: Watcher | None = None) -> list[int]:
-    """Shards, of these, that have to be flown; the missions of the others are reported."""
+    """Find the shards that have to be flown; report the missions of the finished shards."""
     sizes = dict(job.tree.sizes())
     missing = [shard for shard in shards if finished(job, shard, sizes) is None]
     for shard in shards:
@@ -161,29 +160,29 @@ def missing_shards(job: Job, shards: Sequence[int], watch: Watcher | None = None
 
 
 def report_shard(job: Job, shard: int, failures: Sequence[int], watch: Watcher | None) -> None:
-    """Report the missions of a finished shard, with the attempts that each needed beyond one."""
+    """Report each mission of a finished shard to `watch`, with its number of failed attempts."""
     if watch is not None:
         for mission, more in zip(job.layout.missions_of(shard), failures, strict=True):
             watch(job.recipe.plan.durations_s[mission] / HOUR, more)
 
 
 def fly(job: Job, shard: int) -> tuple[int, ...]:
-    """Fly a shard in a worker, which alone needs what flies; see `fly_shard`."""
+    """Fly a shard with `fly_shard`, which only workers import."""
     from factory.generation.shard import fly_shard
 
     return fly_shard(job, shard)
 
 
-def _flown(
+def _fly_shards(
     pool: Executor | None, job: Job, shards: Sequence[int]
 ) -> Iterator[tuple[int, tuple[int, ...]]]:
-    """Have shards flown; yields each as it is kept, in any order, with its failures."""
+    """Fly shards in a pool; yields each finished shard, in any order, with its failed attempts."""
     flying: dict[Future[tuple[int, ...]], int] = {}
     try:
         for shard in shards:
             assert pool is not None
             flying[pool.submit(fly, job, shard)] = shard
-        load_zarr()  # while others fly
+        load_zarr()  # imports zarr while the workers fly
         for future in concurrent.futures.as_completed(flying):
             yield flying[future], future.result()
     except BrokenProcessPool as error:
@@ -194,7 +193,7 @@ def _flown(
 
 
 def _summary(job: Job, begun: float, flown: Iterable[int]) -> Summary:
-    """Summary of a run that began at `begun` [s] of `perf_counter` and flew some shards."""
+    """Summarise a run that began at `begun` [s] of `perf_counter` and flew the shards `flown`."""
     plan, layout = job.recipe.plan, job.layout
     missions = [mission for shard in flown for mission in layout.missions_of(shard)]
     return Summary(
@@ -217,20 +216,19 @@ def generate_into(
     executor: Executor | None = None,
     watch: Watcher | None = None,
 ) -> Summary:
-    """Make the missions in a temporary folder of this machine, then copy every key.
+    """Make the missions in a temporary folder of this machine, then copy all files into `store`.
 
-    Nothing is committed: a store with sessions, as icechunk has, keeps them by one commit of its
-    own when this returns.
+    For a store with sessions, such as icechunk's, the caller must commit the session afterwards.
 
     Args:
-      store: empty, and open for writing.
-      workers, executor, watch: as of `generate`.
+      store: empty zarr store, open for writing.
+      workers, executor, watch: as in `generate`.
 
     Returns:
-      What was done, of `store`.
+      Summary of the run, with `store`.
 
     Raises:
-      StoreError: the store is read-only or holds something, and as `generate`.
+      StoreError: the store is read-only or not empty, or as `generate`.
     """
     check_empty(store)
     with tempfile.TemporaryDirectory(prefix="glider-twin-") as folder:

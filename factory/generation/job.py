@@ -1,17 +1,16 @@
-"""Job: a recipe and the place of its store, which every process that works for it has.
+"""Job: a recipe and the path of its store, which every worker process receives.
 
-Beside the store `NAME` lies the folder `NAME.generating`. It holds, for the recipe's hash, the
-recipe itself, a marker of every finished shard, and `tree`, which becomes the store in one step. So
-a store is under its name when it is complete and not before, and what a run of another recipe
-leaves can never get into it.
+Beside the store `NAME` lies the folder `NAME.generating`. It has a folder for each recipe's hash,
+with the recipe, a marker of every finished shard, and `tree`, which becomes the store in one
+rename. So NAME exists only once the store is complete, and files of different recipes never mix.
 
-An object storage has no such step. There the tree grows under the store's own name, and the store
-is one when its `zarr.json` appears, which is written last. Locks it has none either, and needs none
-for runs of one recipe, which write the same bytes. Those of two recipes must not meet there: the
-first one that was begun keeps the name.
+An object storage has no rename. There the tree grows under the store's own name, and the store is
+complete when its `zarr.json` exists, which is written last. An object storage has no locks either.
+Runs of one recipe need none, because they write the same bytes. A run of another recipe is refused:
+the recipe that began first keeps the name.
 
-Layout: which missions make a shard; by their number and how many fly together.
-Target: the name that a store is to have: whether it is free, and how the store gets it.
+`Layout` groups missions into shards, by their number and the size of a batch.
+`check_target` checks the name of a store before a run.
 """
 
 from __future__ import annotations
@@ -44,45 +43,46 @@ from twin.records.storage.store_path import Files, StorePath, Url, files_at
 from twin.records.storage.whole import take_place
 
 DIGITS = 16
-"""Of a recipe's hash, in names of folders"""
+"""Number of digits of a recipe's hash in the name of its folder"""
 MARKER = re.compile(r"done/(\d{7,12})-(\d{7,12})")
-"""Key of a shard's marker: its first and last mission"""
-_READY: dict[str, Recipe] = {}
-"""The recipe that this process had last, by its hash: it is planned and compiled once. Forked
-workers have that of their parent."""
-_HELD: set[int] = set()
-"""Open files that hold locks"""
+"""Key of a shard's marker, with the shard's first and last mission"""
+_LAST_RECIPE: dict[str, Recipe] = {}
+"""Last recipe of this process by its hash, kept so that it is planned and compiled only once.
+Forked workers inherit it from their parent."""
+_LOCKS: set[int] = set()
+"""Descriptors of open files with locks"""
 MOST_IN_SHARD = 64
-"""Missions in a shard: 48 h of preset paper, a MB per signal, some seconds of work"""
+"""Most missions in a small store's shard: 48 h of preset paper, 1 MB per signal, seconds of work"""
 SHARDS_PER_STORE = 8
-"""Fewest shards, if there are enough missions: processes that share a store end together"""
+"""Least number of shards, if there are enough missions, so that parallel workers end together"""
 SHARDS_ABREAST = 4
-"""Fewest shards of the batched engine: of 64 missions each takes a twentieth of one alone"""
+"""Least number of shards with the batched engine. In a batch of 64, a mission takes a twentieth of
+the time of a single one."""
 MOST_SHARDS = 192
-"""Shards of a large store grow instead: a million missions stay below 20 000 files"""
+"""Most shards of a store; beyond it shards grow, so a million missions stay below 20 000 files."""
 ROWS = 65_536
-"""Missions in a chunk of an array that holds one value of each mission"""
+"""Most missions in a chunk of an array with one value for each mission, rounded to whole shards"""
 MAX_DIFFERENCES = 5
-"""Differences named when a resume is refused."""
+"""Most differences between recipes that an error names"""
 
 
 class Layout(NamedTuple):
-    """The shards of a store of `missions`."""
+    """Division of a store's missions into shards."""
 
     missions: int
     abreast: int = 1
-    """missions that fly together"""
+    """Number of missions in a batch of the engine"""
 
     @property
     def shard_missions(self) -> int:
-        """Missions in each shard; the last one may have fewer."""
+        """Number of missions in each shard; the last shard may have fewer."""
         least = SHARDS_PER_STORE if self.abreast == 1 else SHARDS_ABREAST
         usual = min(MOST_IN_SHARD, -(-self.missions // least))
         return usual * -(-self.missions // (usual * MOST_SHARDS))
 
     @property
     def row_missions(self) -> int:
-        """Missions in each chunk of an array over missions: whole shards."""
+        """Number of missions in each chunk of an array over missions: whole shards."""
         shard = self.shard_missions
         return min(self.missions, shard * max(1, ROWS // shard))
 
@@ -92,24 +92,24 @@ class Layout(NamedTuple):
         return range(-(-self.missions // self.shard_missions))
 
     def missions_of(self, shard: int) -> range:
-        """Missions of one shard."""
+        """Numbers of the missions of a shard."""
         size = self.shard_missions
         return range(shard * size, min((shard + 1) * size, self.missions))
 
 
 class Job:
-    """A recipe and the place of its store.
+    """Recipe and path of its store.
 
-    It travels to other processes as text, so that whatever a recipe holds, a sensor of a plugin
-    too, is made there by the same registered kinds. The text is read by the task that needs it: a
-    worker that cannot read it can say so then, and would end if it could not even take the task.
+    A job is pickled with its recipe as text, so that another process builds all parts, also those
+    of plugins, from its own registries. Only a task that needs the recipe reads the text: a worker
+    that cannot read the text then raises an error, while a failed unpickling would end the worker.
     """
 
     def __init__(self, recipe: Recipe, store: StorePath):
         self.store, self.recipe, self.digest = store, recipe, recipe.digest
         self._text = json.dumps(recipe.document())
-        _READY.clear()
-        _READY[self.digest] = recipe
+        _LAST_RECIPE.clear()
+        _LAST_RECIPE[self.digest] = recipe
 
     def __getstate__(self) -> dict[str, Any]:
         return {"store": self.store, "digest": self.digest, "_text": self._text}
@@ -119,33 +119,33 @@ class Job:
         """Recipe of the store.
 
         Raises:
-          StoreError: libraries have other versions here, so that it would make other bytes.
+          StoreError: libraries here have other versions, which would make other bytes.
         """
-        found = _READY.get(self.digest)
+        found = _LAST_RECIPE.get(self.digest)
         if found is None:
             found = read_recipe(json.loads(self._text))
-            _READY.clear()
-            _READY[self.digest] = found
+            _LAST_RECIPE.clear()
+            _LAST_RECIPE[self.digest] = found
         return found
 
     @functools.cached_property
     def layout(self) -> Layout:
-        """Its shards."""
+        """Division of the missions into shards."""
         return Layout(len(self.recipe.plan), self.recipe.abreast)
 
     @property
     def local(self) -> bool:
-        """Whether the store is a folder of this machine."""
+        """True if the store is a folder of this machine."""
         return isinstance(self.store, Path)
 
     @property
     def folder(self) -> StorePath:
-        """All that runs of this recipe keep."""
+        """Folder with all files that runs of this recipe keep."""
         return generating(self.store) / self.digest[:DIGITS]
 
     @functools.cached_property
     def files(self) -> Files:
-        """The recipe and markers."""
+        """Files of the folder: the recipe and markers."""
         return files_at(self.folder)
 
     @functools.cached_property
@@ -154,15 +154,15 @@ class Job:
         return files_at(self.folder / "tree" if self.local else self.store)
 
     def marker(self, shard: int) -> str:
-        """Key of the marker of a shard, in `files`."""
+        """Return the key of a shard's marker in `files`."""
         missions = self.layout.missions_of(shard)
         return f"done/{missions[0]:07d}-{missions[-1]:07d}"
 
     def begin(self) -> None:
-        """Make the folder, with the recipe in it; does nothing where it is.
+        """Write the recipe into the folder, unless it is there.
 
         Raises:
-          StoreError: another recipe was begun at the same moment, where there are no locks.
+          StoreError: in an object storage, a run of another recipe began at the same moment.
         """
         if self.files.exists(RECIPE):
             return
@@ -176,30 +176,30 @@ class Job:
             )
 
     def sweep(self) -> None:
-        """Remove what processes that are gone left half-written; nobody else works here."""
+        """Remove temporary files of dead processes; the caller must hold the lock alone."""
         if isinstance(self.folder, Path):
             sweep(self.folder)
 
     def clear(self) -> None:
-        """Remove what this recipe's runs keep, and the folder when nothing else is in it.
+        """Remove the folder of this recipe, and `NAME.generating` if it is empty then.
 
-        Nobody else works here.
+        The caller must hold the lock alone.
         """
         self.files.remove_all()
         outer = generating(self.store)
         if isinstance(outer, Path):
             with contextlib.suppress(OSError):
-                for left in outer.iterdir():  # of a run that was killed as it began
+                for left in outer.iterdir():  # left by runs that were killed before `begin`
                     if left.is_dir() and not (left / RECIPE).exists():
                         shutil.rmtree(left, ignore_errors=True)
                 (outer / "lock").unlink(missing_ok=True)
                 outer.rmdir()
 
     def give_name(self) -> None:
-        """Make a store of the complete tree; what was under its name goes.
+        """Rename the complete tree to the store's name, replacing an old store there.
 
         Raises:
-          OSError: the disk refuses; the tree stays, and --resume goes on from it.
+          OSError: the disk refuses; the tree stays, and --resume continues from it.
         """
         if isinstance(self.store, Path) and isinstance(self.folder, Path):
             sync_tree(self.folder / "tree")
@@ -208,19 +208,19 @@ class Job:
 
 
 def missions_kept(folder: StorePath) -> int:
-    """Missions of the finished shards of a run that was begun, by the names of their markers."""
+    """Count the missions in an unfinished run's finished shards, by the names of the markers."""
     found = map(MARKER.fullmatch, files_at(folder).all_keys())
     return sum(max(0, int(one[2]) - int(one[1]) + 1) for one in found if one)
 
 
 @contextlib.contextmanager
 def locked(store: StorePath, *, shared: bool = False) -> Iterator[None]:
-    """Hold the working folder of a store for this process, alone or with others that share it.
+    """Lock the working folder of a store for this process, alone or shared with other processes.
 
-    An object storage has no locks.
+    In an object storage, which has no locks, this does nothing.
 
     Raises:
-      StoreError: another run is working there.
+      StoreError: another run holds the lock.
     """
     folder = generating(store)
     if isinstance(folder, Url):
@@ -228,7 +228,7 @@ def locked(store: StorePath, *, shared: bool = False) -> Iterator[None]:
         return
     folder.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o644)
-    _HELD.add(descriptor)
+    _LOCKS.add(descriptor)
     try:
         if not lock(descriptor, shared=shared):
             raise StoreError(
@@ -236,27 +236,27 @@ def locked(store: StorePath, *, shared: bool = False) -> Iterator[None]:
             )
         yield
     finally:
-        _HELD.discard(descriptor)
+        _LOCKS.discard(descriptor)
         os.close(descriptor)
 
 
 def close_locks() -> None:
-    """Close the locks that a forked process has of its parent: only the parent may hold them."""
-    while _HELD:
-        os.close(_HELD.pop())
+    """Close the locks that a forked process inherits: only the parent may hold them."""
+    while _LOCKS:
+        os.close(_LOCKS.pop())
 
 
 def check_target(
     recipe: Recipe, store: StorePath, *, resume: bool, overwrite: bool, alone: bool = False
 ) -> bool:
-    """Check the place of a store; True where it is complete and of this recipe already.
+    """Check the path of a store; True if a complete store of this recipe is there already.
 
     Args:
-      alone: nobody else works for this store: what runs of other recipes have begun is removed
-        when `overwrite` says so.
+      alone: whether this process holds the lock alone; then unfinished runs that kept nothing or
+        that `overwrite` replaces are removed.
 
     Raises:
-      StoreError: something is in the way, or another recipe is to be resumed.
+      StoreError: the path holds something else, or an unfinished store of another recipe.
     """
     check_ending(store)
     local, present = isinstance(store, Path), is_there(store)
@@ -276,7 +276,7 @@ def check_target(
     if complete and not overwrite:
         if not resume:
             raise StoreError(f"store {store} already exists; {way}")
-        settings = _settings(store)
+        settings = _read_settings(store)
         if differences(settings, recipe.describe()) and Job(recipe, store).folder in others:
             raise StoreError(
                 f"store {store} is of other settings, and one of these was begun in its place: "
@@ -285,7 +285,7 @@ def check_target(
         _check_same(store, settings, recipe, way)
         return True
     for other in others:
-        # without locks it is unknown whether a run that has kept nothing yet is alive
+        # in an object storage, a run without finished shards may still be alive
         if (overwrite and not resume) or (local and not missions_kept(other)):
             if alone:
                 files_at(other).remove_all()
@@ -293,34 +293,34 @@ def check_target(
         if not resume:
             again = ", --overwrite starts again" if local else ""
             raise StoreError(f"store {store} is incomplete: --resume completes it{again}")
-        _check_same(store, _document(other)[SETTINGS], recipe, way)
+        _check_same(store, _read_document(other)[SETTINGS], recipe, way)
     return False
 
 
 class Unfinished(NamedTuple):
-    """A store that a run has begun and not completed."""
+    """Store that a run began and did not complete."""
 
     settings: dict[str, Any]
     missions_kept: int
 
 
 def unfinished(path: StorePath) -> Unfinished | None:
-    """Describe an unfinished store; None when the store is complete or there is none."""
+    """Describe an unfinished store; None if the store is complete or there is none."""
     for folder in [] if is_complete(path) else begun(path):
-        return Unfinished(_document(folder)[SETTINGS], missions_kept(folder))
+        return Unfinished(_read_document(folder)[SETTINGS], missions_kept(folder))
     return None
 
 
 def recipe_begun(path: StorePath) -> Recipe:
-    """The recipe of a run that was begun, from its folder; raises StoreError."""
-    return read_recipe(_document(path))
+    """Read the recipe of an unfinished run from its folder; raises StoreError."""
+    return read_recipe(_read_document(path))
 
 
 def recipe_of(store: StorePath) -> Recipe:
-    """The recipe of a complete store; raises StoreError."""
+    """Read the recipe of a complete store; raises StoreError."""
     attributes = read_attributes(store)
     changes, vehicle = json.loads(attributes.get(CHANGES, "{}")), attributes.get(VEHICLE_MJCF)
-    return read_recipe({SETTINGS: _settings(store), CHANGES: changes, VEHICLE_MJCF: vehicle})
+    return read_recipe({SETTINGS: _read_settings(store), CHANGES: changes, VEHICLE_MJCF: vehicle})
 
 
 def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe, way: str) -> None:
@@ -334,8 +334,8 @@ def _check_same(store: StorePath, old: Mapping[str, Any], recipe: Recipe, way: s
         )
 
 
-def _document(path: StorePath) -> dict[str, Any]:
-    """The recipe that a run was begun with."""
+def _read_document(path: StorePath) -> dict[str, Any]:
+    """Read the file with the recipe of an unfinished run."""
     try:
         document: dict[str, Any] = json.loads(files_at(path).read_small(RECIPE))
         _ = document[SETTINGS]
@@ -346,7 +346,7 @@ def _document(path: StorePath) -> dict[str, Any]:
     return document
 
 
-def _settings(store: StorePath) -> dict[str, Any]:
+def _read_settings(store: StorePath) -> dict[str, Any]:
     attributes = read_attributes(store)
     check_version(attributes, store)
     if is_logged(attributes):

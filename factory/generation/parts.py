@@ -1,8 +1,8 @@
-"""Parts: one store made by many commands that know nothing of each other, as job arrays are.
+"""Parts: make one store with many independent commands, such as the tasks of a job array.
 
-Part i of n flies every n-th shard. Parts may run at once, one after the other, twice, on machines
+Part i of n flies every n-th shard. Parts may run at once, one after the other or twice, on machines
 that share a file system or an object storage.
-`finish` completes the store, or says which parts have to run again.
+`finish` completes the store, or lists the parts that have to run again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from twin.records.storage.store_path import StorePath, store_path
 SLURM_TASK = "SLURM_ARRAY_TASK_ID"
 SLURM_COUNT, SLURM_FIRST = "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN"
 ARRAY = "array.json"
-"""In the working folder: first index and number of the parts of a job array"""
+"""File in the working folder with the first index and the number of the job array's parts"""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class StorePart:
     first: int = 0
 
     def shards(self, layout: Layout) -> range:
-        """Its shards."""
+        """Numbers of the part's shards."""
         return layout.shards[self.index - self.first :: self.count]
 
 
 def parse_part(text: str) -> StorePart:
-    """From `i/n`, i from 0 to n - 1.
+    """Parse a part from `i/n`, with i from 0 to n - 1.
 
     Raises:
-      InputError: it is something else.
+      InputError: the text has another form, or i is too large.
     """
     index, slash, count = text.partition("/")
     if not (slash and index.isdecimal() and count.isdecimal()):
@@ -68,7 +68,7 @@ def parse_part(text: str) -> StorePart:
 
 
 def slurm_part(environment: Mapping[str, str] = os.environ) -> StorePart | None:
-    """The part of this task of a Slurm job array; None outside of one."""
+    """Return the part for this task of a Slurm job array; None outside a job array."""
     if SLURM_TASK not in environment:
         return None
     try:
@@ -81,7 +81,7 @@ def slurm_part(environment: Mapping[str, str] = os.environ) -> StorePart | None:
 
 
 def hours_of(recipe: Recipe, part: StorePart) -> float:
-    """Simulated hours of the missions of a part."""
+    """[h] Simulated time of a part's missions."""
     layout = Layout(len(recipe.plan), recipe.abreast)
     durations = recipe.plan.durations_s
     missions = (m for shard in part.shards(layout) for m in layout.missions_of(shard))
@@ -96,11 +96,11 @@ def generate_part(
     history: str = "factory.generate",
     watch: Watcher | None = None,
 ) -> tuple[int, int]:
-    """Fly the shards of one part that are not there; missions flown now, and missions of the part.
+    """Fly the missing shards of one part; returns the missions flown now and the part's missions.
 
     Raises:
-      StoreError: something else is under the name, or the disk refuses. InputError: no such part,
-        or a mission that no attempt could fly.
+      StoreError: `out` cannot hold the store, or the disk refuses.
+      InputError: no such part, or all attempts at a mission failed.
     """
     store = store_path(out)
     job = Job(recipe, store)
@@ -109,7 +109,7 @@ def generate_part(
             return 0, 0
         with locked(store, shared=True):
             job.begin()
-            part = _fixed(job, part)
+            part = _recount_part(job, part)
             note(store, recipe, f"{history} (part {part.index} of {part.count})")
             mine = part.shards(job.layout)
             missing = missing_shards(job, mine, watch)
@@ -122,10 +122,10 @@ def generate_part(
 
 
 def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
-    """Complete a store whose parts have all run; what was done, and the recipe.
+    """Complete a store whose parts have all run; returns the summary and the recipe.
 
     Raises:
-      StoreError: parts are missing, which the message lists, or nothing was begun.
+      StoreError: parts are missing (the message lists them), or the store was not begun.
     """
     store = store_path(out)
     places = begun(store)
@@ -143,12 +143,12 @@ def finish(out: str | StorePath) -> tuple[Summary, Recipe]:
             with locked(store):
                 missing = missing_shards(job, job.layout.shards)
             if missing:
-                raise StoreError(_missing(job, missing))
+                raise StoreError(_describe_missing(job, missing))
     return generate(recipe, store, resume=True, history="factory finish"), recipe
 
 
-def _fixed(job: Job, part: StorePart) -> StorePart:
-    """The part as the first task of the array counted them: when some tasks run again, Slurm
+def _recount_part(job: Job, part: StorePart) -> StorePart:
+    """Return the part with the count of the array's first run. If some tasks run again, Slurm
     counts only these.
 
     Raises:
@@ -157,7 +157,7 @@ def _fixed(job: Job, part: StorePart) -> StorePart:
     if not job.files.exists(ARRAY):
         array = {"first": part.first, "count": part.count}
         job.files.write(ARRAY, json.dumps(array).encode(), safe=True)
-    first, count = _array(job)
+    first, count = _read_array(job)
     if not 0 <= part.index - first < count:
         raise InputError(
             f"part {part.index}: {job.store} was begun in {count} parts, {first} to "
@@ -166,11 +166,11 @@ def _fixed(job: Job, part: StorePart) -> StorePart:
     return StorePart(part.index, count, first)
 
 
-def _array(job: Job) -> tuple[int, int]:
-    """First index and number of the parts, as the first task of the array counted them.
+def _read_array(job: Job) -> tuple[int, int]:
+    """Read the first index and the number of parts that the array's first task wrote.
 
     Raises:
-      StoreError: the file that says so is damaged.
+      StoreError: the file is damaged.
     """
     try:
         kept = json.loads(job.files.read_small(ARRAY))
@@ -185,13 +185,13 @@ def _array(job: Job) -> tuple[int, int]:
     return first, count
 
 
-def _missing(job: Job, shards: list[int]) -> str:
-    """Which parts have to run again, in words that can be pasted."""
+def _describe_missing(job: Job, shards: list[int]) -> str:
+    """Error message with the parts that have to run again, as an option for Slurm."""
     missing = sum(len(job.layout.missions_of(shard)) for shard in shards)
     start = f"{missing} of {job.layout.missions} missions of {job.store} are missing"
     if not job.files.exists(ARRAY):
         return f"{start}: complete it with the command that began it and --resume"
-    first, count = _array(job)
+    first, count = _read_array(job)
     parts = sorted({shard % count + first for shard in shards})
     groups = itertools.groupby(enumerate(parts), lambda one: one[1] - one[0])
     runs = [[part for _, part in group] for _, group in groups]  # as Slurm writes them: 1,3-5

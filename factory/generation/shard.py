@@ -1,10 +1,10 @@
-"""Shard: the unit of work: its missions are flown, its files made whole, its marker left.
+"""Shard: the unit of work, which flies some missions and writes their signals and a marker.
 
-A task flies the missions of a shard and encodes them one after the other into files of a folder of
-its own. Then each file gets its name in the tree, and the marker is written last, when they are on
-the disk. A shard without a marker is flown again; one that two processes make at once has the same
-bytes twice. A mission that fails is drawn again as its next attempt, so that its number alone
-decides its bytes.
+A task flies the missions of a shard and encodes each into files of a temporary folder. The task
+then moves the files into the tree of the job, and writes the marker when all files are on the disk.
+A shard without a marker is flown again. Two processes that fly one shard at once make the same
+bytes. If a mission fails, its parameters are sampled again for the next attempt, so the mission's
+number alone decides its bytes.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ from twin.records.storage.sharded import ShardWriter, stored_values
 from twin.vehicle.consumption import ENERGY
 
 Signals = Mapping[str, NDArray[Any]]
-"""By name: (samples,) of one mission, as the store keeps them"""
+"""Signals of one mission by name, each (samples,), in the values of the store"""
 MOST_SAMPLES = 500_000
-"""Of missions that fly together, whose logs are in memory at once: about 400 bytes each"""
+"""Most samples in a batch of missions; each sample takes about 400 bytes of memory."""
 MAX_ATTEMPTS = 20
-"""So many failures in a row mean impossible distributions, not bad luck."""
-_ALONE = threading.RLock()
+"""Number of failed attempts at a mission after which its distributions count as impossible"""
+_TASK_LOCK = threading.RLock()
 _TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)
-"""glibc's; None with another C library"""
+"""glibc's function that returns freed memory to the system; None with another C library"""
 
 
 @contextlib.contextmanager
 def alone() -> Iterator[None]:
-    """One task at a time in this process, whose executor may have threads: MuJoCo's warnings,
-    numba's tables and staging folders are those of the whole process.
+    """Run one task at a time in this process, even if the executor has threads. MuJoCo's warnings,
+    numba's tables and staging folders belong to the whole process.
 
-    Afterwards what the task freed goes back to the system. glibc would keep it in pieces, and a
-    process that flies for days would hold more and more.
+    Afterwards return freed memory to the system. glibc would keep it in fragments, and a process
+    that flies for days would grow.
     """
-    with _ALONE:
+    with _TASK_LOCK:
         try:
             yield
         finally:
@@ -65,13 +65,13 @@ def alone() -> Iterator[None]:
 
 @alone()
 def fly_shard(job: Job, number: int) -> tuple[int, ...]:
-    """Fly the missions of a shard and put its files in the tree.
+    """Fly the missions of a shard and put the shard's files into the tree of the job.
 
     Returns:
-      The attempts that each mission needed beyond one.
+      The number of failed attempts at each mission.
 
     Raises:
-      InputError: a mission that no attempt could fly. OSError: the disk refuses.
+      InputError: all attempts at a mission failed. OSError: the disk refuses.
       StoreError: another process has made the shard with other bytes.
     """
     if not job.files.exists(RECIPE):
@@ -99,12 +99,12 @@ def fly_shard(job: Job, number: int) -> tuple[int, ...]:
             job.tree.take({key: writer.folder / key.partition("/")[0] for key in sums})
             job.files.write(job.marker(number), marker.to_bytes(), safe=True)
         elif before.files != sums:
-            raise StoreError(_differ(number, before, marker))
+            raise StoreError(_describe_difference(number, before, marker))
     return tuple(len(one.failures) for one in flown)
 
 
-def _differ(number: int, before: Marker, now: Marker) -> str:
-    """Two processes that should have made the same bytes and did not."""
+def _describe_difference(number: int, before: Marker, now: Marker) -> str:
+    """Error message for two processes that made a shard with different bytes."""
     names = sorted(before.files.keys() | now.files.keys())
     name = next(n for n in names if before.files.get(n) != now.files.get(n))
     sums = [m.files[name].sha256[:12] if name in m.files else "no file" for m in (before, now)]
@@ -121,7 +121,7 @@ def _differ(number: int, before: Marker, now: Marker) -> str:
 
 
 def together(recipe: Recipe, missions: Iterable[int]) -> Iterator[list[int]]:
-    """Missions in groups that fly together, whose logs fit into the memory of a worker."""
+    """Group missions into batches whose logs fit into a worker's memory."""
     group: list[int] = []
     samples = 0
     for mission in missions:
@@ -136,14 +136,13 @@ def together(recipe: Recipe, missions: Iterable[int]) -> Iterator[list[int]]:
 
 
 def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMission, Signals]]:
-    """Fly missions, together where the recipe's engine can; failed attempts are recorded and
-    replaced.
+    """Fly missions, as a batch if the recipe's engine can; record and replace failed attempts.
 
     Returns:
-      What is kept of each mission, and all that a store has of it over (mission, time).
+      The record of each mission, and its signals and coordinates for the store.
 
     Raises:
-      InputError: no attempt at a mission succeeded; names the distributions to narrow.
+      InputError: all attempts at a mission failed; the message names the distributions to narrow.
     """
     made: dict[int, tuple[FlownMission, Signals]] = {}
     failures: dict[int, list[FailedAttempt]] = {mission: [] for mission in missions}
@@ -154,7 +153,7 @@ def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMis
         if attempt + 1 == MAX_ATTEMPTS:
             raise InputError(
                 f"mission {mission} failed {MAX_ATTEMPTS} times, last: {reason(error)}; "
-                f"{_to_narrow(recipe, reason(error))}"
+                f"{_advise_narrowing(recipe, reason(error))}"
             )
 
     while len(made) < len(missions):
@@ -171,7 +170,7 @@ def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMis
             seed = sensor_seed(recipe.seed, mission, attempt)
             draws[mission] = Draw(parameters=parameters, sensor_seed=seed)
         numbers, current = list(draws), recipe.given_current
-        with quiet_mujoco():  # an unstable mission is recorded and replaced instead
+        with quiet_mujoco():  # no warnings: an unstable mission is recorded and replaced
             for index, flight in fly_abreast(
                 list(draws.values()), recipe.vehicle, recipe.suite, current=current,
                 engine=recipe.engine,
@@ -195,8 +194,8 @@ def fly_missions(recipe: Recipe, missions: Sequence[int]) -> list[tuple[FlownMis
     return [made[mission] for mission in missions]
 
 
-def _to_narrow(recipe: Recipe, reason: str) -> str:
-    """Advice to narrow the distributions that the reason names, else those replaced."""
+def _advise_narrowing(recipe: Recipe, reason: str) -> str:
+    """Advice to narrow the distributions that `reason` names, or else those that the user set."""
     words = set(re.findall(r"\w+", reason))
     named = [name for name in recipe.table if name.partition(".")[2] in words] or [*recipe.changes]
     if not named:
@@ -206,17 +205,17 @@ def _to_narrow(recipe: Recipe, reason: str) -> str:
 
 
 def reason(error: TwinError) -> str:
-    """Why an attempt failed, the same words on every replay."""
+    """Describe why an attempt failed, in words that every replay repeats."""
     if isinstance(error, SimulationUnstable) and not isinstance(error, StepTooLong):
         return f"went unstable at {error.time_s:.1f} s"
     return str(error)
 
 
 def rounded_signals(flight: FlownSignals) -> dict[str, NDArray[np.float32]]:
-    """Every signal as the store keeps it, in the schema's order.
+    """Round every signal to the store's decimals, in the schema's order.
 
-    Energy is left out: it follows from the other signals and the vehicle that the store holds
-    (`MissionStore.energy`), and would add a fifteenth to the size of a store.
+    Energy is left out, because `MissionStore.energy` computes it from the stored signals and
+    vehicle; it would add a fifteenth to the size of a store.
     """
     signals = flight.signals
     return {

@@ -1,4 +1,4 @@
-"""Importing: logs of real vehicles in the schema of the missions that the factory flies."""
+"""Importing: logs of real vehicles, in the schema that simulated missions have too."""
 
 from typing import TYPE_CHECKING
 

@@ -1,6 +1,6 @@
-"""Unit of each angle of a log: as declared, else radian or degree by what a glider's can be.
+"""Angles of a log: their unit, and the magnetic declination where the log has none.
 
-Magnetic declination where a log has none: the reference field of the Earth at place and date.
+Units are used as declared, or inferred from a glider's possible angles. The declination is IGRF's.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from factory.importing.units import declared, factor_of, is_declared, is_of
 Array = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
-"""[rad] A full turn."""
+"""[rad] Full turn."""
 MARGIN = 1.05
-"""Rounding and calibration take a heading a little beyond a full turn."""
+"""Factor by which rounding and calibration may take a heading beyond a full turn."""
 _SHARE = 0.1
-"""A unit is decided by more than this part of the possible values: sentinels are fewer."""
+"""Fraction of the possible values that decides a unit; sentinels are fewer."""
 REACH = {
     "pitch": (1.6, 1.6),
     "roll": (MARGIN * np.pi, 0.7),
@@ -33,21 +33,21 @@ REACH = {
     "variation": (1.2, 1.2),
 }
 """[rad] Largest possible size of an angle, and the size that more than a tenth of its values exceed
-only where they are degrees. Pitch and rudder stay below 90 degree. No glider rolls by 40 degree for
-a tenth of its time, nor is a rudder so far over; the variation is below 70 degree wherever gliders
+only in degrees. Pitch and rudder stay below 90 degree. No glider rolls by 40 degree, or has its
+rudder so far over, for a tenth of its time. The variation is below 70 degree wherever gliders
 go."""
 _SLIGHT = 0.15
-"""A roll that never leaves so little is in radian (8.6 degree): as degrees it would be none."""
+"""[rad] A roll that stays below this (8.6 degree) is in radian: in degrees it would be no roll."""
 
 
 def in_degrees(kind: str, values: Array) -> bool | None:
-    """Whether angles are in degrees by themselves; None when they can be either.
+    """Tell by their values whether angles are in degrees: True, False (radian) or None (either).
 
     Args:
       kind: a key of `REACH`.
     """
     size = np.abs(values[np.isfinite(values)])
-    size = size[size <= MARGIN * 360.0]  # no angle in any unit
+    size = size[size <= MARGIN * 360.0]  # beyond: no angle in any unit
     if not size.size:
         return None
     if np.mean(size > REACH[kind][1]) > _SHARE:
@@ -60,13 +60,13 @@ def in_degrees(kind: str, values: Array) -> bool | None:
 def to_degrees(
     values: Array, subject: str, tally: Tally, *, kind: str, likely: bool = False
 ) -> Array:
-    """Native radian in degrees. A column that is in degrees already is taken as it is, counted.
+    """Convert native radian to degrees; a column that is in degrees already is kept, counted.
 
-    Values that cannot be such an angle become NaN, are counted, and do not decide the unit.
+    Impossible values become NaN, are counted, and do not decide the unit.
 
     Args:
       kind: a key of `REACH`.
-      likely: True when the log's other angles are in degrees; it decides where these do not.
+      likely: True when the log's other angles are in degrees; used if these values do not decide.
     """
     degrees = in_degrees(kind, values)
     if degrees is None:
@@ -82,7 +82,7 @@ def to_degrees(
 
 
 def jointly_degrees(channels: Mapping[str, Channel], kinds: Mapping[str, str]) -> bool:
-    """True when the angles of one log that can tell their unit are in degrees, by majority.
+    """True when most of the log's angles that show their unit are in degrees.
 
     One vehicle's software writes all its angles in one unit, so that a roll that could be either
     follows the pitch and the heading.
@@ -92,24 +92,24 @@ def jointly_degrees(channels: Mapping[str, Channel], kinds: Mapping[str, str]) -
 
 
 _TURN = 378.0
-"""[degree] Nothing beyond a full turn and a twentieth is a heading."""
+"""[degree] Largest heading: a full turn and a twentieth."""
 _NEARLY_ALL = 0.95
-"""Part of the values that a unit must fit; the rest can be sentinels."""
+"""Fraction of the values that a unit must fit; the rest can be sentinels."""
 _LEVEL, _FLAT = 0.01, 0.5 * np.pi
-"""Range of a pitch in radian: as degrees no glider dives with it."""
+"""Range of a dive's largest pitch in radian; in degrees it would be too flat for a dive."""
 FLYING = 20.0
-"""[m] A glider that was deeper has pitched."""
+"""[m] Depth beyond which a glider must have pitched."""
 
 
 def _is_flat(values: Array) -> bool:
-    """Whether a pitch never leaves what would be 90 degree in radian."""
+    """True if a pitch stays below pi/2, so that it may be in radian."""
     good = np.abs(values[np.isfinite(values)])
-    good = good[good <= 90.0]  # sentinels have no say
+    good = good[good <= 90.0]  # sentinels do not count
     return bool(good.size > 20 and _LEVEL < np.percentile(good, 99.0) < _FLAT)
 
 
 def from_degrees(values: Array, subject: str, tally: Tally, *, flying: bool) -> Array:
-    """Native degrees. A pitch that never leaves 1.5 in flight was in radian: converted, counted."""
+    """Angles in degrees; a pitch that stays below pi/2 in flight is converted from radian."""
     return _of_radian(values, subject, tally) if flying and _is_flat(values) else values
 
 
@@ -119,13 +119,13 @@ def _of_radian(values: Array, subject: str, tally: Tally, said: str = "native") 
 
 
 def within_a_turn(values: Array, subject: str, tally: Tally) -> Array:
-    """Headings [degree] without sentinels, which a modulo would make headings; counted."""
+    """Remove sentinels from headings [degree], which a modulo would turn into headings; counted."""
     impossible = np.isfinite(values) & (np.abs(values) > _TURN)
     return tally.removed(values, impossible, subject, f"no heading: beyond {_TURN:g} degree")
 
 
 def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
-    """Heading in degrees; one that turns and never leaves 0 to 2 pi was in radian, counted."""
+    """Heading in degrees; values that turn within 0 to 2 pi are converted from radian, counted."""
     values = within_a_turn(values, subject, tally)
     good = values[np.isfinite(values)]
     inside = np.abs(values) < 1.01 * TURN
@@ -136,7 +136,7 @@ def heading_degrees(values: Array, subject: str, tally: Tally) -> Array:
 
 
 def turns_in_radian(heading: Array) -> bool:
-    """Whether headings turn by half a turn and more, if they are radian, and by nothing else."""
+    """True if headings fit a turn in radian and vary by more than half of it."""
     good = heading[np.isfinite(heading)]
     if good.size <= 20 or np.mean((good >= -np.pi) & (good < 1.01 * TURN)) <= _NEARLY_ALL:
         return False
@@ -145,15 +145,15 @@ def turns_in_radian(heading: Array) -> bool:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LoggedAngle:
-    """One angle of the attitude, as a file has it."""
+    """Attitude angle, as a file has it."""
 
     values: Array
     unit: str
-    """As the file declares it; empty where it declares none."""
+    """Unit that the file declares; empty if it declares none."""
     subject: str
-    """The variable, for the report."""
+    """Name of the variable, for the report."""
     native: str = "degree"
-    """Unit of the format, where nothing is declared or tells: degree or radian."""
+    """Unit of the format, degree or radian, where none is declared or shown by the values."""
 
     @property
     def said(self) -> str:
@@ -162,7 +162,7 @@ class LoggedAngle:
 
     @property
     def in_radian(self) -> bool:
-        """Whether that is radian."""
+        """True if the unit of the values is radian."""
         return is_of(self.said, "degree") and factor_of(self.said, "degree") == np.degrees(1.0)
 
 
@@ -174,11 +174,11 @@ def attitude_degrees(
     *,
     deployment: str = "",
 ) -> dict[str, Array]:
-    """Angles of one log in degrees, by what each declares; those of another quantity are left out.
+    """Convert angles of one log to degrees as declared; leave out those of another quantity.
 
-    Radian that are called degrees are told by the sinking: a glider of 0.16 m/s at a third of a
-    degree would fly at 27 m/s. One software writes all its angles in one unit, so that roll and
-    heading follow the pitch.
+    Radian labelled as degrees show in the sink rate: a glider of 0.16 m/s at a third of a degree
+    would fly at 27 m/s. One software writes all its angles in one unit, so that roll and heading
+    follow the pitch.
 
     Args:
       angles: by a key of `REACH`.
@@ -219,7 +219,7 @@ def attitude_degrees(
 
 
 def calls_itself_magnetic(attributes: Mapping[str, object]) -> bool:
-    """Whether a variable says in its description that it is from magnetic north."""
+    """True if a variable's description says that it is from magnetic north."""
     words = (str(attributes.get(key, "")) for key in ("long_name", "comment", "standard_name"))
     return "magnetic" in " ".join(words).lower()
 
@@ -232,10 +232,10 @@ def _is_called_degrees(
     tally: Tally,
     deployment: str,
 ) -> bool:
-    """Whether a pitch that is in degrees by its file is in radian; suspect if it is neither."""
+    """True if a pitch declared in degrees is in radian; a pitch that is neither becomes suspect."""
     if one.in_radian or depth is None or not _is_flat(pitch):
         return False
-    depth = np.abs(depth)  # some files count it upward
+    depth = np.abs(depth)  # some files count depth upward
     flying = bool(np.nanmax(depth, initial=0.0) > FLYING)
     sinks = sinks_in_radian(time, depth, pitch)
     guessed = (one.native == "radian" and sinks is None) if is_declared(one.unit) else flying
@@ -246,18 +246,18 @@ def _is_called_degrees(
 
 
 _DAY = 86400.0
-"""[s] The field is evaluated once a day: a glider moves some tens of kilometres in it."""
+"""[s] Interval of the declination: a glider moves some tens of kilometres in a day."""
 FIRST, LAST = datetime.datetime(1900, 1, 1), datetime.datetime(2030, 1, 1)
-"""What IGRF-14 covers."""
+"""Dates that IGRF-14 covers."""
 
 
 def reference_declination(places: LoggedFixes, subject: str, tally: Tally) -> Channel:
     """Declination [degree], east positive, by IGRF-14 at sea level; empty without a position.
 
-    One value for each day with positions, at their median.
+    Each day with positions gets one value, at their median.
 
     Args:
-      places: where the vehicle was: its fixes, or its own track.
+      places: positions of the vehicle: its fixes, or its own track.
       subject: the deployment, for the report.
     """
     if not len(places):

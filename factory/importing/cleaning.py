@@ -1,4 +1,4 @@
-"""Repairs of one channel: impossible values and spikes removed, counted."""
+"""Cleaning: remove and count impossible values, spikes and positions of a log."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a channel can be. All in the channel's unit."""
+    """Limits of a channel's values, in the channel's unit."""
 
     low: float
     high: float
@@ -34,7 +34,7 @@ class Limits:
     rate: float = float("inf")
     """Fastest possible change per second."""
     jump: float = float("inf")
-    """Change that noise and quantisation can add to the rate."""
+    """Change that noise and quantisation can add to the possible change."""
 
 
 LIMITS = {
@@ -61,27 +61,26 @@ LIMITS = {
     "latitude": Limits(low=-90.0, high=90.0),
     "longitude": Limits(low=-180.0, high=360.0),
 }
-"""The ocean is 0 to 12 000 dbar, -2.6 to 45 degC, up to 45 in salinity, 985 to 1090 kg m-3; no
-glider changes depth faster than 2 m/s nor turns faster than these rates for one sample only; no
-battery is shifted by more than 20 cm from its middle; no current over a whole dive is 3 m/s."""
+"""Limits by channel. The ocean has 0 to 12 000 dbar, -2.6 to 45 degC, salinity up to 45, 985 to
+1090 kg m-3. Gliders change depth by at most 2 m/s, and exceed no other rate for one sample only. A
+battery is within 20 cm of its middle. A current averaged over a dive is below 3 m/s."""
 CHAINED = frozenset({"measured_pressure", "measured_depth"})
-"""Channels in which not only single samples go, but whole runs that the rest cannot reach."""
+"""Channels in which whole runs of unreachable samples are removed, not only single spikes."""
 FRESH = frozenset({"measured_salinity", "conductivity"})
-"""Channels that are below their limits all through a lake, without another unit"""
+"""Channels that stay below their limits in a lake, although their unit is right."""
 _MOST = 0.3
-"""With more than this part of its samples out of reach of the others, a sensor is not repaired."""
+"""Fraction of unreachable samples beyond which long runs become suspect instead of removed."""
 _SHORT = 20
-"""Of such a sensor, runs of so few samples out of reach still go."""
+"""Longest run [samples] that is still removed beyond `_MOST`."""
 _RETURNED = 0.5
-"""A spike's neighbours differ by less than this part of the spike."""
+"""Largest difference between a spike's neighbours, as a fraction of the spike."""
 
 
 def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str = "") -> Channel:
-    """A channel of the finite, possible values; the rest counted.
+    """Make a channel of the finite and possible values; count the others.
 
-    Depths and pressures that count upward are turned, counted.
-
-    `time` increases strictly (see `factory.importing.columns.tidy`).
+    Depths and pressures that count upward are negated and counted. `time` increases strictly (see
+    `factory.importing.columns.tidy`).
     """
     subject = subject or name
     if name in CHAINED:
@@ -126,24 +125,24 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
 
 
 _WAVES = 5.0
-"""[m], [dbar] No sensor of a floating vehicle is higher above the sea."""
+"""[m], [dbar] Largest height above the sea of a sensor on a floating vehicle."""
 _RARE, _OFTEN = 0.01, 0.05
-"""Fractions of a log. Up to the first, all samples above the sea are removed; up to the second,
-only short runs. With more the sensor has an offset, which is taken off where the log says when it
-floats, and reported where it does not."""
+"""Fractions of samples above the sea. Up to the first, all of them are removed; up to the second,
+only short runs. Beyond, the sensor has an offset: it is subtracted if the log shows when the
+vehicle floats, else reported."""
 _RUN = 3
-"""Longest short run [samples]"""
+"""Longest short run [samples]."""
 _UPWARD, _ABOVE = 2.0, 0.1
-"""[m], [dbar] A column that counts upward moves by more than the first, and is above the sea by no
-more than this part of how far it is below."""
+"""[m], [dbar] A column that counts upward spans more than `_UPWARD`. It rises above the sea by at
+most half of `_UPWARD` plus the fraction `_ABOVE` of its greatest depth."""
 _SENTINELS = 2
-"""Values of a column that are no measurements, on either side of those that are."""
+"""Least number of extreme values that are ignored at either end of a column as sentinels."""
 _DIFFERENT = 10
-"""Different values without which a column does not say which way it counts."""
+"""Fewest different values that show in which direction a column counts."""
 
 
 def above_sea(values: Array) -> NDArray[np.bool_]:
-    """Depths [m] or pressures [dbar] that are above the sea, and no offset of the sensor."""
+    """True for depths [m] or pressures [dbar] above the sea, unless the sensor has an offset."""
     high = values < -_WAVES
     few = short_runs(high, _RUN)
     if high.sum() <= max(1.0, _RARE * len(high)):
@@ -152,9 +151,9 @@ def above_sea(values: Array) -> NDArray[np.bool_]:
 
 
 def counts_upward(values: Array) -> bool:
-    """Whether depths or pressures count upward: of all their values hardly one is positive.
+    """True if depths or pressures count upward: hardly any of the values is positive.
 
-    Each value counts once, so that a sentinel has no more say than a measurement.
+    Each value counts once, so that a sentinel weighs no more than a measurement.
     """
     possible = np.abs(values) <= LIMITS["measured_depth"].high
     found = np.unique(values[np.isfinite(values) & possible])
@@ -166,7 +165,7 @@ def counts_upward(values: Array) -> bool:
 
 
 def downward(values: Array, subject: str, tally: Tally) -> Array:
-    """Depths or pressures that count down; those of a column that counts upward turned, counted."""
+    """Depths or pressures that count down; a column that counts upward is negated and counted."""
     if not counts_upward(values):
         return values
     tally.add("repaired", subject, np.isfinite(values), "was positive up")
@@ -174,14 +173,14 @@ def downward(values: Array, subject: str, tally: Tally) -> Array:
 
 
 _KELVIN, _COLDEST, _WARMEST = 273.15, 268.0, 318.0
-"""[K] Of 0 degC, and what water is between"""
+"""[K] 0 degC, and the limits of water temperature."""
 _MEASURED = 0.9
-"""Part of the different values that a unit must fit: sentinels are one value, over and over"""
+"""Fraction of the different values that must be possible in kelvin; the rest may be sentinels."""
 _FEWEST = 20
 
 
 def kelvin_to_celsius(values: Array, subject: str, tally: Tally) -> Array:
-    """Temperatures [degC]; those that are degC in name and can only be kelvin, converted."""
+    """Temperatures [degC]; values labelled degC that can only be kelvin are converted, counted."""
     different = np.unique(values[np.isfinite(values)])
     if different.size < _FEWEST:
         return values
@@ -199,14 +198,14 @@ def _doubt_unit(
     there: NDArray[np.bool_],
     tally: Tally,
 ) -> None:
-    """Mark a stretch in which most of the different values are impossible: another unit."""
+    """Mark a stretch as suspect if most of its different values are impossible: another unit."""
     wrong = np.unique(values[impossible]).size
     if wrong >= _FEWEST and wrong > 0.5 * np.unique(values[there]).size:
         _doubt_impossible(subject, time[impossible], "", tally)
 
 
 def _doubt_impossible(subject: str, time: Array, deployment: str, tally: Tally) -> None:
-    """Mark the stretch of these times [s] as suspect."""
+    """Mark the stretch from the first to the last of these times [s] as suspect."""
     tally.doubt(
         subject, "most of its values are impossible: another unit or quantity?", len(time),
         deployment=deployment, start=float(time.min()), end=float(time.max()),
@@ -214,9 +213,10 @@ def _doubt_impossible(subject: str, time: Array, deployment: str, tally: Tally) 
 
 
 def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
-    """Single samples that leave both neighbours faster than `rate` [unit/s] beyond `jump`.
+    """True for single samples that differ too much from both neighbours.
 
-    The neighbours agree with each other, so that a step is not taken for a spike.
+    The differences exceed `rate` [unit/s] times the interval plus `jump`, and the neighbours agree
+    with each other, so that a step is not taken for a spike.
     """
     bad = np.zeros(len(values), bool)
     if len(values) < 3:
@@ -232,19 +232,19 @@ def spikes(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[n
 
 
 def degrees_minutes(values: Array) -> Array:
-    """Decimal degrees of NMEA ddmm.mmm positions."""
+    """Convert NMEA ddmm.mmm positions to decimal degrees."""
     whole = np.trunc(values / 100.0)
     return whole + (values - 100.0 * whole) / 60.0
 
 
 _TURN = 360.0
-"""[degree]"""
+"""[degree] One full turn."""
 
 
 def _degrees_and_minutes(latitude: Array, longitude: Array) -> bool:
-    """Whether most places are no degrees and all of these are ddmm.mmm.
+    """True if most positions are impossible as degrees and possible as ddmm.mmm.
 
-    Each place counts once, so that a sentinel has no more say than a fix.
+    Each position counts once, so that a sentinel weighs no more than a fix.
     """
     places = np.unique(np.abs(np.stack([latitude, longitude])), axis=1)
     north, east = places
@@ -254,7 +254,7 @@ def _degrees_and_minutes(latitude: Array, longitude: Array) -> bool:
 
 
 def positions(latitude: Array, longitude: Array, subject: str, tally: Tally) -> tuple[Array, Array]:
-    """Decimal degrees; NMEA ddmm.mmm where decimal degrees are native is converted, counted."""
+    """Positions in decimal degrees; NMEA ddmm.mmm in place of degrees is converted, counted."""
     # Slocum marks a position without fix by 69696969
     usual = (np.abs(latitude) < 1e6) & (np.abs(longitude) < 1e6)
     tally.add("removed", subject, ~usual & np.isfinite(latitude), "no position (sentinel)")
@@ -265,7 +265,7 @@ def positions(latitude: Array, longitude: Array, subject: str, tally: Tally) -> 
     if _degrees_and_minutes(latitude[good], longitude[good]):
         tally.add("repaired", subject, good, "was ddmm.mmm where degrees are native")
         latitude, longitude = degrees_minutes(latitude), degrees_minutes(longitude)
-    # a longitude that is counted on past Greenwich is one
+    # some vehicles count longitude on past Greenwich: that is possible
     impossible = good & ((np.abs(latitude) > 90.0) | (np.abs(longitude) > 2.0 * _TURN))
     latitude = tally.removed(latitude, impossible, subject, "no position on Earth")
     return latitude, (np.where(impossible, np.nan, longitude) + 180.0) % 360.0 - 180.0
@@ -275,20 +275,20 @@ CURRENTS = (
     ("dac_north", "dac_east"),
     ("measured_current_north", "measured_current_east"),
 )
-"""Currents that vehicles report, as pairs"""
+"""Pairs of channels with currents that vehicles report."""
 _OTHERS = {
     "onboard_north": "true_north", "onboard_east": "true_east",
     **{f"velocity_{axis}": "true_surge" for axis in ("north", "east", "down")},
 }  # fmt: skip
-"""Channels that a store does not hold as they are, and signals with the same limits"""
+"""Auxiliary channels, each with the signal of a store that has the same limits."""
 _WORDS = 3
-"""Values by which sensors say that they have none"""
+"""Largest number of different values that sensors write for "no value"."""
 _HALF = 0.5
-"""With more impossible values than this part, the rest is suspect too."""
+"""Fraction of impossible values beyond which the other values are suspect too."""
 
 
 def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
-    """The log as its reader made it, without impossible values; what is left of them is suspect."""
+    """Remove impossible values of a log; mark the rest as suspect if most are impossible."""
     _doubt_pitch(log, tally)
     log = _without_impossible_currents(log, tally)
     fixes, auxiliary = log.fixes, dict(log.auxiliary)
@@ -312,13 +312,13 @@ def within_limits(log: DeploymentLog, tally: Tally) -> DeploymentLog:
 
 
 def _east_of_greenwich(longitude: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Longitudes up to 360 degree as those of a store, from -180."""
+    """Convert longitudes up to 360 degree to a store's range, from -180 degree."""
     turned = (longitude > 180.0) & (longitude <= 360.0)
     return np.where(turned, longitude - 360.0, longitude) if turned.any() else longitude
 
 
 def _limits(name: str) -> tuple[float, float]:
-    """Lowest and highest value of a channel; without limits for what is no quantity."""
+    """Lowest and highest value of a channel; infinite for a channel that is no quantity."""
     for axis in ("latitude", "longitude"):
         if name.endswith(axis):
             return LIMITS[axis].low, LIMITS[axis].high
@@ -354,15 +354,15 @@ def _on_earth(fixes: LoggedFixes, deployment: str, tally: Tally) -> LoggedFixes:
 def _doubt_rest(
     subject: str, time: Array, values: Array, bad: NDArray[np.bool_], deployment: str, tally: Tally
 ) -> None:
-    # a sensor that is off says one value, a wrong unit many
+    # a sensor that is off writes one value, a wrong unit gives many
     if bad.mean() > _HALF and np.unique(values[bad]).size > _WORDS:
         _doubt_impossible(subject, time[bad], deployment, tally)
 
 
 def _doubt_pitch(log: DeploymentLog, tally: Tally) -> None:
-    """Mark a log as suspect whose flight is that of its pitch in radian."""
+    """Mark a log as suspect if its sink and climb rates fit its pitch only in radian."""
     pitch = log.channel("measured_pitch")
-    depth = log.channel("measured_depth") or log.channel("measured_pressure")  # a dbar is a metre
+    depth = log.channel("measured_depth") or log.channel("measured_pressure")  # 1 dbar is about 1 m
     if not len(pitch) or not len(depth) or np.percentile(np.abs(pitch.values), 99.0) > 0.5 * np.pi:
         return
     if sinks_in_radian(pitch.time, depth.at(pitch.time), pitch.values):
@@ -371,7 +371,7 @@ def _doubt_pitch(log: DeploymentLog, tally: Tally) -> None:
 
 
 def _without_impossible_currents(log: DeploymentLog, tally: Tally) -> DeploymentLog:
-    """The log without reported currents that no sea has; the dives that they are of are suspect."""
+    """Remove reported currents that no sea has; mark the dives they belong to as suspect."""
     channels, auxiliary = dict(log.channels), dict(log.auxiliary)
     fastest = LIMITS["dac_north"].high
     for pair in CURRENTS:

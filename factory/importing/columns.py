@@ -1,4 +1,4 @@
-"""Tables of csv and parquet files: columns as numbers, rows in order of time, each time once."""
+"""Columns of csv and parquet tables: numbers in order of time, each time once."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MISSING = frozenset({"", "nan", "na", "null", "none", "n/a", "--"})
-"""Words that mean no value (compared in lower case)."""
+"""Words that mean "no value", compared in lower case."""
 LONGEST_HEADER = 2**20
-"""Characters of the line of column names; a Slocum's two thousand names have a tenth"""
+"""Most characters of the line of column names; a Slocum's two thousand names need a tenth."""
 MOST_COLUMNS = 10_000
-"""Columns of a table; a Slocum knows three thousand sensors"""
+"""Most columns of a table; a Slocum knows three thousand sensors."""
 _YEAR = 365.25 * 86400.0
 _JUMP = _YEAR
-"""[s] No deployment is silent for so long"""
+"""[s] Longest silence of a deployment; a longer step in time is a jump of the clock."""
 _FEW = 0.01
-"""Rows behind such a silence are wrong where they are no more than this part of the others, or one
-beside several: a clock that was reset, or a damaged number"""
+"""Rows beyond a jump are wrong if they are at most this fraction of the largest group, or one row
+beside `_SEVERAL` others. A clock was reset, or a number is damaged."""
 _SEVERAL = 10
 LARGEST = 1e30
-"""No log holds a larger number, in any unit; the fill value of netCDF itself is 9.97e36"""
+"""Largest number that a log can hold, in any unit; netCDF's own fill value is 9.97e36."""
 
 
 def measurable(values: Array) -> Array:
-    """The numbers, those beyond any measurement infinite: `tidy` removes and counts them, and no
-    product of two numbers overflows before."""
+    """Replace numbers beyond any measurement by infinity, so that no product overflows; `tidy`
+    removes and counts them."""
     return np.where(np.abs(values) > LARGEST, np.copysign(np.inf, values), values)
 
 
@@ -55,10 +55,10 @@ class Table:
 
     path: Path
     columns: Mapping[str, Array]
-    """Numbers; texts that are not numbers are in `texts`."""
+    """Columns of numbers; columns of other texts are in `texts`."""
     texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
     owner: str = ""
-    """Vehicle or deployment, where the file says it"""
+    """Vehicle or deployment, if the file names it."""
 
     def has(self, *names: str) -> bool:
         """True when all the columns are there."""
@@ -88,7 +88,7 @@ def _opened_parquet(path: Path) -> Any:
     try:
         with parquet.ParquetFile(path) as file:
             names = [str(name) for name in file.schema_arrow.names]
-        # texts that repeat stay one text each
+        # a repeated text is in memory once
         return parquet.ParquetFile(path, read_dictionary=names)
     except Exception as error:
         raise InputError(f"{path} is not a whole parquet file: {_line(error)}") from error
@@ -115,14 +115,14 @@ def _parquet(path: Path) -> Table:
 
 
 def _declared(metadata: Any) -> float:
-    """[byte] of a parquet file's values in memory, of eight bytes each or as long as they are."""
+    """[byte] Size of a parquet file's values in memory, eight bytes or more for each."""
     groups = (metadata.row_group(k) for k in range(metadata.num_row_groups))
     columns = (group.column(k) for group in groups for k in range(group.num_columns))
     return float(sum(max(8 * c.num_values, c.total_uncompressed_size) for c in columns))
 
 
 def _array(column: Any) -> NDArray[Any]:
-    """A column of an arrow table; of one with a dictionary, each text once in memory."""
+    """Values of an arrow table's column; texts of a dictionary are in memory once each."""
     if not hasattr(column.type, "index_type"):
         return np.asarray(column.to_numpy())
     parts = [
@@ -147,7 +147,7 @@ def column_names(path: Path) -> list[str]:
 
 
 _UNREADABLE = (OSError, EOFError, zlib.error)
-"""What a file that is cut or damaged raises."""
+"""Errors that a cut or damaged file raises."""
 
 
 def _opened(path: Path) -> TextIO:
@@ -158,12 +158,12 @@ def _opened(path: Path) -> TextIO:
 
 
 def plain(path: Path) -> io.BufferedReader:
-    """A file for reading, unpacked where its name ends with .gz."""
+    """Open a file for reading, unpacked if its name ends with .gz."""
     return unpacked_file(path) if path.suffix.lower() == ".gz" else path.open("rb")
 
 
 def _header(file: TextIO) -> tuple[list[str], str]:
-    """Column names in the first line, and what separates them: a comma, semicolon or tab."""
+    """Column names in the first line, and their separator: a comma, semicolon or tab."""
     line = file.readline(LONGEST_HEADER)
     delimiter = max(",;\t", key=line.count)
     what = ""
@@ -176,9 +176,9 @@ def _header(file: TextIO) -> tuple[list[str], str]:
     return [word.strip().strip('"') for word in line.rstrip("\r\n").split(delimiter)], delimiter
 
 
-class _Behind(io.TextIOBase):
-    """A table behind a row of empty cells, by which the parser knows how many a row has at most:
-    it takes the first row's number for right, were it millions."""
+class _PaddedTable(io.TextIOBase):
+    """Table preceded by a row of empty cells, which gives the parser the largest number of cells.
+    The parser trusts the first row, even one with millions of cells."""
 
     def __init__(self, first: str, file: TextIO) -> None:
         self._first, self._file = first, file
@@ -193,12 +193,12 @@ def _csv(path: Path) -> Table:
 
     try:
         with _opened(path) as file, warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be lost
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # cells would be lost
             names, delimiter = _header(file)
             # a row may end with a separator, so that it has an empty cell more than the header
             cells = range(len(names) + 1)
             frame = pd.read_csv(
-                _Behind(delimiter * len(names) + "\n", file), sep=delimiter, header=None,
+                _PaddedTable(delimiter * len(names) + "\n", file), sep=delimiter, header=None,
                 names=cells, dtype=str, na_filter=False, index_col=False,
             )[1:]  # fmt: skip
     except _UNREADABLE as error:
@@ -233,11 +233,11 @@ def _csv(path: Path) -> Table:
 
 
 _DECIMAL_COMMA = r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$"
-"""As many countries write numbers."""
+"""Pattern of a number with a decimal comma."""
 
 
 def _numbers(words: pd.Series[str]) -> Array | None:
-    """The words as numbers, or None when more than half of those with a value are none."""
+    """Words as numbers; None when more than half of the words with a value are no numbers."""
     there = ~words.str.lower().isin(MISSING)
     numbers = words.where(there, "nan")
     try:
@@ -250,7 +250,7 @@ def _numbers(words: pd.Series[str]) -> Array | None:
 
 
 def _number(word: str) -> float:
-    """The number that a word is; NaN when it is none."""
+    """Convert a word to a number; NaN if the word is none."""
     try:
         return float(word)
     except ValueError:
@@ -262,32 +262,32 @@ def tidy(
 ) -> tuple[Array, dict[str, Array]]:
     """Sort by time and make times unique; repeated times become one row.
 
-    Rows without a time are left out. Everything is counted; where the clock stands, the rows are
-    suspect.
+    Rows without a time are left out. All changes are counted; rows are suspect while the clock
+    stands.
     """
     known = np.isfinite(time) & (time >= FIRST_SECOND) & (time <= LAST_SECOND)
     tally.add("left out", subject, ~known, "rows without a possible time")
     tell_standing(time[known], {n: v[known] for n, v in columns.items()}, subject, tally)
-    astray = _astray(time, known)
+    astray = _wrong_clock_rows(time, known)
     tally.add(
         "left out", subject, astray,
         f"rows whose clock had jumped by {_JUMP / _YEAR:g} year or more",
     )  # fmt: skip
     known &= ~astray
     time = time[known]
-    late = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
-    tally.add("sorted", subject, late.size, "rows earlier than one before them")
+    earlier = np.flatnonzero(time < np.maximum.accumulate(time)) if time.size else np.zeros(0)
+    tally.add("sorted", subject, earlier.size, "rows earlier than one before them")
     order = np.argsort(time, kind="stable")
     unique, first = np.unique(time[order], return_index=True)
     repeated = time.size - unique.size
     out: dict[str, Array] = {}
     for name, values in columns.items():
         out[name] = tally.removed(values, np.isinf(values), name, "infinite")[known][order]
-    return unique, _once(first, out, subject, tally) if repeated else out
+    return unique, _merge_repeats(first, out, subject, tally) if repeated else out
 
 
-def _astray(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Rows so few and so far in time from the others that their clock was wrong."""
+def _wrong_clock_rows(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """True for the few rows so far in time from the others that their clock was wrong."""
     rows = np.flatnonzero(known)
     rows = rows[np.argsort(time[rows], kind="stable")]
     groups = np.split(rows, np.flatnonzero(np.diff(time[rows]) > _JUMP) + 1)
@@ -297,13 +297,13 @@ def _astray(time: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.isin(np.arange(len(time)), np.concatenate(few) if few else [])
 
 
-def _once(
+def _merge_repeats(
     first: NDArray[np.intp], columns: Mapping[str, Array], subject: str, tally: Tally
 ) -> dict[str, Array]:
-    """Rows of one time as one row.
+    """Merge rows of one time into one row.
 
-    Where they agree, each column's first value; where they do not, the first row that has any,
-    alone: values of two rows that contradict each other are not mixed.
+    If the rows agree, each column keeps its first value. If they contradict each other, the first
+    row with any value is kept alone: values of two rows are not mixed.
 
     Args:
       first: index of the first row of each time; rows are in order of time.
@@ -335,7 +335,7 @@ def _once(
 
 
 def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict[str, Array]:
-    """The named columns of all pieces one after the other; NaN where a piece lacks one."""
+    """Join the named columns of all chunks in order; NaN where a chunk lacks a column."""
     empty = [np.full(len(next(iter(piece.values()))), np.nan) for piece in pieces]
     return {
         name: np.concatenate([p.get(name, e) for p, e in zip(pieces, empty, strict=True)])
@@ -345,9 +345,9 @@ def stacked(pieces: Sequence[Mapping[str, Array]], names: Sequence[str]) -> dict
 
 
 def with_values(columns: Mapping[str, Array], kept: Iterable[str] = ()) -> dict[str, Array]:
-    """The columns that have a value, and those that are `kept` in any case.
+    """Columns that have a value, and the columns in `kept` in any case.
 
-    One without a value hides no other of the same meaning.
+    A column without values is dropped, so that it hides no other of the same meaning.
     """
     return {n: v for n, v in columns.items() if n in set(kept) or np.isfinite(v).any()}
 

@@ -1,6 +1,6 @@
-"""The log of one deployment: channels at their native rates, in the schema's names and units.
+"""Deployment log: channels at their native rates, in the schema's names and units.
 
-One file after the other: what cannot be read is reported and left out, the rest is read.
+`each_file` reads one file after the other; it reports and leaves out unreadable files.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Channel:
     time: Array
     """[s] since 1970-01-01 UTC, shape (samples,)."""
     values: Array
-    """In the unit of its name in `twin.records.schema`, shape (samples,)."""
+    """Values in the unit that `twin.records.schema` gives the channel, shape (samples,)."""
 
     @classmethod
     def finite(cls, time: Array, values: Array) -> Channel:
-        """The samples that have a value, of columns at increasing times."""
+        """Make a channel of the samples that have a value; `time` increases."""
         there = np.isfinite(values)
         return cls(time[there], values[there])
 
@@ -45,26 +45,26 @@ class Channel:
         return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
 
     def within(self, start: float, end: float) -> Channel:
-        """The samples from `start` to `end` [s], both included."""
+        """Samples from `start` to `end` [s], both included."""
         first, last = np.searchsorted(self.time, [start, end], side="left")
         if last < len(self.time) and self.time[last] == end:
             last += 1
         return Channel(self.time[first:last], self.values[first:last])
 
     def at(self, times: Array) -> Array:
-        """Linear interpolation, the end values held outside; NaN for an empty channel."""
+        """Interpolate linearly, with the end values held outside; NaN for an empty channel."""
         return np.interp(times, self.time, self.values) if len(self) else times * np.nan
 
     def known(self, times: Array) -> Array:
-        """Linear interpolation where the channel covers the times; NaN elsewhere."""
+        """Interpolate linearly where the channel covers the times; NaN elsewhere."""
         return np.where(self.covers(times), self.at(times), np.nan)
 
     def covers(self, times: Array) -> NDArray[np.bool_]:
-        """Whether the times lie between samples that are near enough to be joined by a line, or
-        beside one, within three of the spacings that are usual there.
+        """Tell which times are covered: between two near samples, or close to one sample.
 
-        A sensor that is silent again and again reports on change: all between its samples is
-        covered, and what is beside them for as long as it was ever silent.
+        Two samples bridge a gap of at most `NEAR` or three usual spacings, whichever is longer. One
+        sample covers three usual spacings on either side. A channel reported on change covers all
+        times between its samples, and beyond its ends as long as its longest gap.
         """
         times = np.asarray(times, np.float64)
         if not len(self):
@@ -82,14 +82,14 @@ class Channel:
 
     @functools.cached_property
     def on_change(self) -> bool:
-        """Whether it is silent again and again, as what is reported on change or rarely is."""
+        """True if the channel has so many gaps that it is reported on change, or rarely."""
         if len(self) < 3:
             return False
         holes = int((np.diff(self.time) > max(NEAR, _USUAL_HOLE * self.spacing)).sum())
         return holes >= _AGAIN and holes > _OFTEN * len(self)
 
     def usual_spacing(self, times: Array) -> Array:
-        """[s] Median of the spacings around each time."""
+        """[s] Running median of the sample spacing around each time."""
         if len(self) < 3:
             return np.full(np.shape(times), self.spacing)
         spacing = np.diff(self.time)
@@ -101,21 +101,21 @@ class Channel:
 
 
 NEAR = 120.0
-"""[s] No hole is shorter; a glider crosses less than 25 m in it."""
+"""[s] Longest gap always covered; a glider's depth changes by less than 25 m in it."""
 _USUAL_HOLE = 3.0
-"""Spacings that a hole of a sensor which goes on has at most."""
+"""Longest gap that is covered, in usual sample spacings."""
 _AGAIN, _OFTEN = 2, 0.02
-"""So many holes, and more than this part of the samples, are no accident."""
+"""Fewest gaps, and the fraction of samples they must exceed, of a channel reported on change."""
 _AT_SAMPLE = 1e-3
-"""[s] So near to a sample the value is the sample's own."""
+"""[s] Distance from a sample within which its value always holds."""
 _AROUND = 9
-"""Spacings of which the median is the usual one."""
+"""Number of spacings in the running median."""
 
 EMPTY = Channel(np.zeros(0), np.zeros(0))
 
 
 def joined(pieces: Sequence[Channel]) -> Channel:
-    """Pieces of one channel in time order, repeated times once."""
+    """Join chunks of one channel in time order; the first value at a repeated time is kept."""
     if not pieces:
         return EMPTY
     time = np.concatenate([piece.time for piece in pieces])
@@ -137,7 +137,7 @@ class LoggedFixes:
 
     @classmethod
     def finite(cls, time: Array, latitude: Array, longitude: Array) -> LoggedFixes:
-        """The fixes of columns at increasing times that have a time and a place."""
+        """Make fixes of columns at increasing times; drop rows without a time or position."""
         fixes = cls(time, latitude, longitude)
         return fixes.keep(np.isfinite(time) & np.isfinite(latitude) & np.isfinite(longitude))
 
@@ -146,33 +146,33 @@ class LoggedFixes:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Median latitude and longitude [degree]; on the equator where there is none."""
+        """Median latitude and longitude [degree]; (0, 0) without fixes."""
         if not len(self):
             return 0.0, 0.0
         return float(np.median(self.latitude)), float(np.median(self.longitude))
 
     def channels(self, prefix: str = "") -> dict[str, Channel]:
-        """Latitude and longitude as channels of these names, behind a prefix."""
+        """Latitude and longitude as channels, their names behind `prefix`."""
         return {
             f"{prefix}latitude": Channel(self.time, self.latitude),
             f"{prefix}longitude": Channel(self.time, self.longitude),
         }
 
     def keep(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> LoggedFixes:
-        """The fixes where `mask` is true, or at these indices."""
+        """Fixes where `mask` is true, or at these indices."""
         return LoggedFixes(self.time[mask], self.latitude[mask], self.longitude[mask])
 
     def once(self) -> LoggedFixes:
-        """The fixes in time order, each time once."""
+        """Fixes in time order, without repeated times."""
         return self.keep(np.unique(self.time, return_index=True)[1])
 
     def within(self, start: float, end: float) -> LoggedFixes:
-        """The fixes from `start` to `end` [s], both included."""
+        """Fixes from `start` to `end` [s], both included."""
         return self.keep((self.time >= start) & (self.time <= end))
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Latitude, and longitude from 0 to 360 [degree], on straight lines between the fixes, the
-        first and last held outside; 0 without any."""
+        """Interpolate latitude, and longitude from 0 to 360 [degree], linearly between the fixes;
+        the first and last fix hold outside; 0 without fixes."""
         if not len(self):
             return np.zeros(np.shape(times)), np.zeros(np.shape(times))
         longitude = np.interp(times, self.time, np.unwrap(self.longitude, period=360.0))
@@ -183,7 +183,7 @@ NO_FIXES = LoggedFixes(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 def places_for(fixes: LoggedFixes, track: Mapping[str, Channel]) -> LoggedFixes:
-    """Where the vehicle was: its fixes, else its own track (`latitude`, `longitude` [degree])."""
+    """Positions: the fixes, else the vehicle's own track (`latitude`, `longitude` [degree])."""
     latitude, longitude = (track.get(axis, EMPTY) for axis in ("latitude", "longitude"))
     if len(fixes) or not len(latitude) or not len(longitude):
         return fixes
@@ -192,23 +192,23 @@ def places_for(fixes: LoggedFixes, track: Mapping[str, Channel]) -> LoggedFixes:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeploymentLog:
-    """One deployment of one vehicle.
+    """Log of one deployment of one vehicle.
 
-    `channels` are keyed by schema names (`measured_pitch` in degree ...). `auxiliary` holds what
-    rows are made from and a store does not keep as it is: `dive` (number), `latitude`/`longitude`
-    (on-board track, degree), `onboard_north`/`onboard_east` (m, any origin), `dac_north`/`dac_east`
-    (what the vehicle reported, m/s, at the time it became known), `waypoint_latitude`/`_longitude`
-    (where it was sent, degree), `true_latitude`/`_longitude` (of a simulated one, degree),
-    `velocity_north/_east/_down`
-    (truth through the water, m/s), `thruster` (1 = on), `afloat` (times at which the vehicle says
-    that it is at the surface), `awake` (times at which its computer logged anything, where others
-    may go on without it). A log that is on a grid already has
-    `measured_depth_original`, `measured_attitude_original`, `measured_ctd_original` (times of the
-    samples it was made of), `gap_stored` (1 where it is interpolated) and `phase_stored`.
+    `channels` are keyed by schema names (`measured_pitch` in degree ...). `auxiliary` holds signals
+    that rows are made from and that a store does not keep unchanged: `dive` (number),
+    `latitude`/`longitude` (on-board track, degree), `onboard_north`/`onboard_east` (m, any origin),
+    `dac_north`/`dac_east` (reported depth-averaged current, m/s, at the time of the report),
+    `waypoint_latitude`/`_longitude` (commanded waypoint, degree), `true_latitude`/`_longitude`
+    (simulated vehicle, degree), `velocity_north/_east/_down` (true velocity through the water,
+    m/s), `thruster` (1 = on), `afloat` (times at which the vehicle reports that it is at the
+    surface), `awake` (times at which its computer logged anything, if sensors may log without it).
+    A log that is on a store's time grid already has `measured_depth_original`,
+    `measured_attitude_original`, `measured_ctd_original` (times of the original samples),
+    `gap_stored` (1 where interpolated) and `phase_stored`.
     """
 
     deployment: str
-    """Name of the deployment; rows carry it."""
+    """Name of the deployment, stored with each row."""
     platform: str
     """Make of the vehicle."""
     channels: Mapping[str, Channel]
@@ -218,32 +218,32 @@ class DeploymentLog:
     auxiliary: Mapping[str, Channel] = dataclasses.field(default_factory=dict)
     files: tuple[str, ...] = ()
     station: bool = False
-    """True when a shore station has zeroed the pressure and paired the fixes with the dives."""
+    """True when a shore station has zeroed the pressure and assigned the fixes to dives."""
     simulated: bool = False
     """True when the files say that no vehicle at sea recorded them."""
     pieces: tuple[tuple[float, float], ...] | None = None
-    """[s] unix start and end of each row; None: a row is a dive, found by its depth."""
+    """[s] Unix start and end of each row; None: a row is a dive, found by depth."""
     period: float | None = None
-    """[s] between the samples of a store, where the log asks for one."""
+    """[s] Sampling interval of the store, if the log asks for one."""
     gridded: bool = False
-    """True when the samples are those of a store's grid already: its holes stay holes."""
+    """True when the samples are on a store's time grid already; its gaps stay gaps."""
     held: frozenset[str] = frozenset()
-    """Channels that keep their last value between samples."""
+    """Channels whose last value holds between samples."""
     said: str | None = None
-    """What people said of the deployment, as the text of a pyglider `deployment.yml`."""
+    """Description of the deployment by its operators: the text of a pyglider `deployment.yml`."""
     doubts: tuple[Doubt, ...] = ()
     """Stretches whose rows are suspect."""
     model: str | None = None
-    """Vehicle file that stands for the vehicle; None: the one of its kind of log."""
+    """Vehicle file that models the vehicle; None: the default for the kind of log."""
 
     def channel(self, name: str) -> Channel:
-        """A channel or an auxiliary one; empty when the log lacks it."""
+        """Return a channel or an auxiliary channel; empty when the log lacks both."""
         return self.channels.get(name) or self.auxiliary.get(name) or EMPTY
 
     @property
     def span(self) -> tuple[float, float]:
-        """[s] First and last time of any depth, pressure or attitude sample; without these, of
-        any sample."""
+        """[s] First and last time of the depth, pressure and pitch samples; without these, of all
+        samples."""
         names = ("measured_depth", "measured_pressure", "measured_pitch")
         used = [c for n in names if len(c := self.channel(n))] or [*self.channels.values()]
         return min(c.time[0] for c in used), max(c.time[-1] for c in used)
@@ -252,23 +252,23 @@ class DeploymentLog:
 Result = TypeVar("Result")
 
 UNREADABLE = "unreadable file"
-"""Subject of the report's entries of files that could not be read."""
+"""Report subject of files that could not be read."""
 TRUNCATED = "truncated: "
-"""Begins what is said of a file that was read and ends too early"""
+"""Prefix of the reason for a file that was read and ends too early."""
 OTHER_KIND = "file of another kind"
-"""Subject of those that are no logs of the kind, as offload folders hold them: no failure."""
+"""Report subject of files that are no logs of this kind; in a mixed folder this is no failure."""
 
 
 def each_file(
     paths: Sequence[Path], read: Callable[[Path], Result], tally: Tally
 ) -> list[tuple[Path, Result]]:
-    """What `read` makes of each file that it can read, in order.
+    """Read each file in order; return the readable files with the results of `read`.
 
-    A file at which `read` raises anything else than an error of the machine (`OF_THE_MACHINE`) is
-    left out and reported, files with the same reason together.
+    A file at which `read` raises any error but `OF_THE_MACHINE` is left out and reported. Files
+    with the same reason are reported together.
 
     Raises:
-      InputError: why, when none can be read.
+      InputError: no file can be read; the message gives the reasons.
     """
     found: list[tuple[Path, Result]] = []
     refused: list[tuple[Path, InputError]] = []
@@ -299,26 +299,26 @@ def each_file(
 
 
 OF_THE_MACHINE = (MemoryError, ImportError)
-"""Errors that say nothing of a file: memory is short, a package is missing or another version."""
+"""Errors that no file causes: memory is short, a package is missing or another version."""
 
 
 def failed_reading(path: Path, error: Exception) -> InputError:
-    """The error of a file at which its reader raised what no reader should."""
+    """Make the error for a file whose reader raised an unexpected exception."""
     why = f"{path.name} is damaged, or of a kind that its reader does not know"
     return InputError(f"{why}: {_described(error)}")
 
 
 def _described(error: Exception) -> str:
-    """The class of an error, and what it says."""
+    """Class and message of an error."""
     return ": ".join(filter(None, (type(error).__name__, " ".join(str(error).split())[:160])))
 
 
 @contextlib.contextmanager
 def naming(log: DeploymentLog) -> Iterator[None]:
-    """Make an InputError that names the log of whatever is raised while dives are cut of it.
+    """Turn any exception while a log is cut into dives into an InputError that names the log.
 
     Raises:
-      InputError: of those that were raised, and in place of others.
+      InputError: unchanged if it was raised as such, else in place of the exception.
     """
     try:
         yield
@@ -330,7 +330,7 @@ def naming(log: DeploymentLog) -> Iterator[None]:
 
 
 def _reason(path: Path, error: InputError) -> str:
-    """What an error says behind the name of the file that it begins with."""
+    """Message of an error, without the file name that it begins with."""
     why = str(error)
     for name in (str(path), path.name):
         why = why.removeprefix(name)

@@ -1,4 +1,4 @@
-"""The files that the user named: folders replaced by the logs in them, unusable files refused."""
+"""Given files: folders are replaced by the logs in them, and unusable files are refused."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from twin.records.storage.store_path import check_addresses
 def expand(
     importer: Importer, paths: Sequence[Path], tally: Tally, *, recursive: bool = False
 ) -> list[Path]:
-    """The files named, and those of the kind in the folders named; in folders below on request.
+    """List the named files, and the kind's files in the named folders; in folders below on request.
 
-    A file that is named twice is read once, counted. What cannot be read, and what is another
-    kind's in a folder, is left out and told.
+    A file that is named twice is read once, counted. Unreadable files, and another kind's files in
+    a folder, are left out and reported.
 
     Raises:
-      InputError: no such file, a folder without any, no file that can be read.
-      WrongFormat: a file of another kind that is named itself, by the names in it; or nothing else.
+      InputError: no such file, a folder without logs, or no file that can be read.
+      WrongFormat: a named file is of another kind by the names in it, or all files are.
     """
     check_addresses(paths)
     files: list[Path] = []
@@ -91,17 +91,17 @@ def expand(
 
 
 WEB_PAGE = (b"<!doctype html", b"<html")
-"""How web pages begin, as small letters"""
+"""First bytes of web pages, in small letters."""
 
 
 def _is_web_page(path: Path) -> bool:
-    """Whether a download was a page, such as that of a login, in place of the file."""
+    """True if the file is a web page, such as a login page, in place of a log."""
     with path.open("rb") as file:
         return file.read(256).lstrip(b"\xef\xbb\xbf \t\r\n").lower().startswith(WEB_PAGE)
 
 
 def _without_copies(paths: list[Path], tally: Tally) -> list[Path]:
-    """The files less those of the name and the bytes of one before them, counted."""
+    """Leave out files with the name and the bytes of an earlier file; count them."""
     seen: dict[tuple[str, int], list[Path]] = {}
     kept = []
     for path in paths:
@@ -110,7 +110,7 @@ def _without_copies(paths: list[Path], tally: Tally) -> list[Path]:
         try:
             copy = size > 0 and any(filecmp.cmp(path, one, shallow=False) for one in alike)
         except OSError:
-            copy = False  # who reads it says why it cannot be read
+            copy = False  # the check that follows reports why
         if copy:
             tally.add("left out", "files", 1, f"a copy of another one: {path.name}")
         else:
@@ -120,7 +120,7 @@ def _without_copies(paths: list[Path], tally: Tally) -> list[Path]:
 
 
 def _inside(importer: Importer, folder: Path, tally: Tally, recursive: bool) -> list[Path]:
-    """The logs in a folder; what else is there is counted."""
+    """Logs in a folder; other files in it are counted."""
     every = sorted(p for p in (folder.rglob("*") if recursive else folder.iterdir()) if p.is_file())
     inside = [path for path in every if importer.accepts(path)]
     if not inside and (folder / METADATA).exists():
@@ -129,15 +129,15 @@ def _inside(importer: Importer, folder: Path, tally: Tally, recursive: bool) -> 
         endings = " ".join(sorted(importer.suffixes))
         raise InputError(
             f"folder {folder} holds no {importer.name} logs ({endings})"
-            f"{'' if recursive else _below(importer, folder)}{_looks_like(every)}"
+            f"{'' if recursive else _hint_below(importer, folder)}{_hint_kind(every)}"
         )
     others = [p.name for p in every if p not in inside and p.name not in importer.beside]
     tally.add("left out", "files", len(others), f"no {importer.name} logs: {summarise(others)}")
     return inside
 
 
-def _below(importer: Importer, folder: Path) -> str:
-    """What to name instead: the folders below that hold such logs, some of them by name."""
+def _hint_below(importer: Importer, folder: Path) -> str:
+    """Hint for an error: folders below that hold such logs, some of them by name."""
     holding = sorted({path.parent for path in folder.rglob("*") if importer.accepts(path)})
     if not holding:
         return ", nor do the folders below it"
@@ -146,28 +146,28 @@ def _below(importer: Importer, folder: Path) -> str:
 
 
 _SUGGESTED = 3
-"""Folders that an error names"""
+"""Largest number of folders that an error names."""
 
 
-def _looks_like(files: Sequence[Path]) -> str:
-    """What to try instead, by the first file that looks like a log."""
+def _hint_kind(files: Sequence[Path]) -> str:
+    """Hint for an error: the kind of the first file that looks like a log."""
     for path in files:
         try:
             kind = sniff(path) if path.stat().st_size else None
         except NeedsPlugin as error:
             return f"; {error}"
         except (InputError, OSError):
-            continue  # a file that cannot be read says nothing
+            continue  # an unreadable file gives no hint
         if kind is not None:
             return f"; {path.name} looks like {kind}: use `factory import {kind}`"
     return ""
 
 
 def _check_contents(importer: Importer, path: Path) -> None:
-    """Refuse a file in a container that the kind has not, or with the names of another kind.
+    """Refuse a file in a container that the kind never uses, or with the names of another kind.
 
-    What is neither a table nor netCDF is the vehicle's own binary file: how it begins tells its
-    kind, or its reader judges it.
+    A file that is neither a table nor netCDF is the vehicle's own binary file. Its first bytes show
+    its kind, or its reader judges it.
     """
     begins = kinds_by_bytes(path)
     if begins:
@@ -182,7 +182,7 @@ def _check_contents(importer: Importer, path: Path) -> None:
     else:
         return
     if importer.takes_mapping and endings is TABLES and importer.suffixes & TABLES:
-        return  # the mapping says what its columns are
+        return  # the mapping gives the meaning of its columns
     if not importer.suffixes & endings:
         raise WrongFormat(path, names)
     own = len(importer.marks & set(names))
@@ -191,7 +191,7 @@ def _check_contents(importer: Importer, path: Path) -> None:
         others = [n for n in IMPORTERS.names() if len(IMPORTERS[n].marks & set(names)) <= own]
     elif own or importer.takes_mapping or endings is TABLES or takes(importer, path):
         return
-    else:  # no name in it belongs to one kind alone
+    else:  # no name in the file marks a single kind
         others = [importer.name]
     kind = kind_that_takes(path, names, arrays=endings is ARRAYS, others=others)
     if kind is not None:

@@ -1,6 +1,6 @@
-"""GPS fixes that a vehicle cannot have had, such as those under water: removed and counted.
+"""GPS fixes: impossible ones, such as fixes under water, are removed and counted.
 
-Columns of a receiver that say whether it has a fix: quality, dilution of precision, satellites.
+Columns of a receiver show whether it has a fix: quality, dilution of precision, satellites.
 """
 
 from __future__ import annotations
@@ -19,39 +19,39 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FIXES = "GPS fixes"
-"""Subject of the report's entries. Those read are those kept, removed and left out."""
+"""Report subject of fixes; the number read is the sum of those kept, removed and left out."""
 STATION_DEPTH = 8.0
-"""[m] A shore station has paired fixes with dives; the first sample comes after the fix."""
+"""[m] Depth beyond which a fix is wrong even with rare depths, or paired by a shore station."""
 _STEPS = 3
-"""So many steps of nearly the same speed and course, faster than any drift, are extrapolation."""
+"""Fewest steps of nearly one velocity, faster than any drift, that show extrapolation."""
 _ALIKE = 0.3
-"""Velocities that differ by less than this part are the same."""
+"""Fraction by which velocities that count as equal may differ."""
 _LONGEST_STEP = 60.0
-"""[s] Receivers extrapolate from one second to the next, not over minutes."""
+"""[s] Longest step of a receiver's extrapolation."""
 _NEAR = 120.0
-"""[s] A depth from longer before says nothing about the fix."""
+"""[s] Longest time between a fix and the depth by which it is judged."""
 _SHARE, _LEAST = 0.5, 5
-"""With more than this part of at least so many fixes under water, the clocks are suspect."""
+"""Fraction, and number, of fixes under water beyond which the clocks are suspect."""
 _QUARTER, _SHIFTS = 900.0, 96
-"""[s] Clocks differ by time zones and summer time: multiples of a quarter of an hour."""
+"""[s] Step of the clock differences tried, as of time zones, and number of steps either way."""
 _FITS = 0.9
-"""A shift explains fixes under water when so many of them come to the surface."""
+"""Fraction of the fixes that a clock difference must bring to the surface to be reported."""
 QUALITIES = ("quality", "fix_quality", "gps_quality")
-"""Columns of the fix's quality as NMEA 0183 has it in GGA"""
+"""Columns with the fix quality of NMEA 0183's GGA."""
 MEASURED = (1.0, 2.0, 3.0, 4.0, 5.0, 9.0)
-"""Qualities of a measurement; 0 is none, 6 reckoned, 7 put in by hand, 8 simulated"""
+"""Qualities of a measured fix; 0 is none, 6 dead reckoning, 7 put in by hand, 8 simulated."""
 DILUTIONS = ("hdop", "gps_hdop")
 NO_DILUTION = 99.0
-"""Receivers write it, and 99.9, without a fix."""
+"""Dilution of precision of a receiver without a fix, which may also write 99.9."""
 SATELLITES = ("satellites", "num_satellites", "n_satellites", "numberofsatellites", "nsat", "nsats")
 FEWEST_SATELLITES = 3.0
-"""for a fix at sea level"""
+"""Fewest satellites for a fix at sea level."""
 RECEIVER = (*QUALITIES, *DILUTIONS, *SATELLITES)
-"""Every column that is read, in small letters"""
+"""Receiver columns that are read, in small letters."""
 
 
 def has_fix(columns: Mapping[str, Array], count: int) -> Mask:
-    """Whether a receiver has a fix by what it says beside its positions, (count,)."""
+    """True where the receiver's columns show a fix, (count,)."""
     fixed = np.ones(count, bool)
     for name, values in columns.items():
         word = name.lower()
@@ -71,7 +71,7 @@ def has_fix(columns: Mapping[str, Array], count: int) -> Mask:
 def good_fixes(
     fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally, *, station: bool = False
 ) -> LoggedFixes:
-    """Fixes without those that a receiver invents and those that no drift explains; counted.
+    """Remove fixes that a receiver invents and fixes that no drift explains; count them.
 
     Args:
       depth: [m] below the log's own surface.
@@ -91,18 +91,18 @@ def good_fixes(
         tally.add("removed", FIXES, deep, f"deeper than {STATION_DEPTH:g} m")
         fixes = fixes.keep(~deep)
     elif len(depth):
-        fixes = _afloat(fixes, depth, rules, tally)
+        fixes = _surfaced(fixes, depth, rules, tally)
     keep = np.ones(len(fixes), bool)
     for i in range(1, len(fixes) - 1):
-        # alone away from both neighbours, which agree with each other
-        if _apart(fixes, i - 1, i, rules) and _apart(fixes, i, i + 1, rules):
-            keep[i] = _apart(fixes, i - 1, i + 1, rules)
+        # away from both neighbours, while these agree with each other
+        if _is_far(fixes, i - 1, i, rules) and _is_far(fixes, i, i + 1, rules):
+            keep[i] = _is_far(fixes, i - 1, i + 1, rules)
     tally.add("removed", FIXES, ~keep, "away from their neighbours")
     return fixes.keep(keep)
 
 
 def tell_read(logs: Sequence[DeploymentLog], tally: Tally) -> None:
-    """Count the fixes that the files held: those of the logs, and what the reader took away."""
+    """Count the fixes in the files: those of the logs, and those that the reader removed."""
     before = sum(
         entry.count
         for entry in tally.entries()
@@ -112,15 +112,15 @@ def tell_read(logs: Sequence[DeploymentLog], tally: Tally) -> None:
 
 
 def tell_fixes(fixes: LoggedFixes, used: Mask, tally: Tally, *, kept: str, left_out: str) -> None:
-    """Count the good fixes that rows hold and those that no row holds."""
+    """Count the good fixes that rows use and those that no row uses."""
     tally.add("kept", FIXES, used, kept)
     tally.add("left out", FIXES, ~used, left_out)
 
 
 def coasting(fixes: LoggedFixes, fastest: float) -> Mask:
-    """Fixes of a receiver that lost its satellites and goes on at the last velocity it guessed.
+    """True for fixes of a receiver that lost its satellites and continues at its last velocity.
 
-    At least `_STEPS` steps at the same velocity, above `fastest` [m/s].
+    Such fixes make at least `_STEPS` steps at one velocity, above `fastest` [m/s].
     """
     bad = np.zeros(len(fixes), bool)
     if len(fixes) <= _STEPS:
@@ -131,21 +131,21 @@ def coasting(fixes: LoggedFixes, fastest: float) -> Mask:
     fast = (np.abs(velocity) > fastest) & (gap < _LONGEST_STEP)
     alike = fast[1:] & fast[:-1]
     alike &= np.abs(np.diff(velocity)) < _ALIKE * np.maximum(np.abs(velocity[1:]), fastest)
-    for start, end in runs(alike):  # of one step more
+    for start, end in runs(alike):  # n similar pairs are n + 1 steps
         if end - start + 1 >= _STEPS:
             bad[start + 1 : end + 2] = True
     return bad
 
 
-def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) -> LoggedFixes:
-    """Fixes at the surface, and those just below it where the receiver has hardly coasted yet."""
+def _surfaced(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) -> LoggedFixes:
+    """Keep fixes at the surface, and fixes just below it if the receiver has hardly coasted yet."""
     away = np.abs(nearest(depth.time, fixes.time) - fixes.time)
     right = np.clip(np.searchsorted(depth.time, fixes.time), 0, len(depth) - 1)
     left = np.maximum(right - 1, 0)
     least = np.minimum(depth.values[left], depth.values[right])
-    # a silent log says little about the fix; well below on both sides it says enough
+    # a fix in a gap of the depths counts as deep only if both sides are well below
     near = (away < rules.fix_lag) | ((away < _NEAR) & (least > STATION_DEPTH))
-    # with rare depths it counts whether the vehicle can have been at the surface
+    # with rare depths one shallow neighbour is enough
     rare = depth.time[right] - depth.time[left] > rules.fix_lag
     shallow = depth.at(fixes.time) <= rules.fix_depth
     deep = near & ~(shallow | (rare & (least <= rules.fix_depth)))
@@ -160,7 +160,7 @@ def _afloat(fixes: LoggedFixes, depth: Channel, rules: DiveRules, tally: Tally) 
             coasted += int(keep[i])
     wet = int((~keep).sum())
     if wet > _SHARE * near.sum() and wet >= _LEAST:
-        tally.doubt(FIXES, _clocks(fixes.time, depth, rules), wet)
+        tally.doubt(FIXES, _clock_doubt(fixes.time, depth, rules), wet)
     deeper = f"deeper than {rules.fix_depth:g} m"
     tally.add("removed", FIXES, wet, f"under water: {deeper}")
     tally.add(
@@ -177,8 +177,8 @@ def _just_dived(time: float, depth: Channel, rules: DiveRules) -> bool:
     return bool(before.values.min() <= rules.fix_depth)
 
 
-def _clocks(times: Array, depth: Channel, rules: DiveRules) -> str:
-    """What to say of fixes under water: the clock difference that brings them to the surface."""
+def _clock_doubt(times: Array, depth: Channel, rules: DiveRules) -> str:
+    """Text for the report, with the clock difference that brings fixes to the surface."""
     best, found = 0.0, 0.0
     for k in range(-_SHIFTS, _SHIFTS + 1):
         moved = times + k * _QUARTER
@@ -186,7 +186,7 @@ def _clocks(times: Array, depth: Channel, rules: DiveRules) -> str:
         if inside.sum() < 0.5 * len(times):
             continue
         share = float(np.mean(depth.at(moved[inside]) <= rules.fix_depth))
-        # of equal shifts the smallest
+        # among equal shifts, keep the smallest
         if share > found + 1e-9 or (share == found and abs(k * _QUARTER) < abs(best)):
             best, found = k * _QUARTER, share
     text = "most fixes are under water: do the clocks of GPS and flight differ?"
@@ -196,23 +196,23 @@ def _clocks(times: Array, depth: Channel, rules: DiveRules) -> str:
 
 
 def _offset(fixes: LoggedFixes, i: int, j: int) -> tuple[Array, Array]:
-    """[m] North and east of the second of two fixes from the first."""
+    """[m] North and east distance from fix `i` to fix `j`."""
     start = float(fixes.latitude[i]), float(fixes.longitude[i])
     return offset(fixes.latitude[j], fixes.longitude[j], *start)
 
 
 def _distance(fixes: LoggedFixes, i: int, j: int) -> float:
-    """[m] Between two fixes."""
+    """[m] Distance between fixes `i` and `j`."""
     return float(np.hypot(*_offset(fixes, i, j)))
 
 
-def _apart(fixes: LoggedFixes, i: int, j: int, rules: DiveRules) -> bool:
+def _is_far(fixes: LoggedFixes, i: int, j: int, rules: DiveRules) -> bool:
     reach = rules.fix_noise + rules.fix_speed * float(fixes.time[j] - fixes.time[i])
     return _distance(fixes, i, j) > reach
 
 
 def nearest(times: Array, wanted: Array) -> Array:
-    """Of each wanted time, the nearest of `times`; infinite without any."""
+    """Nearest of `times` to each wanted time; infinite if `times` is empty."""
     if not len(times):
         return np.full(np.shape(wanted), np.inf)
     right = np.clip(np.searchsorted(times, wanted), 1, max(len(times) - 1, 1))

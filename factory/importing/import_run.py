@@ -1,4 +1,4 @@
-"""One import: files of one kind of vehicle in, dataset and report out."""
+"""Import run: read the logs of one kind of vehicle into a dataset of dives and a report."""
 
 from __future__ import annotations
 
@@ -58,19 +58,19 @@ def import_logs(
     Args:
       kind: a name in `factory.importing.IMPORTERS`, such as slocum.
       files: files or folders.
-      period: [s] between samples [default: the log's own where it says one, else the importer's].
-      rules: how the dives are cut.
+      period: [s] sampling interval [default: the log's own if it states one, else the importer's].
+      rules: limits by which a log is cut into dives.
       variation_deg: [degree] magnetic variation, east positive, instead of the log's own.
       cache: folder of a Slocum's cache files [default: beside the logs].
-      mapping: what the columns of csv tables are: a file, or the name of a shipped one.
-      payload: NAME=COLUMN or NAME=COLUMN[UNITS]: columns that become the signals `measured_NAME`,
-        beside those that are known (`factory.importing.payload`).
-      keep_going: whether to go on where half of the files or more cannot be read.
-      recursive: whether the folders below the named ones are searched too.
-      one_deployment: whether all logs are of one deployment, which has the name of the first.
+      mapping: meaning of the columns of csv tables: a file, or the name of a shipped mapping.
+      payload: NAME=COLUMN or NAME=COLUMN[UNITS]: each column becomes the signal `measured_NAME`,
+        in addition to the known payloads (`factory.importing.payload`).
+      keep_going: go on even if half of the files or more cannot be read.
+      recursive: search the folders below the named ones too.
+      one_deployment: treat all logs as one deployment, with the name of the earliest log.
 
     Raises:
-      InputError: a file cannot be used; the message names it and says why.
+      InputError: a file cannot be used; the message names the file and the reason.
     """
     stamp = made_at().strftime("%Y-%m-%dT%H:%M:%SZ")
     importer, rules = IMPORTERS[kind], rules or DiveRules()
@@ -117,9 +117,9 @@ def import_logs(
     command += ["--payload", *payload] if payload else []
     command += ["--recursive"] if recursive else []
     dataset.attrs[HISTORY] = f"{stamp}: {shlex.join(command)}"
-    said = _beside(paths) or (logs[0].said if len(logs) == 1 else None)
-    if said is not None:
-        dataset.attrs[DEPLOYMENT_METADATA] = said
+    text = _metadata_text(paths) or (logs[0].said if len(logs) == 1 else None)
+    if text is not None:
+        dataset.attrs[DEPLOYMENT_METADATA] = text
     return dataset, report
 
 
@@ -132,17 +132,17 @@ def read_logs(
     keep_going: bool = True,
     recursive: bool = False,
 ) -> tuple[list[Path], list[DeploymentLog]]:
-    """Read logs, uncut: the files that were read, and a log for each deployment in them.
+    """Read logs without cutting them; return the files and a log for each deployment.
 
     Raises:
-      InputError: as `import_logs`.
+      InputError: see `import_logs`.
     """
     importer = IMPORTERS[kind]
     try:
         paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
         logs = [
             dataclasses.replace(
-                within_limits(log, tally),  # with what their reader doubts of them
+                within_limits(log, tally),  # with the reader's doubts about it
                 doubts=tuple(d for d in tally.doubts if d.deployment in ("", log.deployment)),
             )
             for log in _read(importer, paths, options, tally)
@@ -159,13 +159,13 @@ def read_logs(
 
 
 METADATA = ("metadata.yml", "deployment.yml", "metadata.yaml", "deployment.yaml")
-"""What pyglider and its kin call the file in which people describe a deployment"""
+"""Names under which pyglider and similar tools store the description of a deployment."""
 BAG = "rosbag2_bagfile_information"
-"""How rosbag2's own metadata.yaml begins, which describes no deployment"""
+"""First word of rosbag2's own metadata.yaml, which describes no deployment."""
 
 
-def _beside(paths: Sequence[Path]) -> str | None:
-    """The text of the one such file in the folders of the logs; None without, and with several."""
+def _metadata_text(paths: Sequence[Path]) -> str | None:
+    """Text of the only metadata file in the logs' folders; None if there is none or several."""
     folders = dict.fromkeys(path.resolve().parent for path in paths)
     found = [folder / name for folder in folders for name in METADATA if (folder / name).is_file()]
     texts = [path.read_text(encoding="utf-8", errors="replace") for path in found]
@@ -201,21 +201,21 @@ def _read_others(
     importer: Importer, read: Reader, paths: Sequence[Path], options: ReadOptions, tally: Tally,
     error: Exception,
 ) -> list[DeploymentLog]:  # fmt: skip
-    """Read what is left when the files are left out at which the reader fails alone.
+    """Read the remaining files, without the files at which the reader fails alone.
 
     Raises:
-      InputError: none is left, or the reader fails at no file alone.
+      InputError: no file is left, or the reader fails at no single file.
     """
 
-    def alone(path: Path) -> None:
+    def read_alone(path: Path) -> None:
         try:
             read([path], options, Tally())
         except OtherKind:
             raise
         except InputError:
-            return  # it needs another file beside it
+            return  # not damaged; it may need another file
 
-    good = [path for path, _ in each_file(paths, alone, tally)]
+    good = [path for path, _ in each_file(paths, read_alone, tally)]
     if len(good) == len(paths):
         names = summarise([path.name for path in paths], 3)
         raise InputError(
@@ -226,7 +226,7 @@ def _read_others(
 
 
 def _expect_most(read: int, tally: Tally) -> None:
-    """Refuse a call in which no more files were read than could not be."""
+    """Raise `MostUnreadable` unless more files were read than were unreadable."""
     lost = [e for e in tally.entries() if e.subject == UNREADABLE]
     count = sum(entry.count for entry in lost)
     if count and count >= read:
@@ -239,15 +239,15 @@ def _expect_most(read: int, tally: Tally) -> None:
 
 
 _REASONS = 3
-"""Reasons that an error names"""
+"""Largest number of reasons that an error lists."""
 
 
 class MostUnreadable(InputError):
-    """Half of the files of an import or more cannot be read; the message says why."""
+    """Error of an import: half of the files or more cannot be read; the message says why."""
 
 
 def _with_left_out(error: InputError, tally: Tally) -> InputError:
-    """The error with the files that could not be read before: what is missing may be in them."""
+    """Return the error with the unreadable files added: the missing data may be in them."""
     left_out = [e.detail for e in tally.entries() if e.subject == UNREADABLE]
     if all(why in str(error) for why in left_out):
         return error
@@ -255,7 +255,7 @@ def _with_left_out(error: InputError, tally: Tally) -> InputError:
 
 
 def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
-    """Refuse a mapped column that no file has."""
+    """Raise InputError if no file has the column of a payload that the user maps."""
     names = [name for states in tally.names.values() for name in states]
     for one in options.payload:
         if not set(one.sources) & set(names):
@@ -267,7 +267,7 @@ def _expect_mapped(options: ReadOptions, tally: Tally) -> None:
 
 
 def _explained(error: WrongFormat, importer: Importer) -> InputError:
-    """The error with the kind of log that the file looks like."""
+    """Return the error with the kind of log that the file looks like."""
     path, kind = error.path, error.kind
     check_plugin(path, error.names)
     if kind is None and error.names:

@@ -1,7 +1,7 @@
 """Messages: logs of topics, each with its own clock, whose fields become signals by a mapping.
 
-A column is a topic and a field of its messages, with a blank between: `/imu angular_velocity.z`,
-`ATT Roll`. A reader says what the fields of standard messages are, and a mapping file adds to that.
+A column is a topic and a field of its messages, separated by a blank: `/imu angular_velocity.z`,
+`ATT Roll`. A reader knows the fields of standard messages; a mapping file adds others.
 """
 
 from __future__ import annotations
@@ -28,29 +28,29 @@ from twin.vehicle.vehicle import load_vehicle
 Array = NDArray[np.float64]
 
 EARLIEST = 315_532_800.0
-"""[s] 1980: a clock that says less was never set"""
+"""[s] Earliest valid time, 1980; a clock with an earlier time was never set."""
 TURNING = 1.0
-"""[rad/s] A screw that turns faster drives"""
+"""[rad/s] Speed beyond which a turning screw propels the vehicle."""
 
 
 @dataclasses.dataclass(frozen=True)
 class MessageTable:
-    """The messages of one topic."""
+    """Messages of one topic."""
 
     time: Array
-    """[s] unix, as written."""
+    """[s] Unix time, as written."""
     columns: Dict[str, Array]
     """Numbers by field, NaN where a message has none."""
 
 
 def mapping_of(options: ReadOptions, vehicle: str, model: str | None, gap_s: float) -> Mapping:
-    """What the user says of the messages; without a file, nothing but the vehicle. The parts of the
-    vehicle file that it names are declared.
+    """Load the user's mapping, or make one that only names the vehicle. Declare the parts of the
+    vehicle file that the mapping names.
 
     Args:
-      vehicle: what the log calls its vehicle.
+      vehicle: name of the vehicle in the log.
       model: vehicle file that the log names.
-      gap_s: [s] a longer hole ends a row.
+      gap_s: [s] a longer gap ends a row.
     """
     if options.mapping is not None:
         found = load_mapping(options.mapping, timed=True)
@@ -67,7 +67,7 @@ def mapping_of(options: ReadOptions, vehicle: str, model: str | None, gap_s: flo
 
 
 def with_standard(mapping: Mapping, standard: Dict[str, Signal], tally: Tally) -> Mapping:
-    """The mapping with signals of standard messages, where it does not map them itself."""
+    """Add signals of standard messages that the mapping does not map itself."""
     known, kept = set(signal_names()), {}
     for name, signal in standard.items():
         if name not in known or name in mapping.signals:
@@ -83,11 +83,11 @@ def with_standard(mapping: Mapping, standard: Dict[str, Signal], tally: Tally) -
 def valued(
     sources: Dict[str, Sequence[Signal]], tables: Dict[str, MessageTable], tally: Tally
 ) -> dict[str, Signal]:
-    """Of several sources of a signal the first that has values, or else the first; the rest told.
+    """Choose for each signal the first source with values, or else the first; report the others.
 
     Args:
-      sources: by signal, the best first.
-      tables: what was read, by topic.
+      sources: sources of each signal, the preferred one first.
+      tables: tables that were read, by topic.
     """
     found = {}
     for name, several in sources.items():
@@ -106,7 +106,7 @@ def _has_values(signal: Signal, tables: Dict[str, MessageTable]) -> bool:
 
 
 def wanted_fields(mapping: Mapping) -> dict[str, list[str]]:
-    """The fields that a mapping reads, by topic."""
+    """Fields that a mapping reads, by topic."""
     found: dict[str, list[str]] = {}
     for column in dict.fromkeys(signal.column for signal in mapping.signals.values()):
         topic, _, field = column.partition(" ")
@@ -123,12 +123,12 @@ def log_of_messages(
     options: ReadOptions,
     tally: Tally,
 ) -> DeploymentLog:
-    """The log of the topics of one recording.
+    """Make the log of one recording from its topics.
 
     Args:
-      path: of the recording, for errors.
-      topics: all that it has.
-      tables: those that are read, by topic.
+      path: recording, for errors.
+      topics: names of all topics in the recording.
+      tables: tables that were read, by topic.
 
     Raises:
       InputError: a mapped column is missing, or the vehicle's clock was never set.
@@ -170,12 +170,12 @@ def log_of_messages(
         deployment, channels, mapping, options.variation_deg, tally,
         time=np.unique(np.concatenate(times)), files=times, names=[path.name],
     )  # fmt: skip
-    auxiliary = {**_driven(log), **log.auxiliary}
+    auxiliary = {**_thruster_channel(log), **log.auxiliary}
     return dataclasses.replace(log, period=mapping.period_s, auxiliary=auxiliary)
 
 
-def _driven(log: DeploymentLog) -> dict[str, Channel]:
-    """When a screw of the vehicle that stands for the log's turned, as `thruster`."""
+def _thruster_channel(log: DeploymentLog) -> dict[str, Channel]:
+    """Channel `thruster`: 1 while the first logged screw of the vehicle file turns."""
     if log.model is None:
         return {}
     for part in load_vehicle(log.model).parts:

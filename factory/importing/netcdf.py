@@ -1,4 +1,4 @@
-"""netCDF-4 and HDF5 files (MATLAB v7.3 among them): opened with errors that say what is wrong."""
+"""netCDF-4 and HDF5 files (MATLAB v7.3 too): opened with clear errors, read sample by sample."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from twin.errors import InputError
 Array = NDArray[np.float64]
 
 HDF5 = b"\x89HDF"
-"""Begins each such file, netCDF-4's too"""
+"""First bytes of each HDF5 file, netCDF-4's too."""
 
 
 class _Trial:
-    """A second process that opens every HDF5 file first.
+    """Second process that opens every HDF5 file first.
 
-    Of a damaged one the library may never come back, which nothing within a process can end, or
-    take its process with it.
+    On a damaged file the library may hang, which nothing within a process can stop, or crash the
+    process.
     """
 
     LONGEST = 60.0
-    """[s] A sound file takes some milliseconds"""
+    """[s] Longest time to open a file; a sound file takes some milliseconds."""
     PROGRAM = """
 import os, sys, netCDF4
 for line in sys.stdin:
@@ -57,21 +57,21 @@ for line in sys.stdin:
         self._others: subprocess.Popen[str] | None = None
 
     def passes(self, path: Path) -> bool:
-        """Tell whether the process comes back from the file, with an error or without."""
-        self._leave()
+        """Tell whether the process returns from the file, with an error or without."""
+        self._leave_to_parent()
         stat = path.stat()
         key = str(path.resolve()), stat.st_size, stat.st_mtime_ns
         with self._lock:
-            if key not in self._passed and self._tried(key[0]):
+            if key not in self._passed and self._comes_back(key[0]):
                 self._passed.add(key)
             return key in self._passed
 
-    def _tried(self, path: str) -> bool:
+    def _comes_back(self, path: str) -> bool:
         if self._process is not None and self._process.poll() is not None:
-            self.end()  # somebody has ended it
+            self.end()  # ended from outside
         if self._process is None:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-c", self.PROGRAM],  # nothing of the folder is imported
+                [sys.executable, "-P", "-c", self.PROGRAM],  # -P: import nothing from the folder
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
             )  # fmt: skip
         process, answers = self._process, list[str]()
@@ -84,21 +84,21 @@ for line in sys.stdin:
         waiting.start()
         waiting.join(self.LONGEST)
         if not answers or not answers[0]:
-            process.kill()  # which ends the waiting
+            process.kill()  # ends the waiting thread
             waiting.join()
             self.end()
             return False
         return True
 
-    def _leave(self) -> None:
-        """Leave the process to the parent in a fork: nobody else can wait for it."""
+    def _leave_to_parent(self) -> None:
+        """Leave the process to the parent after a fork: only the parent can wait for it."""
         if self._owner != os.getpid():
             self._owner, self._lock = os.getpid(), threading.Lock()
             self._others, self._process = self._process, None
 
     def end(self) -> None:
-        """End the process; the next file begins another."""
-        self._leave()
+        """End the process; the next file starts another."""
+        self._leave_to_parent()
         if self._process is not None:
             self._process.communicate()
             self._process = None
@@ -110,10 +110,10 @@ atexit.register(_trial.end)
 
 @contextlib.contextmanager
 def open_netcdf(path: Path) -> Iterator[Any]:
-    """A netCDF or HDF5 file for reading, closed at the end.
+    """Open a netCDF or HDF5 file for reading; close it at the end.
 
     Raises:
-      InputError: it is neither, truncated, or what its library cannot read is read within.
+      InputError: the file is neither, truncated, or its library fails while the file is read.
     """
     import netCDF4
 
@@ -121,8 +121,7 @@ def open_netcdf(path: Path) -> Iterator[Any]:
         start = raw.read(8)
     if start.startswith(HDF5) and not _trial.passes(path):
         raise InputError(f"{path.name} is damaged: its library does not come back from it")
-    # limits that do not fit the variable's own kind of number are not used: no word of a library
-    # that names neither the file nor the variable
+    # the library warns of valid ranges of another type, and names neither file nor variable
     warnings.filterwarnings("ignore", r"WARNING: \w+ not used since it", UserWarning)
     try:
         file = netCDF4.Dataset(path)
@@ -133,7 +132,7 @@ def open_netcdf(path: Path) -> Iterator[Any]:
             f"{path.name} cannot be opened as netCDF-4 or HDF5: {why} ({type(error).__name__})"
         ) from error
     with file, warnings.catch_warnings():
-        # limits of another type than their variable are left out, as netCDF's rules want it
+        # valid ranges of another type than their variable are ignored, as netCDF's rules ask
         warnings.filterwarnings("ignore", "WARNING: ", UserWarning)
         warnings.filterwarnings("error", "invalid scale_factor", UserWarning)
         check_unpacked(_declared(file), path.stat().st_size, path.name)
@@ -145,7 +144,7 @@ def open_netcdf(path: Path) -> Iterator[Any]:
 
 
 def _without_scale(group: Any) -> str:
-    """The first variable whose scale or offset is no number, in words; empty without one."""
+    """Text on the first variable whose scale or offset is no number; empty if all are numbers."""
     for name, variable in group.variables.items():
         for attribute in ("scale_factor", "add_offset"):
             value = getattr(variable, attribute, 1.0)
@@ -155,7 +154,7 @@ def _without_scale(group: Any) -> str:
 
 
 def _declared(group: Any) -> float:
-    """Bytes of the values that a file or group says it has: a number is read as eight."""
+    """[byte] Size of the values that a file or group declares; a number is read as eight bytes."""
     own = sum(
         float(variable.size) * (1 if getattr(variable.dtype, "kind", "") == "S" else 8)
         for variable in group.variables.values()
@@ -164,10 +163,10 @@ def _declared(group: Any) -> float:
 
 
 def as_array(values: object) -> Array:
-    """Any numbers as a float64 array; masked ones are NaN.
+    """Convert numbers to a float64 array; masked numbers are NaN.
 
     Raises:
-      InputError: texts.
+      InputError: the values are texts.
     """
     try:
         filled = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
@@ -178,32 +177,32 @@ def as_array(values: object) -> Array:
 
 
 def holds_arrays(path: Path) -> bool:
-    """Whether a file is netCDF or HDF5 by its first bytes; MATLAB puts 512 bytes before them."""
+    """True if a file's first bytes are netCDF or HDF5; MATLAB puts 512 bytes before them."""
     with path.open("rb") as file:
         start = file.read(600)
     return start.startswith((b"CDF", b"\x89HDF")) or start[512:516] == b"\x89HDF"
 
 
 def variable_names(path: Path) -> list[str]:
-    """Names of the variables and groups of a netCDF or HDF5 file; errors as `open_netcdf`."""
+    """Names of the variables and groups of a netCDF or HDF5 file; errors as in `open_netcdf`."""
     with open_netcdf(path) as file:
         return [*file.variables, *file.groups]
 
 
 def attributes_of(variable: Any) -> dict[str, Any]:
-    """Attributes by name."""
+    """Attributes of a variable, by name."""
     return {name: variable.getncattr(name) for name in variable.ncattrs()}
 
 
 def unit_in(attributes: Mapping[str, Any]) -> str:
-    """The unit that a variable declares; empty where it declares none."""
+    """Unit that a variable declares; empty if it declares none."""
     return str(attributes.get("units", "")).strip()
 
 
 def values_in(variable: Any, units: Mapping[str, str], tally: Tally) -> Array | None:
-    """Numbers of a variable, by what it declares in the unit that `units` gives its name.
+    """Numbers of a variable, converted as declared to the unit that `units` gives its name.
 
-    None where they are of another quantity, which is told.
+    None if they are of another quantity, which is reported.
     """
     values, name = as_array(variable[...]), str(variable.name)
     if name not in units:
@@ -212,7 +211,7 @@ def values_in(variable: Any, units: Mapping[str, str], tally: Tally) -> Array | 
 
 
 def text_of(variable: Any) -> str:
-    """A text, whether stored as one or letter by letter; empty for None."""
+    """Text of a variable, stored as a string or letter by letter; empty for None."""
     if variable is None:
         return ""
     value = variable[...]
@@ -222,16 +221,16 @@ def text_of(variable: Any) -> str:
 
 
 SINCE = " since "
-"""In the units of every CF time"""
+"""Part of the units of every CF time."""
 _SECONDS_IN = {"nanosecond": 1e-9, "microsecond": 1e-6, "millisecond": 1e-3, "second": 1.0,
                "minute": 60.0, "hour": 3600.0, "day": 86400.0}  # fmt: skip
 
 
 def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: Tally) -> Array:
-    """Unix seconds by the variable's units, or by size where it has none.
+    """Convert times to unix seconds by the variable's units, or by size if it has none.
 
     Raises:
-      InputError: units that are no times.
+      InputError: the units are no units of time.
     """
     units = str(attributes.get("units", ""))
     if SINCE not in units:
@@ -246,9 +245,9 @@ def seconds_of(time: Array, attributes: Mapping[str, Any], subject: str, tally: 
 
 
 def _whole_stamp(word: str) -> str:
-    """A written moment with microseconds at most: datetime reads no more digits."""
+    """Written moment with at most microseconds: datetime reads no more digits."""
     word = re.sub(r"(\.\d{6})\d+", r"\1", word.strip().removesuffix(" UTC").removesuffix(" GMT"))
-    # 2010-7-29 13:31:4
+    # two digits each, as for 2010-7-29
     date, _, clock = word.replace("T", " ").partition(" ")
     date = "-".join(part.zfill(2) for part in date.split("-"))
     return f"{date} {clock}".strip()
@@ -257,16 +256,16 @@ def _whole_stamp(word: str) -> str:
 Index = NDArray[np.int64]
 
 COUNTS = ("row_size", "rowsize")
-"""Names, in small letters, of counts that say nothing of their dimension"""
+"""Names, in small letters, of counts that do not name the dimension they count."""
 
 
 class Geometry:
-    """Samples of a file, and where along each dimension each of them lies.
+    """Samples of a file, and the index of each along every dimension.
 
-    The layouts are those of CF's chapter 9: a variable along the samples; one value for a profile
-    or a trajectory whose samples lie one after the other, counted by a variable with
-    `sample_dimension` (ERDDAP's `rowSize`); an index of the profile at each sample, with
-    `instance_dimension`; arrays of profiles by samples, padded.
+    The layouts are those of CF's chapter 9. A variable lies along the samples. One value holds for
+    a profile or a trajectory, whose samples are counted by a variable with `sample_dimension`
+    (ERDDAP's `rowSize`). An index with `instance_dimension` gives the profile of each sample.
+    Arrays of profiles by samples are padded.
     """
 
     def __init__(self, file: Any, measured: Sequence[str], subject: str) -> None:
@@ -274,11 +273,11 @@ class Geometry:
 
         Args:
           file: open netCDF file.
-          measured: names of variables that are measured at the samples; the largest decides.
+          measured: names of measured variables; the samples are those of the largest.
           subject: file, for errors.
 
         Raises:
-          InputError: counts or indices that do not fit the samples.
+          InputError: counts or indices do not fit the samples.
         """
         self._variables: Mapping[str, Any] = file.variables
         self._subject = subject
@@ -287,7 +286,7 @@ class Geometry:
         self._along: dict[str, Index] = {}
         self._own: set[str] = set()  # dimensions of the samples themselves
         self.count = 0
-        """Samples, those that pad an array among them"""
+        """Number of samples, including those that pad an array."""
         if variable is None or not variable.dimensions:
             return
         self._own = {d for d in variable.dimensions if file.dimensions[d].size > 1}
@@ -301,7 +300,7 @@ class Geometry:
             pass
 
     def _add_instances(self) -> bool:
-        """Add a dimension whose elements are profiles or trajectories; whether one was found."""
+        """Add a dimension whose elements are profiles or trajectories; True if one was found."""
         for name, variable in self._variables.items():
             if len(variable.dimensions) != 1 or variable.dtype == str or variable.dtype.kind != "i":
                 continue
@@ -321,7 +320,7 @@ class Geometry:
         return False
 
     def _counted(self, name: str, along: Index, counted: str) -> Index:
-        """Element that counts each sample, (samples,)."""
+        """Index of the element that counts each sample, (samples,)."""
         counts = self._whole(as_array(self._variables[name][:]), name)
         samples = along.max(initial=-1) + 1
         if counts.sum() != samples:
@@ -337,18 +336,18 @@ class Geometry:
         return values.astype(np.int64)
 
     def reaches(self, name: str) -> bool:
-        """Whether the variable has numbers at the samples."""
+        """True if the variable has numbers at the samples."""
         variable = self._variables.get(name)
         if variable is None or not self.count or not is_number(variable):
             return False
         return set(variable.dimensions) <= set(self._along)
 
     def single(self, name: str) -> bool:
-        """Whether the variable has one value for several samples."""
+        """True if the variable has one value for several samples."""
         return not self._own <= set(self._variables[name].dimensions)
 
     def column(self, name: str) -> Array:
-        """Numbers of a variable, (samples,); of one that `reaches` them."""
+        """Numbers of a variable at the samples, (samples,), if it `reaches` them."""
         variable = self._variables[name]
         values = as_array(variable[...])
         index = tuple(self._along[d] for d in variable.dimensions)
@@ -361,7 +360,7 @@ class Geometry:
         return np.array(np.broadcast_to(found, (self.count,)), np.float64)
 
     def texts(self, name: str) -> NDArray[np.object_] | None:
-        """Texts of a variable, (samples,), a number as it is written; None: it has none there."""
+        """Texts of a variable at the samples, (samples,), numbers as written; None without any."""
         variable = self._variables.get(name)
         if variable is None or not self.count:
             return None
@@ -379,7 +378,7 @@ class Geometry:
         return np.broadcast_to(found, (self.count,))
 
     def clocks(self, usual: str, tally: Tally) -> dict[str, Array]:
-        """Times [s] unix of all variables of time that reach the samples, the usual one first."""
+        """Times [s] unix of all time variables that reach the samples, the usual one first."""
         found = {}
         for name in (usual, *(n for n in self._variables if n != usual)):
             if not self.reaches(name):
@@ -388,7 +387,7 @@ class Geometry:
             if name == usual:
                 found[name] = seconds_of(self.column(name), said, self._subject, tally)
             elif SINCE in str(said.get("units", "")):
-                with contextlib.suppress(InputError):  # no clock: it has units that are none
+                with contextlib.suppress(InputError):  # units of no time: no clock
                     found[name] = seconds_of(self.column(name), said, self._subject, Tally())
         return found
 
@@ -400,5 +399,5 @@ def _text(value: Any) -> str:
 
 
 def is_number(variable: Any) -> bool:
-    """Whether a variable holds numbers."""
+    """True if a variable holds numbers."""
     return variable.dtype != str and getattr(variable.dtype, "kind", "") in "fiu"

@@ -1,4 +1,4 @@
-"""Payload: what a vehicle carries beside its CTD, as signals: oxygen, chlorophyll, any name."""
+"""Payload signals: oxygen, chlorophyll and other sensors that a vehicle carries beside its CTD."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from twin.errors import InputError
 from twin.records.schema import VARIABLES, Variable, declare
 
 _ANY = (-1e9, 1e9)
-"""Limits of a signal of which only the name is known."""
+"""Limits of a signal that is known by name only."""
 
 
 @dataclasses.dataclass(frozen=True)
 class PayloadSignal:
-    """One signal of a payload and the names under which files have it, the best first."""
+    """Payload signal, with its names in files, the preferred name first."""
 
     signal: str
     """Name in the store, `measured_...`."""
     sources: tuple[str, ...]
     units: str | None = None
-    """None: what the file says, else 1."""
+    """Unit in the store; None: the file's unit, else 1."""
     long_name: str = ""
     limits: tuple[float, float] = _ANY
     standard_name: str | None = None
     by_user: bool = False
-    """Whether the user gives the unit, whatever a file says."""
+    """True if the unit is the user's, which overrides the file's."""
 
 
 KNOWN = (
@@ -68,10 +68,10 @@ _MAPPING = re.compile(r"(?P<name>[a-z][a-z0-9_]*)=(?P<source>[^=\[\]]+)(\[(?P<un
 
 
 def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
-    """What the user maps: `oxygen=sci_oxy4_oxygen` or `nitrate=NO3[umol L-1]`.
+    """Parse the user's mappings: `oxygen=sci_oxy4_oxygen` or `nitrate=NO3[umol L-1]`.
 
     Raises:
-      InputError: of another form, or a signal that every log has already.
+      InputError: another form, or a signal that every store has.
     """
     found = []
     known = {one.signal: one for one in KNOWN}
@@ -98,21 +98,21 @@ def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
 
 
 _OTHERS = frozenset(VARIABLES)
-"""Signals that are no payload's."""
+"""Signals of every store, which no payload may replace."""
 
 
 def payload_names(payload: Iterable[PayloadSignal]) -> tuple[str, ...]:
-    """Names in files that payloads come from: those known and those that the user maps."""
+    """Names of payload columns in files: the known names and those that the user maps."""
     return tuple(dict.fromkeys(name for one in (*payload, *KNOWN) for name in one.sources))
 
 
 def _in_unit(
     channel: Channel, said: str, signal: PayloadSignal, name: str, tally: Tally
 ) -> Channel:
-    """A channel in the signal's unit by what its file says; empty for another quantity.
+    """Convert a channel from its file's unit to the signal's; empty for another quantity.
 
-    A unit of the user's own stands, and a word that nobody knows, such as one of a calibration, is
-    taken for the signal's unit, and noted.
+    A unit given by the user stands. An unknown unit, such as one of a calibration, is taken for the
+    signal's unit, and noted.
     """
     if signal.units is None or signal.by_user or not is_declared(said) or said == "1":
         return channel
@@ -130,12 +130,12 @@ def payload_channels(
     *,
     units: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Channel]:
-    """Signals of a log's payload; of several names for one signal the first with values.
+    """Payload signals of a log; if several names give one signal, the first with values.
 
     Args:
       found: finite samples by the file's own names.
-      payload: what the user maps; it goes before what is known.
-      units: what the file says of its names.
+      payload: the user's mappings, which take precedence over the known names.
+      units: units that the file states, by name.
 
     Raises:
       InputError: a mapped signal was declared with another unit before.
@@ -144,7 +144,7 @@ def payload_channels(
     mapped = {one.signal for one in payload}
     for one in (*payload, *(k for k in KNOWN if k.signal not in mapped)):
         there = [name for name in one.sources if len(found.get(name, ()))]
-        # a vehicle writes 0 for sensors that its software knows and that are not fitted
+        # vehicles write 0 for sensors that their software knows and that are not fitted
         idle = [name for name in there if not found[name].values.any()]
         leave_out(idle, "0 throughout: a sensor that the vehicle has not", tally)
         there = [name for name in there if name not in idle]

@@ -1,11 +1,11 @@
-"""Signs and scales of a log compared with how gliders move; contradictions are reported.
+"""Plausibility: signs and scales of a log compared with how gliders move.
 
-A glider sinks nose down and rises nose up; it rises with more volume than it sinks with; it is
-neither faster than a thruster makes it nor slower than its own noise.
+A glider sinks nose down and rises nose up, with more volume than it sinks with. Its speed exceeds
+its sensors' noise and stays below what a thruster reaches. Contradictions are reported.
 
-Stretches of samples that no vehicle could reach from the rest of its log.
-The numbers by which a log is cut into dives and its GPS fixes are judged.
-What a restarted pressure sensor writes before its first measurement: 0, or its last value.
+`unreachable` finds samples that no vehicle could reach from the rest of its log. `lone_zeros` and
+`stale` find what a restarted pressure sensor writes before its first measurement. `DiveRules` holds
+the limits by which a log is cut into dives and its GPS fixes are judged.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from factory.importing.tally import Tally
 Array = NDArray[np.float64]
 
 _BELOW = 5.0
-"""[m] Waves and the surfacing are above."""
+"""[m] Depth beyond which samples are judged: waves and the surfacing are above."""
 _MOVING = 0.04
-"""[m/s] Vertical speed of a glide."""
+"""[m/s] Least vertical speed of a glide."""
 _ENOUGH = 20
-"""Samples each of descent and climb."""
+"""Fewest samples that allow a judgement, of descent and of climb."""
 FASTEST, SLOWEST = 2.0, 0.04
-"""[m/s] Speeds along the pitch that no glider has; usual are 0.2 to 0.6."""
+"""[m/s] Limits of a glider's speed along its pitch; usual are 0.2 to 0.6."""
 _STEEP = 8.0
-"""[degree] Flatter, the vertical speed says little about the speed."""
+"""[degree] Least pitch at which the vertical speed gives the speed along the pitch."""
 _ROLLED = 45.0
-"""[degree] No glider rolls by more for half of its time under water."""
+"""[degree] Largest roll that a glider can exceed for half of its time under water."""
 
 
 def vertical_speed(depth: Channel) -> Array:
-    """[m/s] Down positive, at the channel's samples."""
+    """[m/s] Vertical speed, down positive, at the channel's samples."""
     if len(depth) < 3:
         return np.zeros(len(depth))
     return np.asarray(np.gradient(depth.values, depth.time), np.float64)
 
 
 def speed_along_pitch(depth: Channel, pitch: Channel) -> float:
-    """[m/s] Median of vertical speed over sin(pitch) in glides; NaN without enough of them."""
+    """[m/s] Median of vertical speed over sin(pitch) in glides; NaN with too few samples."""
     if not len(depth) or not len(pitch):
         return float("nan")
     angle = pitch.at(depth.time)
@@ -55,18 +55,18 @@ def speed_along_pitch(depth: Channel, pitch: Channel) -> float:
 
 
 _AGREE = 0.9
-"""Part of the moving samples whose pitch points where the vehicle goes."""
+"""Least fraction of moving samples whose pitch has one sign relative to the motion."""
 
 
 def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
-    """Whether a vehicle sinks and rises as its pitch in radian says and cannot as in degrees.
+    """True if the vertical speed fits the pitch in radian and is impossible in degrees.
 
-    None where it does not go both ways: one that only sinks may hang nose down.
+    None if the log has no descent or no climb: a vehicle that only sinks may hang nose down.
 
     Args:
       time: [s] increasing, (samples,).
-      depth: [m] at the same times, NaN where there is none.
-      pitch: small numbers, of degrees or of radian.
+      depth: [m] at the same times, NaN where unknown.
+      pitch: small numbers, in degrees or in radian.
     """
     there = np.isfinite(depth)
     moving = Channel(time[there], depth[there])
@@ -85,11 +85,11 @@ def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
 
 
 _LEVEL = 1e-6
-"""Nothing smaller is an angle of a glide, in degrees or in radian"""
+"""Least pitch of a glide, in degrees or in radian."""
 
 
 def check_signs(log: DeploymentLog, tally: Tally) -> None:
-    """Report channels whose sign or scale contradicts the dives, as `suspect`."""
+    """Report channels as suspect if their sign or scale contradicts the dives."""
 
     def doubt(name: str, why: str) -> None:
         tally.doubt(name, f"{log.deployment} {why}", len(log.channel(name)))
@@ -104,7 +104,7 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
         usual = float(np.median(np.abs(roll.at(depth.time[rolled]))))
         if usual > _ROLLED:
             doubt("measured_roll", f"rolls by {usual:.0f} degree: wrong unit or column")
-    # a vehicle's computer that is silent says nothing of its signs
+    # while the vehicle's computer is silent its signs are unknown
     known = below & (pitch or pump).covers(depth.time)
     down, up = known & (rate > _MOVING), known & (rate < -_MOVING)
     if min(down.sum(), up.sum()) < _ENOUGH:
@@ -126,19 +126,18 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
 
 
 _BESIDE = 2
-"""Samples on either side of a cut that can go alone."""
+"""Number of samples on either side of a cut that can be removed one by one."""
 _BACK = 200
-"""Pieces that are looked back over; bad stretches come in fewer pieces than that."""
+"""Number of earlier pieces that a piece can follow; bad stretches have fewer pieces."""
 
 
 def unreachable(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
     """True for samples outside the longest chain in which nothing changes faster than it can.
 
     The series is cut wherever neighbours differ by more than `jump` + `rate` [unit/s] times the
-    time between them, and the samples beside a cut are pieces of their own: one wrong sample at an
-    end shall not take days with it. Of the pieces, those are kept that follow each other at
-    possible rates and hold the most samples together; a sentinel that lasts for minutes is as far
-    from them as one that lasts for a sample.
+    time between them. Samples beside a cut are pieces of their own, so that one wrong sample does
+    not remove days. The chain is the sequence of pieces with possible rates between them and the
+    most samples. A sentinel stays outside, whether it lasts one sample or minutes.
 
     Args:
       time: [s] increasing strictly, shape (samples,).
@@ -175,36 +174,36 @@ def unreachable(time: Array, values: Array, *, rate: float, jump: float) -> NDAr
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveRules:
-    """How a log is cut into rows. Depths are below the log's own surface."""
+    """Limits by which a log is cut into rows; depths are below the log's own surface."""
 
     min_depth: float = 5.0
-    """[m] An interval between fixes that goes deeper is a dive, another one time at the surface."""
+    """[m] An interval between fixes that goes deeper is a dive; otherwise it is surface time."""
     min_stretch: float = 30.0
-    """[s] It is so deep for so long at a stretch: a sensor at the surface shows single depths of 5
-    to 14 m when air and waves pass it."""
+    """[s] A dive is below `min_depth` for this long at a stretch. A sensor at the surface shows
+    single depths of 5 to 14 m when air and waves pass it."""
     min_duration: float = 60.0
-    """[s] Shorter dives are left out, counted."""
+    """[s] Shorter dives are left out and counted."""
     surface_depth: float = 1.5
-    """[m] Shallower counts as at the surface where no fix says so."""
+    """[m] Shallower samples count as at the surface where no fix shows it."""
     longest_gap: float = 3600.0
-    """[s] Without fixes, a row ends where neither depth nor attitude is known for so long; a stay
-    at the surface is interrupted by a hole in the fixes that is longer."""
+    """[s] Without fixes, a longer gap in depth and attitude ends a row. A longer gap in the fixes
+    interrupts a surface interval."""
     fix_depth: float = 2.0
-    """[m] A GPS antenna receives nothing deeper."""
+    """[m] Greatest depth at which a GPS antenna receives."""
     fix_lag: float = 30.0
-    """[s] For so long after the surface a receiver goes on with its last velocity, and vehicles
-    log what it says."""
+    """[s] Time after leaving the surface in which a receiver goes on with its last velocity, and
+    vehicles log these positions."""
     coast: float = 40.0
-    """[m] Such a fix is used when it has moved by less from the last one at the surface: as much
-    as two fixes differ anyway. 0 uses none of them, so that rows start at the surface."""
+    """[m] A fix logged within `fix_lag` is used if it is nearer than this to the last surface fix.
+    Two fixes differ as much anyway. With 0 no such fix is used, and rows start at the surface."""
     coast_speed: float = 3.5
-    """[m/s] Three and more steps at one velocity above this are not drift: the receiver coasts."""
+    """[m/s] Three or more steps at one velocity above this are no drift: the receiver coasts."""
     fix_speed: float = 4.0
     """[m/s] Fixes that need a faster drift are wrong."""
     fix_noise: float = 100.0
-    """[m] Two good fixes can differ by so much without any drift."""
+    """[m] Largest difference of two good fixes without any drift."""
     drift_speed: float = 2.0
-    """[m/s] A faster drift at the surface is none: the vehicle was carried, or a fix is wrong."""
+    """[m/s] A faster surface drift is rejected: the vehicle was carried, or a fix is wrong."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -216,41 +215,41 @@ class DiveRules:
 Mask = NDArray[np.bool_]
 
 FASTEST_RESTART = 1.0
-"""[m/s] No glider changes its depth faster over a restart: what needs more is no measurement."""
+"""[m/s] Fastest depth change over a sensor's restart; faster ones are no measurement."""
 _FEW = 3
-"""So many zeros in a row can be a restart's."""
+"""Longest run of zeros that a restart can write."""
 _HOLE = 20.0
 """[s] A sensor that is silent for longer may have been restarted."""
 
 
 def lone_zeros(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
-    """Exact zeros that the nearest other sample before or after cannot have reached.
+    """Find exact zeros that cannot be reached from the nearest other sample before or after.
 
     Args:
       time: [s] increasing strictly, shape (samples,).
       values: finite, [dbar] or [m], shape (samples,).
-      rate, jump: by which other samples are judged (`unreachable`).
+      rate, jump: limits for the other samples (see `unreachable`).
     """
     zero = values == 0.0
     bad = np.zeros(len(values), bool)
     other = np.flatnonzero(~zero)
     if not zero.any() or not other.size:
         return bad
-    # neither is a sentinel a place from which to judge
+    # sentinels among the other samples are no reference either
     other = other[~unreachable(time[other], values[other], rate=rate, jump=jump)]
     at = np.searchsorted(other, np.arange(len(values)))
     for near, there in ((at - 1, at > 0), (at, at < len(other))):
         beside = other[np.clip(near, 0, len(other) - 1)]
         reach = jump + FASTEST_RESTART * np.abs(time - time[beside])
         bad |= zero & there & (np.abs(values[beside]) > reach)
-    # many in a row are the surface, and it is the other sample that is wrong
+    # a longer run of zeros is the surface; then the other sample is wrong
     return bad & short_runs(zero, _FEW)
 
 
 def stale(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
-    """Samples after a hole that repeat the one before it exactly, far from the one after them.
+    """Find samples after a gap that repeat the last value exactly, far from the next value.
 
-    Args as `lone_zeros`; `rate` is not used: a restart takes longer than noise does.
+    Args: see `lone_zeros`; `rate` is not used: a restart takes longer than noise does.
     """
     del rate
     bad = np.zeros(len(values), bool)
@@ -262,12 +261,12 @@ def stale(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
 
 
 def runs(mask: Mask) -> NDArray[np.intp]:
-    """First sample of each run of True and the one after its last, (runs, 2)."""
+    """Index of the first sample of each run of True, and of the one after its last, (runs, 2)."""
     return np.flatnonzero(np.diff(np.concatenate([[0], mask, [0]]))).reshape(-1, 2)
 
 
 def short_runs(mask: Mask, longest: int) -> Mask:
-    """True where `mask` is, in runs of `longest` samples at most."""
+    """True where `mask` is true in runs of `longest` samples at most."""
     short = np.zeros(len(mask), bool)
     for start, end in runs(mask):
         short[start:end] = end - start <= longest

@@ -1,9 +1,9 @@
-"""Pressure of a log in dbar below the surface: its unit, and the air's part of it.
+"""Pressures of a log: dbar below the surface, with their unit checked and the air's part removed.
 
 A declared unit stands unless the file's own depth, the flight or the air at the surface contradict
-it and fit one other unit; that one is taken and counted. What fits none is suspect.
+it. If exactly one other unit fits, that unit is used and counted; else the log is suspect.
 
-Zero error of a depth sensor: what it shows at the surface is subtracted from the whole log.
+`zeroed` subtracts from the whole log the depth that a sensor shows at the surface.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from factory.importing.units import factor_of, is_of
 from twin.errors import InputError
 
 _MS_PER_CM = 10.0
-"""gsw takes conductivity in mS/cm; 1 S/m is 10 of them."""
+"""[mS/cm] in 1 S/m; gsw takes conductivity in mS/cm."""
 _SWAPPED = 9.0
-"""[S/m] No sea water conducts more: such a median is in mS/cm."""
+"""[S/m] Highest conductivity of sea water; a higher median is in mS/cm."""
 _NONE, _DISTILLED = -0.01, 5e-4
-"""[S/m] What a CTD says that is off or in the air, with its noise: less than any natural water
-conducts. Below are sentinels of the conductivity alone."""
+"""[S/m] Range of a CTD that is off or in the air: less than any natural water conducts. Values
+below the range are sentinels of the conductivity alone."""
 
 
 def pressure_of(depth: Array, latitude_deg: Array | float) -> Array:
     """Sea pressure [dbar] at a depth [m].
 
-    TEOS-10 ends 5 m above the sea. Further up, where only a sensor's offset leads, the pressure
-    falls on as it does there.
+    TEOS-10 ends 5 m above the sea. Higher up, where only a sensor's offset leads, pressure falls
+    linearly.
     """
     below = np.maximum(depth, -_HIGHEST)
     pressure = gsw.p_from_z(-below, latitude_deg)
@@ -46,11 +46,11 @@ def pressure_of(depth: Array, latitude_deg: Array | float) -> Array:
 
 
 _HIGHEST = 4.0
-"""[m] above the sea"""
+"""[m] Height above the sea beyond which the pressure is linear."""
 
 
 def siemens(conductivity: Array, subject: str, tally: Tally) -> Array:
-    """Conductivity in S/m; mS/cm where S/m is native is converted, counted."""
+    """Conductivity in S/m; values in mS/cm where S/m is native are converted, counted."""
     good = conductivity[np.isfinite(conductivity)]
     if good.size and np.median(good) > _SWAPPED:
         tally.add("repaired", subject, good.size, "was in mS/cm where S/m is native")
@@ -71,11 +71,11 @@ def ctd_channels(
 ) -> dict[str, Channel]:
     """Temperature, salinity and density as clean channels.
 
-    Samples where one of the sensors has no value, or an impossible one, are left out together; a
-    CTD that is off or in the air, by its conductivity, has no temperature either. Where both are
-    given, the practical salinity is taken, and the conductivity [S/m] tells only that. Places
-    [degree] are one for all samples or one for each: where a log grows, those of a dive must not
-    depend on later ones.
+    Samples are left out where a sensor that they need has no value or an impossible one. A CTD that
+    is off or in the air, by its conductivity, has no temperature either. If both are given,
+    practical salinity is used, and conductivity [S/m] shows only when the CTD is off. Positions
+    [degree] are one for all samples or one for each. A growing log needs one for each: earlier
+    dives must not depend on later positions.
     """
     off = np.zeros(len(time), bool)
     if conductivity is not None:
@@ -112,12 +112,12 @@ def ctd_channels(
 
 
 def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
-    """The log with depth by TEOS-10 from its pressure; from depth alone, pressure is computed.
+    """Add depth by TEOS-10 from the log's pressure; from depth alone, add pressure.
 
     A log whose rows are no dives may have neither.
 
     Raises:
-      InputError: it has neither.
+      InputError: a log of dives has neither.
     """
     track = log.channel("latitude").values
     latitude = float(np.median(track)) if len(track) and not len(log.fixes) else log.fixes.middle[0]
@@ -137,19 +137,19 @@ def with_depth(log: DeploymentLog, tally: Tally) -> DeploymentLog:
 Array = NDArray[np.float64]
 
 AIR = 10.1325
-"""[dbar] Standard pressure of the air at sea level"""
+"""[dbar] Standard pressure of the air at sea level."""
 UNITS = ("dbar", "bar", "Pa", "kPa", "hPa", "MPa", "psi")
-"""Units of pressures in logs"""
+"""Units of pressures in logs."""
 _FITS, _FAILS = 0.12, 0.25
-"""Part of the depth by which a unit may miss it, and from which it contradicts it."""
+"""Misfit, as a fraction of the depth, up to which a unit fits, and beyond which it does not."""
 _DEEP = 5.0
-"""[m] Shallower, the ratio of pressure to depth says nothing."""
+"""[m] Depth above which the ratio of pressure to depth is not used."""
 _FEWEST, _COMPARED = 10, 10_000
-"""Samples that compare pressure and depth: at least, and about how many of a long log."""
+"""Fewest samples that compare pressure with depth, and about the number used of a long log."""
 _MIDDLE = 45.0
-"""[degree] Latitude at which pressure and depth are compared: 0.3 % off at a pole"""
+"""[degree] Latitude at which pressure and depth are compared; the error at a pole is 0.3 %."""
 _OFFSET = 5.0
-"""[m] Least median distance of pressure from depth that the air can be the cause of"""
+"""[m] Least median difference of pressure and depth that is attributed to the air's pressure."""
 
 
 def to_dbar(
@@ -162,14 +162,14 @@ def to_dbar(
     declared: str = "",
     deployment: str = "",
 ) -> Array:
-    """Pressure in dbar below the surface; the depth beside it tells its unit and the air's part.
+    """Pressure in dbar below the surface; the depth beside it shows its unit and the air's part.
 
     Args:
       values: in `native`.
       depth: [m] at the same samples.
-      native: unit of the values: that of the format, or what they have been converted to.
-      declared: unit that the file declares, for the report: then a contradiction is suspect.
-      deployment: that the values are of.
+      native: unit of the values: the format's own, or the unit that they were converted to.
+      declared: unit that the file declares, for the report; a contradiction is then suspect.
+      deployment: deployment of the values.
 
     Raises:
       InputError: pressure and depth fit no unit, and none is declared.
@@ -222,7 +222,7 @@ def to_dbar(
 def with_dbar_by_depth(
     channels: dict[str, Channel], tally: Tally, deployment: str
 ) -> dict[str, Channel]:
-    """Channels of a log that declares its units, the pressure as the depth beside it allows."""
+    """Check a declared pressure against the depth of the same log; correct it where a unit fits."""
     pressure, depth = (channels.get(n, EMPTY) for n in ("measured_pressure", "measured_depth"))
     if not len(pressure) or not len(depth):
         return channels
@@ -234,9 +234,9 @@ def with_dbar_by_depth(
 
 
 def pressure_by_flight(pressure: Channel, pitch: Channel, subject: str, tally: Tally) -> Channel:
-    """Pressure [dbar] whose scale the flight contradicts by a factor of ten, corrected; counted.
+    """Correct a pressure [dbar] that the flight contradicts by a factor of ten; count it.
 
-    Without a depth beside it, bar and dbar are told apart by the speed that depth and pitch give.
+    Without a depth beside it, the speed by depth and pitch distinguishes bar from dbar.
     """
     speed = speed_along_pitch(pressure, pitch)
     for factor, unit in ((0.1, "dbar where bar"), (10.0, "bar where dbar")):
@@ -259,13 +259,13 @@ def pressure_channels(
     declared: str = "",
     deployment: str = "",
 ) -> dict[str, Channel]:
-    """Pressure by the depth or the flight beside it, or without one the depth, as clean channels.
+    """Clean channel of the pressure, checked by depth or flight; without pressure, of the depth.
 
     Args:
       pressure: [dbar], depth: [m], (samples,) each.
-      subject, depth_subject: variables that they are, for the report.
-      pitch: [degree], which tells the scale where there is no depth.
-      declared, deployment: as of `to_dbar`.
+      subject, depth_subject: names of the two variables, for the report.
+      pitch: [degree], which shows the pressure's scale if there is no depth.
+      declared, deployment: see `to_dbar`.
     """
     below = EMPTY
     if pressure is not None:
@@ -281,29 +281,29 @@ def pressure_channels(
 
 
 _HIGHEST_LAKE = 0.5
-"""Part of the air's pressure at sea level below which no water has a surface"""
+"""Least absolute pressure at a water surface, as a fraction of that at sea level."""
 _AT_SURFACE = 0.1
-"""Part by which the air's pressure differs from that at sea level; higher lakes are rare"""
+"""Largest fraction by which the air's pressure differs from sea level; higher lakes are rare."""
 _FASTEST = 3.0
-"""[dbar/s] No vehicle changes its pressure faster"""
+"""[dbar/s] Fastest change of a vehicle's pressure."""
 _DEEPEST = 12_000.0
-"""[dbar] of the sea"""
+"""[dbar] Greatest pressure in the sea."""
 _AFLOAT, _SEEN = 0.3, 0.2
-"""[dbar] What a pressure without the air's may show at the surface; and a range that is a dive"""
+"""[dbar] Largest gauge pressure at the surface, and the least range that shows a dive."""
 
 
 def without_air(
     time: Array, values: Array, unit: str, subject: str, tally: Tally, *, deployment: str = ""
 ) -> Array:
-    """Pressure less the air's, in the unit that is declared; NaN where no unit can be meant.
+    """Subtract the air's pressure, in the declared unit; NaN where no unit is possible.
 
-    Recordings begin or end at the surface, where an absolute pressure is the air's. One that is
-    lower than any air's is in another unit, or has none of it.
+    Recordings begin or end at the surface, where an absolute pressure equals the air's. A lower
+    pressure is in another unit, or excludes the air's pressure already.
 
     Args:
       time: [s] unix, (samples,).
       values: absolute pressure, as declared.
-      unit: that it is declared in.
+      unit: declared unit.
     """
     air = AIR / factor_of(unit, "dbar") if is_of(unit, "dbar") else np.nan
     good = np.isfinite(values)
@@ -312,8 +312,8 @@ def without_air(
     low, high = (float(one) for one in np.percentile(values[good], [1.0, 99.0]))
     count, size = int(good.sum()), factor_of(unit, "dbar")
     if low >= _HIGHEST_LAKE * air or counts_upward((values - air) * size):
-        return values - air  # whoever cleans it turns what counts upward
-    swum = {one: _is_swum(time[good], values[good] * factor_of(one, "dbar")) for one in UNITS}
+        return values - air  # `clean` negates a pressure that counts upward
+    swum = {one: _can_dive(time[good], values[good] * factor_of(one, "dbar")) for one in UNITS}
     sizes = {one: factor_of(one, "dbar") for one in UNITS if swum[one]}
     absolute = [one for one, s in sizes.items() if abs(low * s - AIR) < _AT_SURFACE * AIR]
     gauge = [one for one, s in sizes.items() if abs(low * s) < _AFLOAT and (high - low) * s > _SEEN]
@@ -332,55 +332,55 @@ def without_air(
     return np.full(len(values), np.nan)
 
 
-def _is_swum(time: Array, dbar: Array) -> bool:
-    """Check that a vehicle can have been so deep and have come there so fast."""
-    _, first = np.unique(np.floor(time), return_index=True)  # noise is fast between near samples
+def _can_dive(time: Array, dbar: Array) -> bool:
+    """True if a vehicle can have been so deep and have changed its depth so fast."""
+    _, first = np.unique(np.floor(time), return_index=True)  # noise looks fast in short steps
     rate = np.abs(np.diff(dbar[first]) / np.diff(time[first]))
     fast = float(np.percentile(rate, 99.0)) if rate.size else 0.0
     return bool(np.percentile(dbar, 99.0) < _DEEPEST and fast < _FASTEST)
 
 
 _NEAR = 30.0
-"""[s] A depth sample belongs to a fix so near to it."""
+"""[s] Longest time between a fix and its depth sample."""
 
 _PAUSE = 1800.0
-"""[s] A longer time between fixes ends a stay at the surface."""
+"""[s] Longest time between two fixes of one surface interval."""
 
 _STAY = 3
-"""Depths that make a stay's median."""
+"""Fewest depths that give a surface interval's median."""
 _SPREAD = 0.5
-"""[m] The middle half of a stay's depths, and stays that follow each other, agree so well."""
+"""[m] Largest interquartile range of a surface interval, and largest step between two."""
 
 _WINDOW = 5
-"""Stays whose median a stay is compared with."""
+"""Number of surface intervals in the running median of their depths."""
 
 _PART = 0.5
-"""More than this part of the stays must agree, or there is no offset."""
+"""Fraction of surface intervals that must agree before an offset is subtracted."""
 
 _LEAST, _MOST = 0.5, 15.0
 """[m] Smaller offsets are waves and the antenna's height; larger ones are another fault."""
 
 
 class Stay(NamedTuple):
-    """One stay at the surface."""
+    """Surface interval of a log."""
 
     time: float
-    """[s] its middle"""
+    """[s] Median time."""
     depth: float
-    """[m] median of what the log shows"""
+    """[m] Median of the logged depth."""
     spread: float
-    """[m] between the quartiles"""
+    """[m] Interquartile range of the logged depth."""
 
 
 def zeroed(log: DeploymentLog, rules: DiveRules, tally: Tally) -> DeploymentLog:
-    """The log with depth and pressure below its own surface; what was taken off is counted.
+    """Subtract the depth sensor's zero error from depth and pressure; count it.
 
-    A sensor that was never zeroed, or drifts, shows some metres while the vehicle floats. The
-    medians of the stays at the surface, known by GPS fixes or by the vehicle's own state, are
-    joined by straight lines and taken off, when they agree with each other.
+    A sensor that was never zeroed, or drifts, shows some metres while the vehicle floats. GPS fixes
+    or the vehicle's own state show its surface intervals. If their median depths agree, straight
+    lines between them are subtracted.
 
     Args:
-      log: with `measured_depth`; `afloat` holds times at which the vehicle says that it floats.
+      log: with `measured_depth`; `afloat` holds times at which the vehicle reports that it floats.
     """
     depth = log.channel("measured_depth")
     every = [] if log.station or not len(depth) else stays(log, depth, rules)
@@ -413,7 +413,7 @@ def zeroed(log: DeploymentLog, rules: DiveRules, tally: Tally) -> DeploymentLog:
 
 
 def stays(log: DeploymentLog, depth: Channel, rules: DiveRules) -> list[Stay]:
-    """Stays at the surface with enough depths, in time order."""
+    """Surface intervals with enough depths, in time order."""
     fixes = log.fixes.keep(~coasting(log.fixes, rules.coast_speed))
     times = np.unique(np.concatenate([fixes.time, log.channel("afloat").time]))
     at = nearest(depth.time, times)
@@ -437,9 +437,9 @@ def stays(log: DeploymentLog, depth: Channel, rules: DiveRules) -> list[Stay]:
 
 
 def used_of_left(left: Channel) -> Channel:
-    """Charge taken [A h] of a counter of what is left [A h]: 0 at its first sample."""
+    """Charge used [A h], by a counter of the charge left [A h]: 0 at its first sample."""
     return Channel(left.time, left.values[:1] - left.values) if len(left) else left
 
 
 SEA_LEVEL = 101_325.0
-"""[Pa] standard pressure of the air, from which a vacuum counts"""
+"""[Pa] Standard pressure of the air, from which a vacuum counts."""

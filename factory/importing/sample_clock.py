@@ -1,6 +1,6 @@
-"""Clock of a log's samples: the variable of time that goes on from sample to sample.
+"""Sample clock: the time variable that advances from sample to sample.
 
-Public tables often repeat one time for a whole profile and keep the samples' own times under
+Public tables often repeat one time for a whole profile. They keep the time of each sample under
 another name, or not at all.
 """
 
@@ -21,21 +21,21 @@ from twin.errors import InputError
 Array = NDArray[np.float64]
 
 TICK = 1.0
-"""[s] Clocks that count whole seconds repeat a second for the samples within it"""
+"""[s] Resolution of clocks that repeat a whole second for the samples within it."""
 FEWEST = 4
-"""Samples with one time from which on the clock stands: a log may write a row two or three times"""
+"""Fewest samples with one time at a standing clock; a log may write a row two or three times."""
 LONGEST = 3600.0
-"""[s] Beyond a longer silence the times before or after say nothing, such as those of a clock that
-was not set yet"""
+"""[s] Longest extent of a suspect stretch before and after its time. Across a longer silence, a
+neighbouring time may come from a clock that was not set yet."""
 MOST = 0.5
-"""Part of the samples during which the clock of a log may stand"""
+"""Largest fraction of samples during which a log's clock may stand."""
 
 
 def standing(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Rows during which the clock stands, (rows,).
+    """True for rows during which the clock stands, (rows,).
 
-    These are `FEWEST` or more that have one time and other values, where the times before and
-    after are more than a `TICK` away.
+    The clock stands if `FEWEST` or more rows have one time and different values, and the times
+    before and after are more than a `TICK` away.
 
     Args:
       time: [s], in any order, (rows,).
@@ -60,16 +60,16 @@ def standing(time: Array, columns: Mapping[str, Array]) -> NDArray[np.bool_]:
 def expect_going(
     name: str, time: Array, columns: Mapping[str, Array], subject: str, hint: str = ""
 ) -> None:
-    """Refuse a clock that stands for most of a log.
+    """Raise InputError if the clock stands for most of a log.
 
     Args:
-      name: of the variable or column of time.
-      time, columns: as of `standing`.
+      name: variable or column of time.
+      time, columns: see `standing`.
       subject: file, for the error.
       hint: next step, for the error.
 
     Raises:
-      InputError: it stands.
+      InputError: the clock stands.
     """
     still = standing(time, columns)
     if still.sum() > MOST * len(time):
@@ -86,13 +86,13 @@ def _why(name: str, time: Array, still: NDArray[np.bool_]) -> str:
 
 
 class NoClock(InputError):
-    """No variable of time goes on from sample to sample."""
+    """Error for a file in which no time variable advances from sample to sample."""
 
 
 def sample_clock(
     clocks: Mapping[str, Array], columns: Mapping[str, Array], subject: str, tally: Tally
 ) -> str:
-    """Name of the clock of the samples: the usual one, unless it stands and another one goes.
+    """Name of the samples' clock: the usual one, unless it stands and another advances.
 
     Args:
       clocks: times [s] by name, the usual one first, (samples,) each.
@@ -100,8 +100,8 @@ def sample_clock(
       subject: file, for the report.
 
     Raises:
-      NoClock: those that have times stand.
-      InputError: none has a time.
+      NoClock: every clock that has times stands.
+      InputError: no clock has a time.
     """
     known = {name: int(np.isfinite(time).sum()) for name, time in clocks.items()}
     if not any(known.values()):
@@ -131,7 +131,7 @@ def tell_standing(
 ) -> None:
     """Mark the stretches during which the clock stands as suspect.
 
-    Args: as of `standing`; deployment: that the rows belong to, where it is known.
+    Args: see `standing`; deployment: deployment of the rows, if known.
     """
     still = standing(time, columns)
     if not still.any():
@@ -141,7 +141,7 @@ def tell_standing(
     first = np.flatnonzero(np.append(True, np.diff(at) > 1))
     last = np.append(first[1:], len(at)) - 1
     for begin, end in zip(first, last, strict=True):
-        # their own times lie somewhere between the times before and after
+        # the samples' true times lie between the times before and after
         tally.doubt(
             subject,
             "several samples have one time and other values: the clock stands",
@@ -153,20 +153,20 @@ def tell_standing(
 
 
 CSV_FORMATS = ("%d/%m/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S")
-"""SeaExplorer's time stamps."""
+"""Formats of SeaExplorer's time stamps."""
 
 FIRST_SECOND, LAST_SECOND = 3.0e8, 4.2e9
-"""Unix seconds from 1979 to 2103: what a log's time can be."""
+"""Unix seconds that a log's time can be: 1979 to 2103."""
 
 AHEAD = 86400.0
-"""[s] A sound log is no more ahead of this computer's clock"""
+"""[s] Longest time by which a sound log is ahead of this computer's clock."""
 
 
 def parse_stamps(words: NDArray[Any], layouts: Sequence[str] = CSV_FORMATS) -> Array:
-    """Unix seconds of written times; NaN where there is none.
+    """Parse written times to unix seconds; NaN where there is none.
 
     Args:
-      layouts: of `strptime`, in which a time may be written that is no ISO 8601 one.
+      layouts: `strptime` formats for times that are not ISO 8601.
     """
     return np.array([_stamp(str(word), layouts) for word in words], np.float64)
 
@@ -182,14 +182,14 @@ def _stamp(word: str, layouts: Sequence[str]) -> float:
 
 
 def in_utc(moment: datetime) -> float:
-    """[s] Unix time of a moment, which is UTC where it has no zone."""
+    """[s] Unix time of a moment; without a time zone, the moment is UTC."""
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def unix_seconds(time: Array, subject: str, tally: Tally) -> Array:
-    """Times in unix seconds, whatever of ms, us, ns, days or MATLAB days they were in; counted.
+    """Convert times to unix seconds from ms, us, ns, days or MATLAB days; count the conversion.
 
-    Of what is in no second, no log is from the future.
+    Units other than seconds must not place the log in the future.
 
     Raises:
       InputError: the numbers cannot be times of a log.
@@ -218,4 +218,4 @@ _CLOCKS = {
     "days since 1970": (86400.0, 0.0),
     "days since 1950": (86400.0, -7305.0),
 }
-"""Units of clocks: each in seconds, and 1970 in it"""
+"""Units of clocks: the unit [s], and the number to add so that 1970 is 0."""

@@ -1,6 +1,6 @@
-"""Counts of what an import read, repaired, left out and found missing, and the report of them.
+"""Tally: counts of samples and files read, repaired, left out or missing, for the import report.
 
-Names that files hold: the report says of each whether it is read, left out, empty or unread.
+The report also lists each name in the files as read, left out, empty or unread.
 """
 
 from __future__ import annotations
@@ -22,65 +22,65 @@ if TYPE_CHECKING:
     Count = int | np.integer[Any] | Mask | NDArray[np.integer[Any]]
 
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
-"""What became of a name in a file: used; known and not used; unknown; known, without a value."""
+"""States of a name in a file: used; known but not used; unknown; known but without a value."""
 
 
 class OtherKind(InputError):
-    """A file without logs of this kind; a folder is read without it, and that is not an error."""
+    """Error for a file that is no log of this kind; a folder is read without the file."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """One kind of finding about one thing."""
+    """Entry of the import report: one finding about one subject."""
 
     action: str
-    """What was done: read, kept, removed, repaired, interpolated, left out, missing, note ..."""
+    """Action: read, kept, removed, repaired, interpolated, left out, missing, note ..."""
     subject: str
-    """The channel, table or file."""
+    """Channel, table or file that the finding concerns."""
     count: int
-    """How many samples, rows, fixes or files it concerns."""
+    """Number of samples, rows, fixes or files."""
     detail: str = ""
-    """Why, in words."""
+    """Reason, in words."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Doubt:
-    """A stretch of a log that holds what no ocean or no vehicle allows."""
+    """Stretch of a log with values that no ocean or no vehicle allows."""
 
     subject: str
-    """The channel or variable."""
+    """Channel or variable."""
     why: str
-    """Reason, in words without a time or a place that differs from dive to dive."""
+    """Reason in words, without a time or position that would differ from dive to dive."""
     deployment: str = ""
-    """Deployment that it concerns; empty: all that are read together."""
+    """Deployment that the doubt concerns; empty: all deployments read together."""
     start: float = -math.inf
-    """[s] unix."""
+    """[s] Unix time of the first sample."""
     end: float = math.inf
-    """[s] unix."""
+    """[s] Unix time of the last sample."""
 
 
 class Tally:
-    """Collects entries; equal ones are added up, in the order in which they first appeared."""
+    """Collection of report entries; equal entries are summed, in order of first appearance."""
 
     def __init__(self) -> None:
         self._counts: dict[tuple[str, str, str], int] = {}
         self.doubts: list[Doubt] = []
         """Stretches whose rows become suspect."""
         self.names: dict[str, dict[str, str]] = {}
-        """What became of each name in the files, by kind of file (`unread_names`)."""
+        """State of each name in the files, by kind of file (see `note_unread`)."""
         self.unreadable: list[tuple[str, str]] = []
-        """Files that could not be read, by name, and why."""
+        """Names of files that could not be read, each with the reason."""
 
     def add(self, action: str, subject: str, count: Count = 1, detail: str = "") -> None:
-        """Count something, the true values of a mask or the sum of counts; a 0 is not recorded."""
+        """Add a count: a number, the true values of a mask, or a sum; 0 is not recorded."""
         number = count if isinstance(count, int) else int(count.sum())
         if number:
             key = (action, subject, detail)
             self._counts[key] = self._counts.get(key, 0) + number
 
     def removed(self, values: Array, bad: Mask, subject: str, why: str) -> Array:
-        """The values, NaN where they are bad, which is counted."""
-        import numpy as np  # the list of kinds needs this file for its errors alone
+        """Return the values, with NaN where `bad` is true; count these samples as removed."""
+        import numpy as np  # deferred: most users need only this module's errors
 
         self.add("removed", subject, bad, why)
         return np.where(bad, np.nan, values)
@@ -95,19 +95,20 @@ class Tally:
         start: float = -math.inf,
         end: float = math.inf,
     ) -> None:
-        """Mark a stretch of a log as suspect: the rows in it say so, and the store is not sound.
+        """Mark a stretch of a log as suspect; the rows in it are marked, and the store is not
+        sound.
 
-        Args: as of `Doubt`; count: samples or files that it concerns.
+        Args: see `Doubt`; count: samples or files that the doubt concerns.
         """
         self.add("suspect", subject, count, why)
         self.doubts.append(Doubt(subject, why, deployment, start, end))
 
     def take(self, other: Tally) -> None:
-        """Become what another one is, such as a copy that counted on."""
+        """Replace this tally's state with another's, such as that of a copy with further counts."""
         self.__dict__.update(other.__dict__)
 
     def named(self) -> dict[str, dict[str, tuple[str, ...]]]:
-        """Every name in the files by kind of file and by what became of it."""
+        """Every name in the files, by kind of file and by state."""
         return {
             kind: {
                 state: found
@@ -118,7 +119,7 @@ class Tally:
         }
 
     def entries(self) -> tuple[Entry, ...]:
-        """Everything counted so far."""
+        """Entries counted so far."""
         return tuple(
             Entry(action, subject, count, detail)
             for (action, subject, detail), count in self._counts.items()
@@ -127,7 +128,7 @@ class Tally:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImportReport:
-    """What an import read, made and repaired."""
+    """Report of an import: files, rows, channels, and the entries counted."""
 
     kind: str
     """Name of the importer, such as slocum."""
@@ -139,21 +140,21 @@ class ImportReport:
     rows_with_fixes: int
     """Rows that begin and end with a GPS fix."""
     suspect: int
-    """Rows that hold what no ocean or vehicle allows; the store says why."""
+    """Rows with values that no ocean or vehicle allows; the store gives the reasons."""
     samples: int
-    """Samples of all rows on the grid."""
+    """Samples of all rows on the time grid."""
     hours: float
-    """[h] of all rows together."""
+    """[h] Duration of all rows together."""
     period: float
-    """[s] between the samples of the store."""
+    """[s] Sampling interval of the store."""
     channels: tuple[str, ...]
     """Schema variables that the store holds."""
     entries: tuple[Entry, ...]
     names: Mapping[str, Mapping[str, tuple[str, ...]]] = dataclasses.field(default_factory=dict)
-    """Every name in the files: by kind of file, those read, left out, not read and missing."""
+    """Every name in the files, by kind of file and state: read, left out, not read, missing."""
 
     def count(self, action: str, subject: str | None = None) -> int:
-        """Sum over the entries of an action, of one subject or of all."""
+        """Sum the counts of an action, for one subject or for all."""
         return sum(
             e.count
             for e in self.entries
@@ -173,18 +174,18 @@ class ImportReport:
 
 
 def summarise(names: Sequence[str], limit: int = 6) -> str:
-    """The names in one line, cut after `limit`."""
+    """Join names in one line; beyond `limit` only the number of further names is given."""
     head = ", ".join(map(one_line, names[:limit]))
     return head if len(names) <= limit else f"{head} and {len(names) - limit} more"
 
 
 def one_line(text: str) -> str:
-    """A text with its line breaks and other characters that nobody sees as Python writes them."""
+    """Escape line breaks and other unprintable characters as Python writes them."""
     return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
 
 
 def by_reason(refused: Sequence[tuple[str, str]], total: int) -> list[str]:
-    """Names of files, of so many in all, and what follows them in words: each reason once."""
+    """Lines of text from (file name, reason) pairs of `total` files: one line for each reason."""
     groups: dict[str, list[str]] = {}
     for name, reason in refused:
         groups.setdefault(reason, []).append(name)
@@ -199,26 +200,25 @@ def by_reason(refused: Sequence[tuple[str, str]], total: int) -> list[str]:
 
 
 _FEW = 2
-"""Files with the same reason that a line names."""
+"""Largest number of files that a line names for one reason."""
 _NAMED = 12
-"""Names that one line shows; the report's `names` holds all of them."""
+"""Largest number of names in a line; the report's `names` holds all."""
 _ALIKE = 0.6
-"""Similarity (difflib) from which a name may stand for another."""
+"""Least similarity (difflib) of an unread name that may stand for a missing channel."""
 _MEANT = frozenset(
     f"measured_{word}"
     for word in ("pitch", "roll", "heading", "pump", "shift", "depth", "pressure")
 )
-"""Channels that a name which holds their last word may mean"""
+"""Channels that an unread name may mean if the name contains the channel's last word."""
 
 
 def note_unread(kind: str, present: Iterable[str], read: Iterable[str], tally: Tally) -> None:
-    """Remember every name that is there, and which of them the reader looks for.
+    """Record every name in a file, and whether the reader looks for it.
 
     Args:
       kind: what the report calls the file, such as "flight table".
       present: every name in a file of that kind.
-      read: the names that the reader looks for. One that it finds and does not use is told by
-        `leave_out` or `note_empty`.
+      read: names that the reader looks for.
     """
     known = set(read)
     states = tally.names.setdefault(kind, {})
@@ -229,9 +229,9 @@ def note_unread(kind: str, present: Iterable[str], read: Iterable[str], tally: T
 def leave_out(
     names: Iterable[str], why: str, tally: Tally, *, samples: int = 1, together: str = ""
 ) -> None:
-    """Names that the reader knows and does not use, because of another one in the same file.
+    """Record names that the reader knows and does not use because of another name in the file.
 
-    One line each, or one of them `together` under that subject.
+    Each name gets a line, or all share one line with the subject `together`.
     """
     names = list(names)
     for name in names:
@@ -245,9 +245,9 @@ def leave_out(
 
 
 def note_empty(kind: str, names: Iterable[str], tally: Tally) -> None:
-    """Names that the reader looks for and that hold no value in a file of that kind.
+    """Record names that the reader looks for and that have no value in files of that kind.
 
-    A name that has values in another file of the kind is read: call this when all are read.
+    Call this after all files of the kind are read: a name with values in any of them is read.
     """
     states = tally.names.get(kind, {})
     for name in names:
@@ -256,7 +256,7 @@ def note_empty(kind: str, names: Iterable[str], tally: Tally) -> None:
 
 
 def tell_unread(tally: Tally) -> None:
-    """One counted line for each kind of file and each of: not read, without a value."""
+    """Report the names of each kind of file that are not read, and those without a value."""
     for kind, states in tally.names.items():
         for state, action in ((NOT_READ, "not read"), (EMPTY, "missing")):
             names = sorted(name for name, is_ in states.items() if is_ == state)
@@ -267,7 +267,7 @@ def tell_unread(tally: Tally) -> None:
 
 
 def unread(tally: Tally) -> dict[str, list[str]]:
-    """The names that are not read, by kind of file."""
+    """Names that are not read, by kind of file."""
     return {
         kind: [name for name, state in states.items() if state == NOT_READ]
         for kind, states in tally.names.items()
@@ -277,7 +277,7 @@ def unread(tally: Tally) -> dict[str, list[str]]:
 def likely_replacements(
     lacking: Sequence[str], unread: Mapping[str, Sequence[str]]
 ) -> dict[str, str]:
-    """Of each missing channel, the unread name that may be it: `pitch` for `measured_pitch`."""
+    """Map each missing channel to an unread name that may hold it: `measured_pitch` to `pitch`."""
     names = [name for several in unread.values() for name in several]
     found: dict[str, str] = {}
     for channel in [one for one in lacking if one in _MEANT]:

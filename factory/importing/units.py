@@ -1,8 +1,8 @@
-"""Units of logs: a variable's values in the unit of a store, by what its file declares.
+"""Units of logs: values are converted from the unit that a file declares to that of a store.
 
-The rule for every kind of log: a declaration converts; values that contradict it make the log
-suspect, or are repaired and counted where only one other reading is possible; a unit is guessed
-from the values only where nothing is declared.
+The rule for every kind of log: a declared unit is converted. Values that contradict it make the log
+suspect, or are repaired and counted if only one other unit is possible. A unit is guessed from the
+values only if none is declared.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from twin.records.schema import VARIABLES
 Array = NDArray[np.float64]
 
 PRACTICAL = "psu"
-"""Practical salinity: 35 is written as 35 of `1`, of `psu` and of `1e-3`, and as 0.035 kg/kg"""
+"""Practical salinity: files write 35 in units of `1`, `psu` or `1e-3`, and 0.035 in kg/kg."""
 _BASES = {PRACTICAL: "1e-3", "A h": "A.h"}
-"""UDUNITS' words for units of a store, where they differ"""
+"""UDUNITS' names of units of a store, where they differ."""
 _NOTHING = frozenset(
     {"", "-", "--", "?", "none", "null", "nan", "n/a", "na", "unknown", "undefined", "unset",
      "no_unit", "nodim", "tbd"}
 )  # fmt: skip
-"""Words in place of a unit that declare none"""
+"""Words in place of a unit that declare no unit."""
 
 _WORDS: dict[str, dict[str, str]] = {
     "": {
@@ -70,8 +70,8 @@ _WORDS: dict[str, dict[str, str]] = {
     },
     "1": {"psu": "1", "pss-78": "1", "dimensionless": "1", "unitless": "1"},
 }  # fmt: skip
-"""Vendors' words in small letters, by the store's unit or for all: what they are to UDUNITS.
-Oxygen: 22.3916 litres are one mole (SCOR working group 142), and 31.9988 g"""
+"""Vendors' words in small letters and their UDUNITS names, by the store's unit or ("") for all.
+Oxygen: 22.3916 litres are one mole (SCOR working group 142), and 31.9988 g."""
 _USUAL: dict[str, tuple[str, ...]] = {
     "degree": ("deg", "degree", "degrees", "rad", "radian", "radians"),
     "rad s-1": ("rad/s", "rad s-1", "deg/s", "deg s-1", "rpm", "rev/s"),
@@ -92,34 +92,34 @@ _USUAL: dict[str, tuple[str, ...]] = {
     PRACTICAL: ("1", "psu", "PSS-78", "1e-3", "g/kg", "kg/kg"),
     "1": ("1", "%"),
 }
-"""Words that messages offer, by the store's unit; every other word of UDUNITS is taken too"""
+"""Words that error messages offer, by the store's unit; other UDUNITS words are accepted."""
 SECONDS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
     "min": 60.0, "h": 3600.0, "hour": 3600.0, "day": 86400.0, "days": 86400.0,
 }  # fmt: skip
-"""Units of a clock, in lower case, in seconds."""
+"""Units of a clock in lower case, and their length [s]."""
 
 
 def unit_of(name: str) -> str:
-    """Unit of a signal in a store, with salinity told from other plain numbers."""
+    """Unit of a signal in a store; `PRACTICAL` for salinities."""
     return PRACTICAL if name.endswith("salinity") else VARIABLES[name].units
 
 
 def known_units(wanted: str) -> tuple[str, ...]:
-    """Usual words for units that can be converted to one of the schema."""
+    """Usual words for units that can be converted to a unit of the schema."""
     return _USUAL.get(wanted, (wanted,))
 
 
 def is_declared(unit: str) -> bool:
-    """Whether a file's word for a unit says anything."""
+    """True if a file's word for a unit declares one."""
     return _plain(unit) not in _NOTHING
 
 
 def in_unit(values: Array, unit: str, wanted: str, subject: str) -> Array:
-    """Values in the wanted unit of the schema, by the unit that is written; "" is taken as it.
+    """Convert values from a written unit to the schema's; "" is taken as the schema's.
 
     Raises:
-      InputError: an unknown unit (the nearest is offered), or one of another quantity.
+      InputError: the unit is unknown (the nearest is offered), or of another quantity.
     """
     if not is_declared(unit) or unit == wanted:
         return values
@@ -131,17 +131,17 @@ def in_unit(values: Array, unit: str, wanted: str, subject: str) -> Array:
 
 
 def is_of(unit: str, wanted: str) -> bool:
-    """Whether a declared unit can be converted to the wanted one."""
+    """True if a declared unit can be converted to the wanted unit."""
     return is_declared(unit) and not isinstance(_conversion(unit, wanted), str)
 
 
 def is_known(unit: str) -> bool:
-    """Whether a word is a unit of anything."""
+    """True if a word is a unit of any quantity."""
     return any(_unit(text) is not None for text in _readings(unit, ""))
 
 
 def factor_of(unit: str, wanted: str) -> float:
-    """Size of a known unit in the wanted one."""
+    """Size of a known unit in the wanted unit."""
     found = _conversion(unit, wanted)
     if isinstance(found, str):
         raise InputError(_refusal(unit, wanted, found))
@@ -158,17 +158,17 @@ def declared(
     native: str = "",
     deployment: str = "",
 ) -> Array | None:
-    """Values in the wanted unit, by what a file declares of them; None: not of that quantity.
+    """Convert values from the unit that a file declares; None if it is of another quantity.
 
-    A word that nobody knows leaves the values in the format's own unit and makes the log suspect.
-    A variable of another quantity is left out by name.
+    An unknown unit leaves the values in the format's own unit and makes the log suspect. A variable
+    of another quantity is left out and reported by name.
 
     Args:
-      unit: as the file writes it; empty where it declares none.
-      wanted: of the schema, or `PRACTICAL`.
-      subject: the variable, for the report.
-      native: unit of the format where nothing is declared [default: the wanted one].
-      deployment: that the values are of, where it is known.
+      unit: as the file writes it; empty if it declares none.
+      wanted: unit of the schema, or `PRACTICAL`.
+      subject: name of the variable, for the report.
+      native: unit of the format if none is declared [default: the wanted one].
+      deployment: deployment of the values, if known.
     """
     taken = unit_to_take(
         unit, wanted, subject, tally, native=native or wanted, deployment=deployment,
@@ -186,11 +186,11 @@ def converted(
     native: Mapping[str, str] = MappingProxyType({}),
     deployment: str = "",
 ) -> dict[str, Array]:
-    """Columns, those that are `wanted` in these units; without those of another quantity.
+    """Convert the columns that are in `wanted`; leave out those of another quantity.
 
     Args:
       columns: by name, as the file has them.
-      units: that the file declares.
+      units: units that the file declares, by name.
       native: units of the format where they differ from the wanted ones.
     """
     found: dict[str, Array | None] = dict(columns)
@@ -212,9 +212,9 @@ def unit_to_take(
     deployment: str = "",
     count: int = 1,
 ) -> str | None:
-    """The declared unit, or else the format's own one; None for one of another quantity, left out.
+    """Choose the declared unit, else the format's own; leave out another quantity and return None.
 
-    Args: as of `declared`; count: values that it concerns.
+    Args: see `declared`; count: number of values concerned.
     """
     if not is_declared(unit):
         return native
@@ -225,7 +225,7 @@ def unit_to_take(
         tally.add("left out", subject, max(count, 1), _refusal(unit, wanted, found))
         return None
     why = f"its unit {unit[:_LONGEST]!r} is not known: taken as {native}"
-    if count and Doubt(subject, why, deployment) in tally.doubts:  # of another file
+    if count and Doubt(subject, why, deployment) in tally.doubts:  # reported for another file
         tally.add("suspect", subject, count, why)
     elif count:
         tally.doubt(subject, why, count, deployment=deployment)
@@ -247,15 +247,15 @@ def _plain(unit: str) -> str:
 
 
 _ASIDE = re.compile(r"\s*[(\[,;].*")
-"""What follows a unit in words, as in `degrees (clockwise from true north)`"""
+"""Pattern of words after a unit, as in `degrees (clockwise from true north)`."""
 _DIRECTION = re.compile(r"(?:arc)?deg(?:ree)?s?[ _.]?(?:t|m|true|mag|magnetic|north|east|n|e)")
 _LONGEST = 100
-"""Characters of a unit; what is longer is a text"""
+"""Most characters of a unit; a longer word is a text."""
 _PER = re.compile(r"\s*(?:_per_|\bper\b)\s*")
 
 
 def _readings(unit: str, wanted: str) -> list[str]:
-    """Texts that UDUNITS may know a word by, the likeliest first."""
+    """Texts by which UDUNITS may know a word, the likeliest first."""
     found: list[str] = []
     if len(unit) > _LONGEST:
         return []
@@ -271,7 +271,7 @@ def _readings(unit: str, wanted: str) -> list[str]:
 
 @functools.lru_cache(maxsize=1024)
 def _conversion(unit: str, wanted: str) -> tuple[float, float] | str:
-    """Factor and zero of a unit in the wanted one; else what it is a unit of, "" if unknown."""
+    """Factor and zero of a unit in the wanted one; else its quantity's unit, "" if unknown."""
     base = _unit(_BASES.get(wanted, wanted))
     other = ""
     for text in _readings(unit, wanted):
@@ -289,8 +289,8 @@ def _conversion(unit: str, wanted: str) -> tuple[float, float] | str:
 
 
 def _unit(text: str) -> Any:
-    """The unit that UDUNITS reads in a text; None for none."""
-    import cf_units  # the help of the commands need not wait for it
+    """Parse a text as a UDUNITS unit; None if UDUNITS does not know it."""
+    import cf_units  # deferred: the help of the commands does without
 
     try:
         found = cf_units.Unit(text)
@@ -304,7 +304,7 @@ def _is_angle(unit: Any) -> bool:
 
 
 def _quantity(unit: Any) -> str:
-    """The store's unit that a unit can be converted to, else the unit itself."""
+    """Store's unit that a unit can be converted to, else the unit's definition."""
     for base in (one for one in _USUAL if one != PRACTICAL):
         its = _unit(_BASES.get(base, base))
         if unit.is_convertible(its) and _is_angle(unit) == _is_angle(its):
@@ -313,21 +313,21 @@ def _quantity(unit: Any) -> str:
 
 
 def _round(value: float) -> float:
-    """A conversion's number without what the library's own arithmetic adds to it."""
+    """Round a conversion's number, where this removes only the library's rounding error."""
     short = float(f"{value:.12g}")
     return short if abs(short - value) <= 1e-14 * abs(value) else value
 
 
 _LITRES = 5.0
-"""[cm3] No pump moves so little in a log: a range below is litres, a thousandth of it m3."""
+"""[cm3] Least range of a pump in a log; a smaller range is in litres, a thousandth of it in m3."""
 _STILL = 1e-5
-"""A pump that does not move says nothing about its unit."""
+"""Least range of a pump that shows its unit."""
 _LARGEST_PUMP = 3000.0
-"""[cm3] Beyond are sentinels, which have no say."""
+"""[cm3] Largest volume; values beyond it are sentinels and do not count."""
 
 
 def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
-    """Pumped volume in cm3 where no unit is declared; litres and m3 are known by their range."""
+    """Pumped volume in cm3 where no unit is declared; its range shows litres and m3."""
     good = values[np.isfinite(values)]
     good = good[np.abs(good) <= _LARGEST_PUMP]
     span = float(np.ptp(np.percentile(good, [1.0, 99.0]))) if good.size >= 20 else 0.0

@@ -1,4 +1,4 @@
-"""Samples: logs of an imaginary glider in every layout that the import reads, and its true motion.
+"""Samples: write logs of an imaginary glider in every layout that the import reads.
 
     import factory
     from factory import samples
@@ -7,8 +7,8 @@
     paths = samples.write("seaglider", "logs", flight)
     factory.import_logs("seaglider", paths, "real.zarr", **samples.options("seaglider", "logs"))
 
-They serve readers and mappings under test, tutorials, and a first import without a log. Values
-are exact, but where a format rounds them.
+Sample logs serve tests of readers and mappings, tutorials, and a first import without a log.
+`Flight` has the true motion. Values in the logs are exact, unless a format rounds them.
 """
 
 from __future__ import annotations
@@ -31,43 +31,43 @@ if TYPE_CHECKING:
     import netCDF4
 
 START = 1_700_000_000.0
-"""[s] Unix time at which a flight begins, afloat."""
+"""[s] Unix time at which a flight begins, at the surface"""
 LATITUDE, LONGITUDE = 49.5, -58.0
-"""[degree] Position at which it begins."""
+"""[degree] Position at which a flight begins"""
 MAPPING = "mine.toml"
-"""Name of the mapping file beside samples of a kind that needs one."""
+"""Name of the mapping file beside samples of a format that needs one"""
 DIVES = 'vehicle = "test vehicle"\nrows = "dives"\n\n[signals]\n'
-"""Mapping that `write` leaves beside recordings of known topics: it says that rows are dives."""
+"""Mapping that `write` puts beside recordings of known topics: it only says that rows are dives."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Flight:
-    """Saw-tooth dives of a glider, with a drift at the surface before each and after the last.
+    """Saw-tooth dives of a glider, with a surface drift before each dive and after the last.
 
-    It glides at `speed` along its pitch, without angle of attack, in a uniform current.
+    The glider moves at `speed` along its pitch, without angle of attack, in a uniform current.
     """
 
     dives: int = 3
     depth: float = 60.0
-    """[m]"""
+    """[m] Turning depth of every dive"""
     pitch: float = 26.0
-    """[degree] Nose down in descents, nose up in climbs."""
+    """[degree] Magnitude of pitch: nose down in descents, nose up in climbs"""
     speed: float = 0.4
-    """[m/s] Through the water."""
+    """[m/s] Speed through the water"""
     heading: float = 40.0
-    """[degree true]"""
+    """[degree true] Heading"""
     north: float = 0.08
-    """[m/s] Current."""
+    """[m/s] Current toward north"""
     east: float = -0.05
-    """[m/s] Current."""
+    """[m/s] Current toward east"""
     surface: float = 300.0
-    """[s] Duration of a drift; the fixes of a Seaglider need 150 s."""
+    """[s] Duration of a surface drift; the fixes of a Seaglider need 150 s."""
     step: float = 4.0
-    """[s] Between samples, where a layout has no spacing of its own."""
+    """[s] Time between samples, unless a layout has its own spacing"""
     variation: float = -20.0
-    """[degree] Magnetic variation, east positive."""
+    """[degree] Magnetic variation, east positive"""
     swing: float = 0.0
-    """[degree] Amplitude of slow motions of pitch and heading; a vehicle at sea has about 1."""
+    """[degree] Amplitude of slow oscillations of pitch and heading; about 1 for a vehicle at sea"""
 
     @property
     def leg(self) -> float:
@@ -76,7 +76,7 @@ class Flight:
 
     @property
     def cycle(self) -> float:
-        """[s] Duration of a drift and a dive."""
+        """[s] Duration of a surface drift and a dive together."""
         return self.surface + 2.0 * self.leg
 
     @property
@@ -86,11 +86,11 @@ class Flight:
         return START + np.arange(0.0, end, self.step)
 
     def state(self, time: Array) -> dict[str, Array]:
-        """True motion at unix times [s].
+        """Compute the true motion at unix times [s].
 
         Returns:
-          depth [m]; pitch, heading [degree]; speed [m/s]; pump [cm3]; north, east [m] of the
-          start; under, 1 in a dive; dive, a count from 0.
+          depth [m]; pitch, heading [degree]; speed [m/s]; pump [cm3]; north, east [m] from the
+          start; under, 1 under water; dive, its number from 0.
         """
         since = time - START
         cycle = np.minimum(np.floor(since / self.cycle), self.dives)
@@ -115,22 +115,22 @@ class Flight:
         }
 
     def dive_times(self, dive: int) -> tuple[float, float]:
-        """Unix times [s] at which a dive, counted from 0, begins and ends."""
+        """Return the unix times [s] at which a dive, counted from 0, begins and ends."""
         start = START + dive * self.cycle + self.surface
         return start, start + 2.0 * self.leg
 
     def position(self, time: Array) -> tuple[Array, Array]:
-        """Latitude and longitude [degree] at unix times [s]."""
+        """Compute latitude and longitude [degree] at unix times [s]."""
         state = self.state(np.asarray(time, float))
         return from_tangent_plane(state["north"], state["east"], LATITUDE, LONGITUDE)
 
     def displacement(self, start: float, end: float) -> tuple[float, float]:
-        """Metres north and east between two unix times [s]."""
+        """Compute the displacement north and east [m] between two unix times [s]."""
         state = self.state(np.array([start, end]))
         return float(np.diff(state["north"])[0]), float(np.diff(state["east"])[0])
 
     def with_fixes(self) -> tuple[Array, dict[str, Array]]:
-        """Times of all samples, and the state with latitude, longitude: NaN under water."""
+        """Return all sample times, and the state with latitude, longitude (NaN in dives)."""
         time = self.time
         state = self.state(time)
         places = (np.where(state["under"] > 0.0, np.nan, one) for one in self.position(time))
@@ -138,13 +138,13 @@ class Flight:
 
 
 SHORT = Flight(dives=2, depth=20.0, surface=200.0, swing=1.0)
-"""Flight of 18 minutes that `write` takes by itself."""
+"""Flight of 18 minutes, the default of `write`"""
 Writer = Callable[[Path, Flight], list[Path]]
-"""Writes a flight into a folder and returns the files that an import is given."""
+"""Function that writes a flight into a folder and returns the files for an import"""
 
 
 def formats() -> dict[str, tuple[str, ...]]:
-    """Layouts by kind of log, those of plugins included; the first is what `write` takes."""
+    """Return the layouts of each format of log, also of plugins; the first is `write`'s default."""
     return {name: tuple(_layouts(name)) for name in IMPORTERS if IMPORTERS[name].samples}
 
 
@@ -158,19 +158,19 @@ def _layouts(kind: str) -> Mapping[str, Writer]:
 def write(
     kind: str, folder: str | Path, flight: Flight = SHORT, *, layout: str | None = None
 ) -> list[Path]:
-    """Write a flight as a kind of vehicle, or of archive, stores it.
+    """Write a flight in the format of a vehicle or an archive.
 
     Args:
-      kind: of log, such as "seaglider"; `formats` has all.
-      folder: is made where it is missing. Files there are replaced.
-      layout: one of the kind's, such as "dbd" of a Slocum; None takes the first.
+      kind: format of log, such as "seaglider"; `formats` lists all.
+      folder: folder for the files, made if missing; existing files are replaced.
+      layout: layout of the format, such as "dbd" of a Slocum; None takes the first.
 
     Returns:
       The files that `factory.import_logs` takes, with `options`.
 
     Raises:
-      InputError: an unknown kind or layout; the message has the nearest. ModuleNotFoundError: a
-        library that writes the kind is missing.
+      InputError: an unknown kind or layout; the message names the nearest.
+      ModuleNotFoundError: a library that writes the format is missing.
     """
     layouts = _layouts(kind)
     layout = next(iter(layouts)) if layout is None else layout
@@ -179,32 +179,32 @@ def write(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if IMPORTERS[kind].takes_mapping:
-        (folder / MAPPING).write_text(DIVES)  # a writer with columns of its own replaces it
+        (folder / MAPPING).write_text(DIVES)  # a writer of tables replaces it with its columns
     return layouts[layout](folder, flight)
 
 
 def options(kind: str, folder: str | Path, flight: Flight = SHORT) -> dict[str, Any]:
-    """Options of an import of what `write` made: the mapping, and the magnetic variation.
+    """Return the options for an import of files from `write`: mapping and magnetic variation.
 
-    Only kinds whose files lack one of them have options.
+    Formats whose files contain both have no options.
     """
     if IMPORTERS[kind].takes_mapping:
         return {"mapping": Path(folder) / MAPPING}
     return {"variation_deg": flight.variation} if kind in ("og1", "ngdac") else {}
 
 
-# --- what writers share -------------------------------------------------------------------------
+# --- functions for all writers ------------------------------------------------------------------
 
 
 def named(write: Callable[[Path, Flight], Path], name: str) -> Writer:
-    """Make of a writer of one file a writer into a folder, under that name."""
+    """Turn a writer of one file into a writer of a folder with the file `name`."""
     return lambda folder, flight: [write(folder / name, flight)]
 
 
 def write_csv(
     path: Path, columns: Mapping[str, Sequence[Any] | Array], delimiter: str = ","
 ) -> Path:
-    """Write a table; numbers with all their digits, NaN as an empty cell."""
+    """Write a table, with numbers in all their digits and NaN as an empty cell."""
 
     def cell(value: Any) -> Any:
         if not isinstance(value, float):
@@ -222,8 +222,8 @@ def add_variables(place: netCDF4.Dataset, variables: Mapping[str, Any]) -> None:
     """Add variables to a netCDF file or a group of it.
 
     Args:
-      variables: by name: dimensions as a tuple, values in the type to store (a text as letters),
-        and optionally units, or a dictionary of attributes.
+      variables: for each name a tuple of dimensions, the values in the type to store (a text as
+        letters), and optionally units or a dictionary of attributes.
     """
     for name, (dimensions, given, *about) in variables.items():
         values = np.array(list(given), "S1") if isinstance(given, str) else np.asarray(given)
@@ -239,7 +239,7 @@ def add_variables(place: netCDF4.Dataset, variables: Mapping[str, Any]) -> None:
 def write_netcdf(
     path: Path, variables: Mapping[str, Any], mode: Literal["w", "a"] = "w", **attributes: Any
 ) -> Path:
-    """Write a netCDF-4 file of variables, as `add_variables` takes them, or add them to one."""
+    """Write variables (see `add_variables`) to a netCDF-4 file; mode "a" adds them to a file."""
     import netCDF4
 
     with netCDF4.Dataset(path, mode) as file:

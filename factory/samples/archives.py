@@ -1,7 +1,7 @@
-"""Files that data centres keep of any glider, and tables that only a mapping explains.
+"""Archives: write sample files of data centres, and tables that need a mapping.
 
-OceanGliders' OG1.0, the profiles of the U.S. IOOS National Glider DAC, the time series of pyglider,
-the binned files of spraydata.ucsd.edu.
+The formats are OceanGliders' OG1.0, profiles of the U.S. IOOS National Glider DAC, time series of
+pyglider, and binned files of spraydata.ucsd.edu.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from factory.samples import MAPPING, START, Array, Flight, named, write_csv, wri
 
 OF_1990 = "seconds since 1990-01-01T00:00:00Z"
 ZERO = 631_152_000.0
-"""[s] Unix time of 1990-01-01."""
+"""[s] Unix time of 1990-01-01"""
 
 
 def write_og1(path: Path, flight: Flight) -> Path:
-    """Write an OG1.0 file: radian, minutes since 1970, a heading that says it is magnetic."""
+    """Write an OG1.0 file with radians, minutes since 1970, and a magnetic heading."""
     time, state = flight.with_fixes()
     latitude, longitude = state["latitude"], state["longitude"]
     minutes, samples = "minutes since 1970-01-01", ("N_MEASUREMENTS",)
@@ -43,7 +43,7 @@ OG1 = {"netcdf": named(write_og1, "deployment.nc")}
 
 
 def write_ngdac(folder: Path, flight: Flight) -> list[Path]:
-    """Write a file of each descent and climb: CF names, seconds since 1990."""
+    """Write a file for each descent and each climb, with CF names and seconds since 1990."""
     time = flight.time
     state = flight.state(time)
     latitude, longitude = flight.position(time)
@@ -86,12 +86,12 @@ def write_ngdac(folder: Path, flight: Flight) -> list[Path]:
 def write_pyglider(
     path: Path, flight: Flight, *, pump: bool = True, reckoned: bool = False
 ) -> Path:
-    """Write a time series of pyglider, of a SeaExplorer or a Slocum.
+    """Write a time series of pyglider, for a SeaExplorer or a Slocum.
 
     Args:
-      pump: whether it has the ballast's position.
-      reckoned: whether it is of a Slocum, in radian, whose own positions meander between fixes and
-        are 20 m off at the end of a dive; else positions lie on lines between the fixes.
+      pump: whether the file has the ballast's position.
+      reckoned: True for a Slocum, with radians and positions that meander between fixes and are
+        20 m wrong at the end of a dive; False for positions on lines between the fixes.
     """
     time = flight.time
     state = flight.state(time)
@@ -99,7 +99,7 @@ def write_pyglider(
     latitude, longitude = flight.position(time)
     if reckoned:
         wrong = np.where(at_surface, 0.0, (time - START) % flight.cycle - flight.surface)
-        minute = np.arange(time[0], time[-1] + 60.0, 60.0)  # it logs a position once a minute
+        minute = np.arange(time[0], time[-1] + 60.0, 60.0)  # a Slocum logs positions every minute
         meander = np.where(at_surface, 0.0, np.interp(time, minute, 5.0 * np.sin(minute)))
         latitude = latitude + (wrong / (2.0 * flight.leg) * 20.0 + meander) / 111e3
     else:
@@ -109,7 +109,7 @@ def write_pyglider(
         )
     angle: Any = np.radians if reckoned else np.asarray
     heading = np.mod(state["heading"] - flight.variation, 360.0)
-    series: dict[str, tuple[Array, str, str, str]] = {  # sources on a Slocum and a SeaExplorer
+    series: dict[str, tuple[Array, str, str, str]] = {  # values, units, name in Slocum, SeaExplorer
         "time": (time, "seconds since 1970-01-01T00:00:00Z", "time", "time"),
         "latitude": (latitude, "degrees_north", "m_lat", "NAV_LATITUDE"),
         "longitude": (longitude, "degrees_east", "m_lon", "NAV_LONGITUDE"),
@@ -140,10 +140,10 @@ NGDAC = {"profiles": write_ngdac, "pyglider": named(write_pyglider, "series.nc")
 
 
 def write_spray(path: Path, flight: Flight, missions: Sequence[int] = (7,)) -> Path:
-    """Write a Spray's binned file: the middle of each dive, and a profile of its climb by 10 m.
+    """Write a Spray's binned file: the middle of each dive, and a profile of the climb every 10 m.
 
-    Places and times are those of both middles. Each further mission is a year later.
-    """
+    The time and place of a profile are those of the climb's middle. Each further mission begins a
+    year later."""
     bins = np.arange(10.0, flight.depth + 20.0, 10.0)
     year = 366.0 * 86400.0
     rows: list[list[float]] = []
@@ -172,7 +172,7 @@ SPRAY = {"binned": named(write_spray, "CUGN_line_90.nc")}
 
 
 def table_columns(flight: Flight) -> dict[str, Array]:
-    """Columns of a table that `TABLE_MAPPING` reads: forward-left-up, headings from east."""
+    """Return the columns of a table for `TABLE_MAPPING`: forward-left-up, headings from east."""
     time, state = flight.with_fixes()
     return {
         "stamp": (time - START) * 1e3,
@@ -217,11 +217,11 @@ signal = "measured_yaw_rate"
 sign = -1
 reason = "the gyroscope was mounted upside down in December"
 """
-"""The mapping of docs/howto/import_tables.md."""
+"""Mapping for the table; docs/howto/import_tables.md shows it."""
 
 
 def write_table(folder: Path, flight: Flight) -> list[Path]:
-    """Write a table of any vehicle, and the mapping that reads it."""
+    """Write a table of an arbitrary vehicle, and the mapping that reads it."""
     (folder / MAPPING).write_text(TABLE_MAPPING)
     return [write_csv(folder / "log.csv", table_columns(flight))]
 

@@ -1,7 +1,7 @@
-"""Files that gliders and their base stations write: Slocum, Seaglider, SeaExplorer.
+"""Gliders: write sample files of Slocum, Seaglider and SeaExplorer and of their base stations.
 
-Layouts are those of public deployments: tables of Slocum's sensors in native units and its binary
-logs (dbdreader reads them), Seaglider's base station 3 (p*.nc) and tables of it, Alseamar's .gli.
+The layouts are those of public deployments: tables of a Slocum's sensors in native units, its
+binary logs (read by dbdreader), Seaglider's base station 3 (p*.nc) and its tables, and .gli.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from factory.samples import START, Array, Flight, named, write_csv, write_netcdf
 
 
 def slocum_columns(flight: Flight) -> dict[str, Array]:
-    """Columns of a Slocum's flight computer in native units: radian, bar, inch, cm3."""
+    """Return the columns of a Slocum's flight computer, with radian, bar, inch and cm3."""
     time, state = flight.time, flight.state(flight.time)
     return {
         "time": time,
@@ -36,7 +36,7 @@ def slocum_columns(flight: Flight) -> dict[str, Array]:
 
 
 def gps_columns(flight: Flight) -> dict[str, Array]:
-    """Columns of a Slocum's receiver: fixes [degree] while at the surface, variation west [rad]."""
+    """Return the columns of a Slocum's receiver: fixes [degree], variation west positive [rad]."""
     time = flight.time[flight.state(flight.time)["under"] == 0.0]
     latitude, longitude = flight.position(time)
     return {
@@ -56,13 +56,13 @@ def write_slocum(
     gps: Mapping[str, Array] | None = None,
     **changes: Array | None,
 ) -> list[Path]:
-    """Write tables of the flight and of the fixes.
+    """Write a table of the flight and a table of the fixes.
 
     Args:
-      name: of the vehicle.
-      rows: of the flight table that are written.
-      gps: columns in place of the flight's own fixes.
-      changes: columns in place of those of the flight table; None leaves one out.
+      name: name of the vehicle.
+      rows: rows of the flight table to write.
+      gps: columns that replace the flight's own fixes.
+      changes: columns that replace those of the flight table; None leaves a column out.
     """
     columns = {**slocum_columns(flight), **changes}
     kept = {key: values[rows] for key, values in columns.items() if values is not None}
@@ -82,16 +82,16 @@ def write_dbd(
     without: Sequence[str] = (),
     factored: bool = True,
 ) -> list[Path]:
-    """Write a binary flight log and its cache file: sensors in native units, GPS among them.
+    """Write a binary flight log and its cache file, with sensors in native units and GPS.
 
-    The format: 14 lines of text, the tag `s` with numbers that show the byte order, then for each
-    cycle the tag `d`, two bits a sensor (0 nothing, 1 as before, 2 new) and the new values.
+    The log has 14 lines of text, then the tag `s` with numbers that show the byte order. Each cycle
+    has the tag `d`, two bits per sensor (0 no value, 1 unchanged, 2 new) and the new values.
 
     Args:
-      columns: of a science log (.ebd), in place of all sensors; time first.
-      crc: of the list of sensors, which is the name of the cache file.
-      without: sensors that are left out.
-      factored: whether the list is in the cache file alone, and not behind the header.
+      columns: columns of a science log (.ebd) that replace all sensors; time first.
+      crc: checksum of the list of sensors, which is the name of the cache file.
+      without: sensors to leave out.
+      factored: whether the list of sensors is only in the cache file, not also after the header.
     """
     gps, flown = gps_columns(flight), slocum_columns(flight)
     ending = "dbd" if columns is None else "ebd"
@@ -130,7 +130,7 @@ def write_dbd(
 
 
 def gps_sensors(gps: Mapping[str, Array]) -> dict[str, Array]:
-    """Name `gps_columns` as a binary log does, with places as ddmm.mmm."""
+    """Rename `gps_columns` to the sensors of a binary log, with positions as ddmm.mmm."""
     return {
         "m_gps_lat": nmea(gps["lat"]), "m_gps_lon": nmea(gps["lon"]),
         "m_gps_status": gps["status"], "m_gps_mag_var": gps["mag_var_rad"],
@@ -138,7 +138,7 @@ def gps_sensors(gps: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def nmea(degrees: Array) -> Array:
-    """Return ddmm.mmm of decimal degrees."""
+    """Convert decimal degrees to ddmm.mmm."""
     whole = np.trunc(degrees)
     return whole * 100.0 + (degrees - whole) * 60.0
 
@@ -154,7 +154,7 @@ SLOCUM = {"csv": write_slocum, "dbd": write_dbd}
 
 
 def _dives(flight: Flight) -> Iterator[tuple[int, Array, Array]]:
-    """Number of each dive, times of its samples under water and of its fixes 1, 2 and E [s]."""
+    """Yield each dive's number, the times [s] of its samples under water and of GPS 1, 2 and E."""
     for dive in range(flight.dives):
         start, end = flight.dive_times(dive)
         fixes = np.array([start - flight.surface + 100.0, start - 40.0, end + 60.0])
@@ -162,7 +162,7 @@ def _dives(flight: Flight) -> Iterator[tuple[int, Array, Array]]:
 
 
 def _reported(flight: Flight) -> dict[str, float]:
-    """Numbers that each dive has, with their names at the base station."""
+    """Numbers of each dive by their names at the base station."""
     return {
         "magnetic_variation": flight.variation,
         "depth_avg_curr_north": flight.north,
@@ -173,7 +173,7 @@ def _reported(flight: Flight) -> dict[str, float]:
 
 
 def write_seaglider(folder: Path, flight: Flight, name: str = "SG999") -> list[Path]:
-    """Write tables of samples (under water only) and of dives, by the vehicle's name."""
+    """Write a table of samples (under water only) and one of dives, named after the vehicle."""
     times, dives = [], []
     for number, time, fixes in _dives(flight):
         times.append(time)
@@ -211,9 +211,9 @@ def write_seaglider(folder: Path, flight: Flight, name: str = "SG999") -> list[P
 
 
 def write_basestation(folder: Path, flight: Flight, number: int = 999) -> list[Path]:
-    """Write a file of each dive: samples under water, actuators after each of their moves.
+    """Write a file for each dive: samples under water, and actuator positions after each move.
 
-    The bladder and the battery move once, at the bottom.
+    The bladder and the battery move once, at the deepest point.
     """
     paths = []
     for dive, time, fixes in _dives(flight):
@@ -267,7 +267,7 @@ SEAGLIDER = {"csv": write_seaglider, "basestation": write_basestation}
 
 
 def write_seaexplorer(path: Path, flight: Flight, delimiter: str = ",") -> Path:
-    """Write a navigation log (.gli): a row every 10 s, the last fix held under water."""
+    """Write a navigation log (.gli) with a row every 10 s; under water it repeats the last fix."""
     time = np.arange(START, flight.time[-1], 10.0)
     state = flight.state(time)
     under = state["under"] > 0.0

@@ -1,4 +1,4 @@
-"""Sampling: what decides the bytes of a store, and one mission flown from its parameters."""
+"""Sampling: recipes of stores, random parameters of missions, and the flight of one mission."""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,7 @@
 """Conditions: vehicle, currents, density, sea floor and place of one mission, from its parameters.
 
-The vehicle differs from the one that guidance assumes; the water has currents whose amplitudes
-share out one largest speed.
+The sampled vehicle differs from the one that guidance assumes. The amplitudes of the currents add
+up to one sampled largest speed.
 """
 
 from __future__ import annotations
@@ -31,33 +31,33 @@ if TYPE_CHECKING:
     from twin.water.floor import RoughFloor
 
 BALLAST_FRACTION = 0.5
-"""A vehicle is ballasted neutral at this part of its deepest turning depth, as pilots do, so that
-dive and climb share what the stratification costs."""
+"""[1] Depth of neutral buoyancy relative to the deepest turning depth, as pilots ballast, so that
+dive and climb lose equal buoyancy to the stratification"""
 GRAM, MILLIMETRE = 1e-3, 1e-3
 CURRENT_MARGIN = 0.5
-"""[m/s] of current beyond the fastest speed through the water: a floor reaches as far as both go"""
+"""[m/s] Current added to the fastest speed through the water, for the extent of the sea floor"""
 SHALLOWEST_FLOOR_M, DEEPEST_FLOOR_M = 25.0, 130.0
-"""[m] The sea floor of a survey is cut off here: deeper than the depths and altitudes that are
-drawn, and shallow water, beyond the DVL's reach in places"""
+"""[m] Limits of a survey's sea floor. The first keeps the floor below every sampled depth plus
+altitude; the second exceeds the DVL's range in places."""
 PARTS = ("steady", "shear", "tide", "inertial", "ekman", "bottom", "wander")
 WANDER_MEAN, WANDER_STD, WANDER_DIRECTION_STD_DEG = 0.6, 0.2, 30.0
-"""Mean and deviation of the wandering part as shares of its largest speed, and of its direction."""
+"""Wandering current: mean and std of speed relative to the largest, std of direction [degree]"""
 BOTTOM_ROUGHNESS_M = 1e-3
-"""[m] of the log layer, sand"""
+"""[m] Roughness length of the log layer, for sand"""
 DEEP_MARGIN_M = 100.0
-"""[m] of density profile below the deepest turning depth: overshoots and down-currents"""
+"""[m] Extent of the density profile below the deepest turning depth, for overshoots"""
 
 
 def spread_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
-    """`nominal` with the drawn coefficients, CG, compressibility and fields of its parts."""
+    """Return `nominal` with sampled coefficients, CG, compressibility and fields of its parts."""
     value = parameters.number
     law = nominal.law
     factors = {u.name: value(f"vehicle.{u.name}") for u in law.uncertainties()}
     factor = {cell: value(f"vehicle.added_mass_{name}") for name, (_, cell) in ADDED_MASS.items()}
     added_mass = nominal.added_mass.copy()
     for i, j in zip(*np.nonzero(np.triu(added_mass)), strict=True):
-        # a coupling without a factor of its own goes with the two motions that it couples, so that
-        # the matrix stays positive
+        # a coupling without its own factor gets the geometric mean of the factors of the motions
+        # that it couples, so that the matrix stays positive definite
         own = factor.get((i, j))
         added_mass[i, j] *= math.sqrt(factor[i, i] * factor[j, j]) if own is None else own
         added_mass[j, i] = added_mass[i, j]
@@ -80,7 +80,7 @@ def spread_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
 
 
 def believed_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
-    """`nominal` with what guidance knows of the drawn coefficients."""
+    """Return `nominal` with those sampled coefficients that guidance knows."""
     uncertain = [u for u in nominal.law.uncertainties() if u.known]
     known = {u.name: parameters.number(f"vehicle.{u.name}") for u in uncertain}
     if all(known[u.name] == u.certain for u in uncertain):
@@ -89,7 +89,7 @@ def believed_vehicle(nominal: Vehicle, parameters: Parameters) -> Vehicle:
 
 
 def ballast_of(nominal: Vehicle, parameters: Parameters) -> Ballast:
-    """How the vehicle was weighed: neutral where pilots do it, but for a glider's error."""
+    """Ballast: neutral at half the deepest turning depth, plus a glider's sampled error."""
     from twin.physics.start import Ballast
 
     heavy = 0.0
@@ -99,7 +99,7 @@ def ballast_of(nominal: Vehicle, parameters: Parameters) -> Ballast:
 
 
 def encoder_zeros(nominal: Vehicle, parameters: Parameters) -> dict[str, float]:
-    """Where the parts are when their encoders say 0, in the parts' units."""
+    """Positions of the parts at which their encoders read 0, in the parts' units."""
     return {
         part.name: u.scale * parameters.number(f"vehicle.{part.name}_{u.name}")
         for part in nominal.parts
@@ -109,7 +109,7 @@ def encoder_zeros(nominal: Vehicle, parameters: Parameters) -> dict[str, float]:
 
 
 def build_current(parameters: Parameters) -> Current | None:
-    """The sum of the mission's currents, nowhere faster than `current.speed`; None is still."""
+    """Sum of the mission's currents, nowhere faster than `current.speed`; None is still water."""
 
     def value(name: str) -> float:
         return parameters.number(f"current.{name}")
@@ -169,7 +169,7 @@ def build_current(parameters: Parameters) -> Current | None:
 
 
 def _bottom(parameters: Parameters, speed: float, water_depth: float) -> Current:
-    """The log layer that reaches `speed` at its top."""
+    """Log layer with the velocity `speed` [m/s] at its top."""
     from twin.water.current.layers import VON_KARMAN
 
     thickness = parameters.number("current.bottom_layer_m")
@@ -183,7 +183,7 @@ def _bottom(parameters: Parameters, speed: float, water_depth: float) -> Current
 
 
 def _ekman(parameters: Parameters, surface_speed: float) -> Current:
-    """The Ekman layer of a given surface speed and depth: both fix its viscosity and stress."""
+    """Ekman layer with a given surface speed [m/s] and depth, which give viscosity and stress."""
     from twin.water.density import REFERENCE_DENSITY
 
     value = parameters.number
@@ -200,7 +200,7 @@ def _ekman(parameters: Parameters, surface_speed: float) -> Current:
 
 
 def build_floor(parameters: Parameters, vehicle: Vehicle) -> RoughFloor | None:
-    """The sea floor of a survey, as far as it can go; None for missions in open water."""
+    """Sea floor of a survey, out to the vehicle's range; None for missions in open water."""
     from twin.water.floor import RoughFloor
 
     if FLOOR_DEPTH not in parameters.values:
@@ -223,7 +223,7 @@ def build_floor(parameters: Parameters, vehicle: Vehicle) -> RoughFloor | None:
 
 
 def bottom_depth(parameters: Parameters) -> float | None:
-    """Depth of the bottom [m], in surveys the mean; None is out of reach of everything."""
+    """Depth [m] of the bottom, for surveys the mean; None if the bottom affects nothing."""
     if FLOOR_DEPTH in parameters.values:
         return parameters.number(FLOOR_DEPTH)
     below = parameters.number(BOTTOM)
@@ -231,7 +231,7 @@ def bottom_depth(parameters: Parameters) -> float | None:
 
 
 def build_density(parameters: Parameters) -> DensityProfile | None:
-    """The mission's density profile; None is the constant reference density."""
+    """Density profile of the mission; None is the constant reference density."""
     from twin.water.density import DensityProfile
 
     value = parameters.number
@@ -252,7 +252,7 @@ def build_density(parameters: Parameters) -> DensityProfile | None:
 
 
 def origin(parameters: Parameters) -> Origin:
-    """Where and when the mission is, to the second; days are counted from DEFAULT_TIME."""
+    """Start place and time of the mission, to the second; days are counted from DEFAULT_TIME."""
     seconds = round(86400.0 * parameters.number("mission.start_day"))
     start = datetime.datetime.fromisoformat(DEFAULT_TIME) + datetime.timedelta(seconds=seconds)
     return Origin(
@@ -263,10 +263,10 @@ def origin(parameters: Parameters) -> Origin:
 
 
 def mission_place(parameters: Parameters, current: Current | None) -> dict[str, float | str]:
-    """The place as a trajectory's provenance says it.
+    """Start place and time with the names of a trajectory's provenance.
 
     Args:
-      current: of all missions; a gridded file's place and time win.
+      current: given current of all missions; place and time of a gridded file take precedence.
     """
     place = origin(parameters)
     if current is not None:
@@ -281,11 +281,11 @@ def mission_place(parameters: Parameters, current: Current | None) -> dict[str, 
 def mission_coordinates(
     signals: Mapping[str, NDArray[np.float32]], place: Mapping[str, float | str]
 ) -> dict[str, NDArray[Any]]:
-    """The coordinates of a flown mission, (samples,), as the store keeps them.
+    """Coordinates of a flown mission, (samples,), in the form of stores.
 
     Args:
-      signals: as the store keeps them, (samples,).
-      place: of `mission_place`.
+      signals: rounded signals, (samples,).
+      place: result of `mission_place`.
     """
     north, east = (signals[f"true_{name}"].astype(float) for name in ("north", "east"))
     return flown_coordinates(sample_times(len(north), SAMPLE_PERIOD), north, east, place)

@@ -1,4 +1,4 @@
-"""Distribution: what a parameter of a mission is drawn from, and its text form.
+"""Distribution: probability distribution of a mission's parameter, and its text form.
 
 35                                 always 35
 none                               not used (NaN)
@@ -7,8 +7,8 @@ loguniform(40, 500)
 normal(0, 0.7)                     mean, standard deviation
 choice(saw-tooth: 0.7, spiral: 0.3)   options with or without weights
 
-Parameter: one row of the table of everything that the factory draws.
-Drawn values: what the draws of a mission's parameters gave.
+`Parameter` is one row of the table of parameters (`factory.sampling.parameters`).
+`number` and `limit` read the sampled values of a mission.
 """
 
 from __future__ import annotations
@@ -30,45 +30,45 @@ Value = float | str
 Interval = tuple[float, float]
 
 MAX_REDRAWS = 1000
-"""Draws of one value before its exclusions are called impossible."""
+"""Most attempts to sample one value outside the exclusions; after these an error is raised."""
 MOST_TEXT = 10_000
-"""Characters of a distribution: a choice among a thousand words"""
+"""Most characters in a distribution's text, enough for a choice among a thousand words"""
 
 
 class Distribution(abc.ABC):
-    """A distribution of one parameter."""
+    """Distribution of one parameter."""
 
     @abc.abstractmethod
     def draw(self, rng: np.random.Generator) -> Value:
-        """One value."""
+        """Sample one value."""
 
     @abc.abstractmethod
     def text(self) -> str:
-        """The form that `parse_distribution` reads back."""
+        """Return the text form, which `parse_distribution` reads back."""
 
     @abc.abstractmethod
     def allows(self, value: Value) -> bool:
-        """Whether `value` can be drawn."""
+        """Return whether the distribution can give `value`."""
 
 
 @dataclass(frozen=True)
 class Fixed(Distribution):
-    """One value, or NaN for "not used"."""
+    """Fixed value, or NaN for "not used"."""
 
     value: Value
 
     def draw(self, rng: np.random.Generator) -> Value:
-        """The value."""
+        """Return the value."""
         return self.value
 
     def text(self) -> str:
-        """A number, a word or none."""
+        """Return a number, a word or none."""
         if isinstance(self.value, str):
             return self.value
         return _number(self.value)
 
     def allows(self, value: Value) -> bool:
-        """Only the value itself."""
+        """Return whether `value` is the fixed value."""
         if isinstance(value, float) and isinstance(self.value, float) and math.isnan(value):
             return math.isnan(self.value)
         return value == self.value
@@ -97,7 +97,7 @@ class Uniform(Distribution):
             raise InputError(f"{self.text()}: give low < high, both finite")
 
     def draw(self, rng: np.random.Generator) -> float:
-        """One value."""
+        """Sample one value."""
         for _ in range(MAX_REDRAWS):
             if not self._excludes(value := self._draw(rng)):
                 return value
@@ -110,14 +110,14 @@ class Uniform(Distribution):
         return any(low < value < high for low, high in self.excluded)
 
     def text(self) -> str:
-        """Name of the distribution, (low, high) and its exclusions."""
+        """Return the name, (low, high) and the exclusions."""
         pairs = " ".join(f"({_number(low)}, {_number(high)})" for low, high in self.excluded)
         name = type(self).__name__.lower()
         range_ = f"{name}({_number(self.low)}, {_number(self.high)})"
         return f"{range_} except {pairs}" if pairs else range_
 
     def allows(self, value: Value) -> bool:
-        """Inside the range and outside every exclusion."""
+        """Return whether `value` is inside the range and outside every exclusion."""
         return isinstance(value, float) and self._includes(value) and not self._excludes(value)
 
     def _includes(self, value: float) -> bool:
@@ -152,21 +152,21 @@ class Normal(Distribution):
             raise InputError(f"{self.text()}: give a finite mean and a positive deviation")
 
     def draw(self, rng: np.random.Generator) -> float:
-        """One value."""
+        """Sample one value."""
         return float(rng.normal(self.mean, self.std))
 
     def text(self) -> str:
-        """normal(mean, std)."""
+        """Return `normal(mean, std)`."""
         return f"normal({_number(self.mean)}, {_number(self.std)})"
 
     def allows(self, value: Value) -> bool:
-        """Every finite number."""
+        """Return whether `value` is a finite number."""
         return isinstance(value, float) and math.isfinite(value)
 
 
 @dataclass(frozen=True)
 class Choice(Distribution):
-    """One of several options, with weights."""
+    """Choice of one of several options, with weights."""
 
     options: tuple[Value, ...]
     weights: tuple[float, ...]
@@ -183,12 +183,12 @@ class Choice(Distribution):
             )
 
     def draw(self, rng: np.random.Generator) -> Value:
-        """One option."""
+        """Sample one option."""
         total = sum(self.weights)
         return self.options[int(rng.choice(len(self.options), p=[w / total for w in self.weights]))]
 
     def text(self) -> str:
-        """choice(option: weight, ...)."""
+        """Return `choice(option: weight, ...)`."""
         items = zip(self.options, self.weights, strict=True)
         inner = ", ".join(
             (o if isinstance(o, str) else _number(o)) + ("" if w == 1.0 else f": {_number(w)}")
@@ -197,7 +197,7 @@ class Choice(Distribution):
         return f"choice({inner})"
 
     def allows(self, value: Value) -> bool:
-        """One of the options with a weight above 0."""
+        """Return whether `value` is an option with a weight above 0."""
         items = zip(self.options, self.weights, strict=True)
         return any(value == option and weight > 0.0 for option, weight in items)
 
@@ -208,10 +208,10 @@ _PAIR = re.compile(r"\(([^()]*)\)")
 
 
 def parse_distribution(text: str | float | int, name: str = "value") -> Distribution:
-    """The distribution that `text` describes; a plain number is a fixed value.
+    """Parse the text of a distribution; a plain number is a fixed value.
 
     Raises:
-      InputError: `name` and what is wrong with the text.
+      InputError: the text is wrong; the error contains `name` and the reason.
     """
     if isinstance(text, bool) or not isinstance(text, str | int | float):
         raise InputError(f"{name} = {text!r}: give a number or a text such as 'uniform(15, 45)'")
@@ -233,7 +233,7 @@ def parse_distribution(text: str | float | int, name: str = "value") -> Distribu
 
 
 def _parse_words(text: str, name: str) -> Distribution:
-    """A distribution that is no number."""
+    """Parse a distribution that is no plain number."""
     if re.fullmatch(r"[A-Za-z][\w-]*", text):
         return Fixed(text)
     match = _CALL.match(text)
@@ -287,41 +287,41 @@ def _parse_choice(inner: str) -> Choice:
 
 
 def _number(value: float) -> str:
-    """Every digit, since the text is what stores record and replays read."""
+    """Format a number with every digit, because replays read the text in a store."""
     return "none" if math.isnan(value) else repr(float(value)).removesuffix(".0")
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One row of the table."""
+    """Row of the table of parameters."""
 
     name: str
-    """group.name; the store's variable has an underscore for the dot"""
+    """Name as group.name; the store's variable has an underscore instead of the dot"""
     unit: str
-    """as CF writes it; "1" is dimensionless"""
+    """Unit in CF's spelling; "1" is dimensionless"""
     paper: str
-    """distribution in presets paper and paper-test"""
+    """Distribution in presets paper and paper-test"""
     field: str
-    """distribution in preset field"""
+    """Distribution in preset field"""
     long_name: str
-    """what it is, a short noun phrase"""
+    """Meaning, a short noun phrase"""
     why: str = ""
-    """one line: why these values, and conventions"""
+    """Reason for these values, and conventions, in one line"""
     per_segment: bool = False
-    """drawn for every segment"""
+    """True if the parameter is sampled for every segment"""
 
     @property
     def variable(self) -> str:
-        """Name in the store."""
+        """Name of the variable in a store."""
         return self.name.replace(".", "_")
 
 
 Drawn = Mapping[str, Value]
-"""Values by name of the table; NaN where one is not used"""
+"""Sampled values by name in the table; unused values are NaN."""
 
 
 def number(drawn: Drawn, name: str) -> float:
-    """A value that must be a number; raises InputError for a word."""
+    """Return a value that must be a number; raises InputError for a word."""
     value = drawn[name]
     if isinstance(value, str):
         raise InputError(
@@ -331,6 +331,6 @@ def number(drawn: Drawn, name: str) -> float:
 
 
 def limit(drawn: Drawn, name: str) -> float | None:
-    """A value that may be left out: None where it is not drawn, or not used."""
+    """Return an optional value; None if it is missing or not used."""
     value = number(drawn, name) if name in drawn else math.nan
     return None if math.isnan(value) else value

@@ -1,9 +1,9 @@
-"""Draw: the plan of a store, and the parameters of one mission from its own seed.
+"""Draw: sample the plan of a store, and the parameters of one mission from its own seed.
 
-The plan says how long each mission lasts and which split it belongs to, before any is flown. Every
-parameter has its own random stream below (seed, mission, attempt), keyed by its name. So a mission
-does not depend on the others or on who flies it, and a changed distribution leaves the draws of all
-other parameters as they were.
+The plan has the duration and the split of each mission, before any mission flies. Every parameter
+has its own random stream, keyed by (seed, mission, attempt) and its name. So a mission depends
+neither on other missions nor on the worker, and a changed distribution leaves the values of all
+other parameters unchanged.
 """
 
 from __future__ import annotations
@@ -30,51 +30,51 @@ if TYPE_CHECKING:
 
 TRAIN, VALIDATION, TEST = 0, 1, 2
 VALIDATION_SHARE, TEST_SHARE = 0.15, 0.15
-"""Of the missions; the rest trains (the paper's 70/15/15, by mission instead of by sample)."""
+"""[1] Fractions of the missions (training 70 %, as in the paper, which splits samples instead)"""
 MIN_MISSIONS = len(SPLITS)
-"""One for each split."""
+"""Least number of missions in a store: one for each split"""
 MIN_DURATION_S = 60.0
-"""A mission shorter than this has not even launched."""
+"""[s] Shortest mission; within this time a mission is still launching."""
 HOUR = 3600.0
 BYTES_PER_HOUR = 0.4e6
-"""Of a store, roughly: preset paper takes 0.36 MB, field 0.49, short stores more"""
+"""[byte/h] Approximate size of a store: preset paper takes 0.36 MB, field 0.49; short ones more"""
 GIGABYTE = 1e9
 MOST_HOURS = 1e7
-"""[h] Of one store; drawing the lengths of more missions takes minutes before the first flies."""
+"""[h] Longest store; to plan more missions would take minutes before the first one flies."""
 MAX_SEGMENTS = 100
-"""A mission of more segments means a wrong distribution of their length."""
+"""Most segments in a mission; more mean a wrong distribution of their duration."""
 PLAN_STREAM, MISSION_STREAM = 0, 1
-"""First element of every spawn key: what belongs to the whole run, and what to one mission."""
+"""First element of every spawn key: random numbers of the plan, or of one mission"""
 _DURATION_STREAM, _SPLIT_STREAM = 0, 1
 SENSOR_STREAM = 1
-"""Below a mission's key: the sensors. Parameters use the checksum of their name, a larger one."""
+"""Key of the sensors below a mission's key; a parameter's key is its name's checksum, above 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """All missions of one store."""
+    """Durations and splits of all missions of one store."""
 
     durations_s: tuple[float, ...]
-    """[s] of each mission, multiples of the sample period"""
+    """[s] Duration of each mission, a multiple of the sample period"""
     splits: tuple[int, ...]
-    """TRAIN, VALIDATION or TEST of each mission"""
+    """TRAIN, VALIDATION or TEST for each mission"""
 
     def __len__(self) -> int:
         return len(self.durations_s)
 
     @property
     def hours(self) -> float:
-        """Total [h]."""
+        """[h] Time of all missions together."""
         return sum(self.durations_s) / HOUR
 
     @property
     def samples(self) -> int:
-        """Samples of the longest mission."""
+        """Number of samples of the longest mission."""
         return samples_in(max(self.durations_s))
 
 
 def samples_in(duration_s: float) -> int:
-    """Samples of a mission, both ends included."""
+    """Count the samples of a mission, both ends included."""
     return round(duration_s / SAMPLE_PERIOD) + 1
 
 
@@ -92,7 +92,7 @@ def check_hours(hours: float) -> None:
 
 
 def check_room(hours: float, store: Path) -> None:
-    """Raise InputError when the disk of `store` has no room for `hours` [h]."""
+    """Raise InputError if the disk of `store` has no room for missions of `hours` [h]."""
     check_hours(hours)
     folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.is_dir())
     free = shutil.disk_usage(folder).free
@@ -108,10 +108,10 @@ def _size(hours: float) -> str:
 
 
 def plan_missions(duration_h: Distribution, *, hours: float, seed: int) -> Plan:
-    """Draw missions until their durations make `hours` [h]; the last ones are cut to fit.
+    """Sample durations of missions that add up to `hours` [h]; the last ones are cut to fit.
 
     Raises:
-      InputError: hours that are not positive, or too few for three missions.
+      InputError: `hours` is not positive, or too short for three missions.
     """
     check_hours(hours)
     total = round(hours * HOUR / SAMPLE_PERIOD)
@@ -139,7 +139,7 @@ def plan_missions(duration_h: Distribution, *, hours: float, seed: int) -> Plan:
         durations = _equal_parts(total, MIN_MISSIONS)
     times = tuple(samples * SAMPLE_PERIOD for samples in durations)
     validation, test = (max(1, round(s * len(times))) for s in (VALIDATION_SHARE, TEST_SHARE))
-    splits = np.full(len(times), TRAIN)  # at least one mission of each
+    splits = np.full(len(times), TRAIN)  # each split gets at least one mission
     splits[:validation] = VALIDATION
     splits[validation : validation + test] = TEST
     drawn_splits = _generator(seed, PLAN_STREAM, _SPLIT_STREAM).permutation(splits)
@@ -147,7 +147,7 @@ def plan_missions(duration_h: Distribution, *, hours: float, seed: int) -> Plan:
 
 
 def _settle_last(durations: list[int], duration_h: Distribution) -> None:
-    """Join a last mission that came out too short with the one before, or share with it."""
+    """Join a last mission that is too short with the one before, or share the time equally."""
 
     def allowed(samples: int) -> bool:
         return duration_h.allows(samples * SAMPLE_PERIOD / HOUR)
@@ -168,28 +168,28 @@ def _generator(seed: int, *key: int) -> np.random.Generator:
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
-    """What one mission is made of; replays start from this alone."""
+    """Sampled parameters of one mission; a replay needs nothing else."""
 
     duration_s: float
-    """[s]"""
+    """[s] Duration of the mission"""
     values: Mapping[str, Value]
-    """By name of the table: those drawn once per mission."""
+    """Parameters that are sampled once per mission, by name in the table"""
     segments: tuple[Drawn, ...]
-    """By name of the table: those drawn for each segment, NaN where a segment does not use one."""
+    """Parameters of each segment, by name in the table; NaN if a segment does not use one"""
 
     def number(self, name: str) -> float:
-        """A value that must be a number; raises InputError for a word."""
+        """Return a parameter that must be a number; raises InputError for a word."""
         return number(self.values, name)
 
     @property
     def deepest_m(self) -> float:
-        """Greatest depth that a segment is given [m]; 0 without one."""
+        """[m] Deepest turning depth or depth of any segment; 0 without one."""
         depths = (kind_of(segment).deepest_m(segment) for segment in self.segments)
         return max(depths, default=0.0)
 
 
 def kind_of(segment: Drawn) -> MissionKind:
-    """The kind of a drawn segment; raises UnknownName for a word that is none."""
+    """Return the kind of a sampled segment; raises UnknownName for an unknown word."""
     word = str(segment["mission.kind"])
     if word not in MISSION_KINDS:
         raise UnknownName("kind of mission", word, MISSION_KINDS)
@@ -197,7 +197,7 @@ def kind_of(segment: Drawn) -> MissionKind:
 
 
 def sensor_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence:
-    """The root of its sensors."""
+    """Return the seed for the sensors of one attempt at a mission."""
     key = (MISSION_STREAM, mission, attempt, SENSOR_STREAM)
     return np.random.SeedSequence(seed, spawn_key=key)
 
@@ -205,7 +205,7 @@ def sensor_seed(seed: int, mission: int, attempt: int) -> np.random.SeedSequence
 def draw_values(
     table: Table, distributions: Mapping[str, Distribution], **key: int
 ) -> dict[str, Value]:
-    """The parameters that a mission draws once.
+    """Sample the parameters that a mission has once.
 
     Args:
       key: `seed`, `mission` and `attempt`.
@@ -225,7 +225,7 @@ def draw_parameters(
     vehicle: Vehicle,
     **key: int,
 ) -> Parameters:
-    """The parameters of one attempt at one mission of `duration_s` seconds.
+    """Sample the parameters of one attempt at a mission of `duration_s` [s].
 
     Args:
       key: `seed`, `mission` and `attempt`.
@@ -264,7 +264,7 @@ def draw_parameters(
 def _stream(
     distribution: Distribution, name: str, seed: int, mission: int, attempt: int
 ) -> Callable[[], Value]:
-    """Draws of one parameter."""
+    """Function that samples one parameter from its own random stream."""
     if isinstance(distribution, Fixed):
         return lambda: distribution.value
     rng = _generator(seed, MISSION_STREAM, mission, attempt, zlib.crc32(name.encode()))
@@ -272,9 +272,9 @@ def _stream(
 
 
 def _draw(streams: Streams, vehicle: Vehicle) -> Drawn:
-    """One segment that is not a stay at the surface.
+    """Sample one segment that is not a surface interval.
 
-    All parameters are drawn for every segment, so that no draw depends on the kinds before it.
+    Every segment samples all parameters, so that no value depends on the kinds of segments before.
     """
     drawn = {name: draw() for name, draw in streams.items()}
     word = str(drawn["mission.kind"])

@@ -1,7 +1,7 @@
-"""Fly: one mission from its parameters to its signals. Replays run the same code.
+"""Fly: simulate and measure missions from their parameters; replays run the same code.
 
-A simulation is a mission to keep when it stays possible and off the ground.
-Given current: one current for all missions, as `--current` describes it.
+A simulation whose signals leave their limits, or that touches the ground, counts as failed.
+`GivenCurrent` is one current for all missions, from `--current`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ Array = NDArray[np.float64]
 
 
 class Impossible(TwinError):
-    """A simulation that stayed finite and left what is possible at `time_s`."""
+    """Simulation that stayed finite and left the limits of a signal at `time_s` [s]."""
 
     def __init__(self, message: str, *, time_s: float):
         super().__init__(message)
@@ -67,14 +67,14 @@ REPLACED = (
     *(MissionError, VehicleError, CurrentError, FloorError, NoSteadyState),
     *(SimulationUnstable, Impossible),
 )
-"""What a draw can do wrong: the vehicle cannot fly it, cannot exist, or runs away."""
+"""Errors of an attempt that another replaces: impossible mission or vehicle, unstable simulation"""
 
 
 def check_possible(truth: Mapping[str, Array], time: Array) -> None:
-    """Raise Impossible when a simulated signal leaves its limits; NaN is left to others.
+    """Raise Impossible if a simulated signal leaves its limits; NaN is not checked.
 
     Args:
-      truth: signals of shape (time,), by name.
+      truth: signals by name, each of shape (time,).
       time: [s], shape (time,).
     """
     earliest, culprit = len(time), ""
@@ -98,31 +98,31 @@ def _grounded(when: float) -> Impossible:
 
 @dataclass(frozen=True, kw_only=True)
 class FlownSignals:
-    """One mission as it was flown."""
+    """Signals of one flown mission."""
 
     trajectory: Trajectory
     measured: Mapping[str, Array]
     drawn: Mapping[str, float]
-    """The sensors' constants of this mission."""
+    """Sampled constants of this mission's sensors"""
 
     @property
     def signals(self) -> dict[str, Array]:
-        """Truth, measured and commanded, each of shape (time,)."""
+        """True, measured and commanded signals, each of shape (time,)."""
         return {**self.trajectory.signals, **self.measured}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Draw:
-    """What one mission is flown and measured by."""
+    """Parameters and sensor seed of one mission."""
 
     parameters: Parameters
     sensor_seed: np.random.SeedSequence
     constants: Mapping[str, float] | None = None
-    """of its sensors; None: those that the seed gives"""
+    """Constants of the sensors; None samples them from the seed"""
 
 
 def build_mission(parameters: Parameters, vehicle: Vehicle) -> Mission:
-    """The mission that the guidance is given."""
+    """Build the mission that guidance flies."""
     start_heading = heading = parameters.number("mission.start_heading_deg")
     segments: list[Segment] = []
     for drawn in parameters.segments:
@@ -143,7 +143,7 @@ def build_scenario(
     current: Current | None = None,
     engine: str = ENGINES[0],
 ) -> Scenario:
-    """Everything that the physics needs; `current` replaces the drawn one."""
+    """Build the scenario of a mission; `current` replaces the sampled current."""
     believed = believed_vehicle(nominal, parameters)
     return Scenario(
         vehicle=spread_vehicle(nominal, parameters),
@@ -174,14 +174,14 @@ def fly(
     """Fly one mission and measure it.
 
     Args:
-      current: instead of the drawn one.
-      drawn: the sensors' constants, by default those that the seed gives.
-      engine: what flies it, one of ENGINES.
+      current: current instead of the sampled one.
+      drawn: constants of the sensors; None samples them from the seed.
+      engine: physics engine, one of ENGINES.
 
     Raises:
-      MissionError: the vehicle cannot fly it.
-      SimulationUnstable: the simulation left the finite numbers.
-      Impossible: it left the physically possible ones, or ran aground.
+      MissionError: the vehicle cannot fly the mission.
+      SimulationUnstable: the simulation lost finite values.
+      Impossible: a signal left its limits, or the vehicle ran aground.
     """
     draw = Draw(parameters=parameters, sensor_seed=sensor_seed, constants=drawn)
     ((_, found),) = fly_abreast([draw], nominal, suite, current=current, engine=engine)
@@ -198,13 +198,13 @@ def fly_abreast(
     current: Current | None = None,
     engine: str = ENGINES[0],
 ) -> Iterator[tuple[int, FlownSignals | TwinError]]:
-    """Fly missions and measure them: the index of each, with its signals or with one of REPLACED.
+    """Fly and measure missions; yields the index of each with its signals or an error of REPLACED.
 
-    They come in any order, and each one's signals are made when it is asked for. In lanes the
-    missions fly together; a mission is the same whatever flies beside it.
+    Missions come in any order, and each is measured when it is yielded. The batched engine flies
+    all together; a mission does not depend on the others in the batch.
 
     Args:
-      current: instead of the drawn ones.
+      current: current instead of the sampled ones.
     """
     lanes: dict[int, Lane] = {}
     for index, draw in enumerate(draws):
@@ -240,7 +240,7 @@ def _measured(
     duration: float,
     suite: SensorSuite,
 ) -> FlownSignals:
-    """What the sensors make of a flight; raises Impossible."""
+    """Check a flight and measure it with the sensors; raises Impossible."""
     check_possible(trajectory.signals, trajectory.time)
     contact = trajectory.signals.get("true_contact")
     if contact is not None and contact.any():
@@ -268,38 +268,38 @@ def _measured(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GivenCurrent(Current):
-    """A current compiled once, however many missions meet it; gridded files are read once."""
+    """Current that is compiled once for all missions; gridded files are read once."""
 
     program: Floats
-    """Compiled for the longest mission"""
+    """Compiled current for the longest mission"""
     description: Mapping[str, Any]
-    """What `current_from_dict` rebuilds it from, everything pinned"""
+    """Description for `current_from_dict`, with all settings written out"""
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Not needed: `compile` has the program."""
+        """Raise NotImplementedError, since `compile` returns the program."""
         raise NotImplementedError("a given current is compiled already")
 
     def compile(self, duration_s: float, origin: Origin | None = None) -> Floats:
-        """The program, the same for every mission."""
+        """Return the program, which is the same for every mission."""
         return self.program
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """As the current itself."""
+        """Return the start place and time of the described current."""
         return current_from_dict(self.description).begins(duration_s, origin)
 
     def describe(self) -> dict[str, Any]:
-        """The description."""
+        """Return the description."""
         return dict(self.description)
 
 
 def given_current(given: str | Mapping[str, Any], longest_s: float) -> GivenCurrent:
-    """The current of all missions, which last at most `longest_s` [s].
+    """Compile the current of all missions, which last at most `longest_s` [s].
 
     Args:
-      given: as `--current` takes it, or the description that a store holds.
+      given: text of `--current`, or the description in a store.
 
     Raises:
-      CurrentError: it cannot be used, or a file of it has changed.
+      CurrentError: the current cannot be used, or one of its files has changed.
     """
     if isinstance(given, Mapping):
         current = current_from_dict(given)

@@ -1,12 +1,12 @@
-"""Mission kinds: the segments that the factory draws, from their parameters to guidance.
+"""Mission kinds: types of segments that the factory samples, and their conversion for guidance.
 
 Saw-tooth: dives and climbs on a heading, also called yo-yo.
-Spiral: dives and climbs that turn all the time.
-Surface: a stay at the surface for a GPS fix. It is not drawn among the kinds: `surface_every`
-says after how many of the others it comes.
-Transect: straight and level on a heading.
+Spiral: dives and climbs with a constant turn.
+Surface: a surface interval for a GPS fix. `mission.kind` never samples this kind; one follows after
+every `surface_every` other segments.
+Transect: a straight level leg on a heading.
 Circle: level turns of one radius.
-Lawn-mower: parallel legs to and fro that cover an area.
+Lawn-mower: parallel level legs that cover an area.
 """
 
 from __future__ import annotations
@@ -25,54 +25,54 @@ if TYPE_CHECKING:
 
 DEPTH, ALTITUDE = "depth", "altitude"
 TIME_RESERVE = 1.5
-"""Segments without a clock are drawn until their steady ways take this many mission times."""
+"""[1] Steady duration of all sampled dives and climbs, relative to the mission's duration"""
 DEPTHS = ("max_depth_m", "min_depth_m", "pitch_deg", "climb_pitch_deg")
 DRIVEN = ("net_mass_kg", "climb_net_mass_kg", "speed_m_s")
-"""Of vehicles that a pump drives, and of those with a propeller"""
+"""Parameters of propulsion: net masses for a pump, speed for a propeller"""
 Streams = Mapping[str, Callable[[], Value]]
-"""Draws of the parameters of segments, by name of the table"""
+"""Functions that sample a segment's parameters, by name in the table"""
 
 
 def _value(drawn: Drawn, name: str) -> float:
-    """A number of a segment, by its name without the group."""
+    """Number of a segment, by the parameter's name without `mission.`."""
     return number(drawn, f"mission.{name}")
 
 
 class MissionKind:
-    """One kind of segment."""
+    """Type of segment."""
 
     name: ClassVar[str] = ""
-    """What `mission.kind` draws"""
+    """Word for this kind in `mission.kind`"""
     uses: ClassVar[tuple[str, ...]] = ()
-    """Parameters of the table that it is made of, without their group `mission.`; those that a
-    vehicle has not are left out"""
+    """Parameters that this kind uses, without their group `mission.`; parameters that a vehicle
+    lacks are left out"""
 
     def fits(self, vehicle: Vehicle) -> bool:
-        """Whether a vehicle has the parts to fly it."""
+        """Return whether a vehicle has the parts to fly this kind of segment."""
         return True
 
     def keep(self, drawn: Drawn) -> Drawn:
-        """The draws of one segment without those that this kind does not use: they are NaN."""
+        """Return a segment's parameters, with NaN for those that this kind does not use."""
         used = {"mission.kind", *(f"mission.{name}" for name in self.uses)}
         return {name: value if name in used else math.nan for name, value in drawn.items()}
 
     def shortest_time(self, drawn: Drawn, vehicle: Vehicle) -> float:
-        """Time [s] that it lasts at least; inf when it does not end by itself.
+        """[s] Shortest duration of the segment; inf if the segment does not end by itself.
 
         Raises:
-          MissionError: the vehicle cannot fly it.
+          MissionError: the vehicle cannot fly the segment.
         """
         raise NotImplementedError
 
     def deepest_m(self, drawn: Drawn) -> float:
-        """Depth [m] that it goes to; 0 when it follows the sea floor or stays up."""
+        """[m] Deepest depth of the segment; 0 if it follows the floor or stays at the surface."""
         return 0.0
 
     def segment(self, drawn: Drawn, heading_deg: float, vehicle: Vehicle) -> tuple[Segment, float]:
-        """What guidance flies, and the heading [deg true] after it.
+        """Build the segment for guidance; returns it and the heading [deg true] after it.
 
         Raises:
-          MissionError: its numbers are no segment.
+          MissionError: the parameters make no valid segment.
         """
         raise NotImplementedError
 
@@ -85,7 +85,7 @@ class _Profile(MissionKind):
     )  # fmt: skip
 
     def shortest_time(self, drawn: Drawn, vehicle: Vehicle) -> float:
-        """Its clock, or its dives and climbs at their steady speeds."""
+        """[s] Time limit, or a lower bound for dives and climbs at their steady speeds."""
         clock, yos = _value(drawn, "segment_duration_s"), _value(drawn, "yos")
         times = [] if math.isnan(clock) else [clock]
         if not math.isnan(yos):
@@ -101,14 +101,14 @@ class _Profile(MissionKind):
                 )
                 slowness += 1.0 / abs(steady.vertical_speed)
             times.append(yos * height * slowness / TIME_RESERVE)
-        # a segment without limits is the last one
+        # a segment without limits lasts until the end of the mission
         return min(times, default=math.inf)
 
     def deepest_m(self, drawn: Drawn) -> float:
         return _value(drawn, "max_depth_m")
 
     def fields(self, drawn: Drawn) -> dict[str, Any]:
-        """What both segments take."""
+        """Fields of both kinds of segments."""
         driven = [name for name in DRIVEN if f"mission.{name}" in drawn]
         return {
             **{name: _value(drawn, name) for name in (*DEPTHS, *driven)},
@@ -119,7 +119,7 @@ class _Profile(MissionKind):
 
 
 class _SawTooth(_Profile):
-    """A new heading for each, where something turns the vehicle."""
+    """Saw-tooth; each has a new heading if a part turns the vehicle."""
 
     name = "saw-tooth"
     uses = (*_Profile.uses, "heading_change_deg")
@@ -131,29 +131,29 @@ class _SawTooth(_Profile):
 
 
 class _Spiral(_Profile):
-    """At a fixed position of what turns the vehicle."""
+    """Spiral with a fixed position of the part that turns the vehicle."""
 
     name = "spiral"
     uses = (*_Profile.uses, "rotation_deg")
 
     def fits(self, vehicle: Vehicle) -> bool:
-        """Something must turn it."""
+        """Return whether a part turns the vehicle."""
         return vehicle.steered("heading") is not None
 
     def segment(self, drawn: Drawn, heading_deg: float, vehicle: Vehicle) -> tuple[Segment, float]:
-        """A spiral; the next saw-tooth goes on from the heading before it."""
+        """Build a spiral; the next saw-tooth continues from the heading before the spiral."""
         rotation = _value(drawn, "rotation_deg")
         return missions.Spiral(rotation_deg=rotation, **self.fields(drawn)), heading_deg
 
 
 class _Surface(MissionKind):
-    """A climb to the surface and a stay."""
+    """Climb to the surface and a surface interval."""
 
     name = "surface"
     uses = ("surface_duration_s",)
 
     def stay(self, streams: Streams) -> Drawn:
-        """One stay; its own parameter alone is drawn, so that stays change no other segment."""
+        """Sample a surface interval: only its duration, so that no other segment changes."""
         duration = "mission.surface_duration_s"
         own: Drawn = {"mission.kind": self.name, duration: streams[duration]()}
         return {**dict.fromkeys(streams, math.nan), **own}
@@ -166,18 +166,18 @@ class _Surface(MissionKind):
 
 
 class _Level(MissionKind):
-    """At a depth or an altitude, at a speed."""
+    """Level segment at a depth or an altitude, with a speed."""
 
     uses: ClassVar[tuple[str, ...]] = (
         "level_by", "depth_m", "altitude_m", "min_altitude_m", "speed_m_s",
     )  # fmt: skip
 
     def fits(self, vehicle: Vehicle) -> bool:
-        """A propeller, and what pitches and turns it."""
+        """Return whether the vehicle has a propeller and parts that pitch and turn it."""
         return keeps_level(vehicle)
 
     def keep(self, drawn: Drawn) -> Drawn:
-        """With one of depth and altitude; raises InputError for another word."""
+        """Keep either depth or altitude; raises InputError for an unknown word in `level_by`."""
         other = {DEPTH: "mission.altitude_m", ALTITUDE: "mission.depth_m"}
         by = drawn["mission.level_by"]
         if by not in other:
@@ -189,13 +189,13 @@ class _Level(MissionKind):
         return 0.0 if math.isnan(depth) else depth
 
     def fields(self, drawn: Drawn) -> dict[str, Any]:
-        """Depth or altitude, and the speed."""
+        """Fields of depth or altitude, least altitude and speed."""
         held = "depth_m" if drawn["mission.level_by"] == DEPTH else "altitude_m"
         return {name: _value(drawn, name) for name in (held, "min_altitude_m", "speed_m_s")}
 
 
 class _Transect(_Level):
-    """A new heading for each, for a time."""
+    """Transect on a new heading, for a time."""
 
     name = "transect"
     uses = (*_Level.uses, "heading_change_deg", "segment_duration_s")
@@ -212,7 +212,7 @@ class _Transect(_Level):
 
 
 class _Circle(_Level):
-    """Some turns at a depth or an altitude."""
+    """Circle with some turns at a depth or an altitude."""
 
     name = "circle"
     uses = (*_Level.uses, "radius_m", "turns")
@@ -222,13 +222,13 @@ class _Circle(_Level):
         return around * _value(drawn, "turns") / _value(drawn, "speed_m_s")
 
     def segment(self, drawn: Drawn, heading_deg: float, vehicle: Vehicle) -> tuple[Segment, float]:
-        """A circle; the next heading is drawn from the one before it."""
+        """Build a circle; the next heading changes from the heading before the circle."""
         radius, turns = _value(drawn, "radius_m"), _value(drawn, "turns")
         return missions.Circle(radius_m=radius, turns=turns, **self.fields(drawn)), heading_deg
 
 
 class _LawnMower(_Level):
-    """Legs at a depth or an altitude."""
+    """Lawn-mower with legs at a depth or an altitude."""
 
     name = "lawn-mower"
     uses = (*_Level.uses, "heading_change_deg", "leg_length_m", "spacing_m", "legs")
@@ -238,7 +238,7 @@ class _LawnMower(_Level):
         return legs / _value(drawn, "speed_m_s")
 
     def segment(self, drawn: Drawn, heading_deg: float, vehicle: Vehicle) -> tuple[Segment, float]:
-        """A lawn-mower, its legs on a new heading."""
+        """Build a lawn-mower with legs on a new heading."""
         heading = (heading_deg + _value(drawn, "heading_change_deg")) % 360.0
         legs = {name: _value(drawn, name) for name in ("leg_length_m", "spacing_m", "legs")}
         return missions.LawnMower(heading_deg=heading, **legs, **self.fields(drawn)), heading
@@ -249,20 +249,20 @@ MISSION_KINDS: Mapping[str, MissionKind] = {
     kind.name: kind
     for kind in (_SawTooth(), _Spiral(), SURFACE, _Transect(), _Circle(), _LawnMower())
 }
-"""Segments that the factory draws; stores keep their positions."""
+"""Kinds of segments by name, in a fixed order, because stores keep a kind's position"""
 
 
 def kinds_for(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the kinds that a vehicle can fly; stores keep their positions."""
+    """Names of the kinds that a vehicle can fly; stores keep a name's position in this list."""
     return tuple(name for name, kind in MISSION_KINDS.items() if kind.fits(vehicle))
 
 
 def propelled(vehicle: Vehicle) -> bool:
-    """Whether a propeller drives the vehicle: it flies surveys above a sea floor."""
+    """Return whether the vehicle has a propeller, and so flies surveys above a sea floor."""
     return vehicle.steered("speed") is not None
 
 
 def keeps_level(vehicle: Vehicle) -> bool:
-    """Whether it can hold a depth under its propeller, and turn to a heading there."""
+    """Return whether a vehicle with a propeller can hold a depth and a heading."""
     steered = (vehicle.steered(control) for control in ("speed", "pitch", "heading"))
     return vehicle.depth_pid is not None and all(part is not None for part in steered)

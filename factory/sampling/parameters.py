@@ -1,18 +1,18 @@
-"""Parameters: everything that the factory draws for a mission, with unit, distributions and reason.
+"""Parameters: table of all random parameters of a mission, with unit, distributions and reason.
 
-`parameters.csv` has the rows that depend on no vehicle file, this module those that follow from a
-vehicle's law, hull and parts; a vehicle file may replace what any row draws for it. A row gives the
-parameter's name, its unit, what preset `paper` and preset `field` draw it from, and why. Its column
-`per` says that it is drawn for every segment, its column `of` which vehicles have it:
+`parameters.csv` has the rows that are the same for all vehicle files. This module adds the rows for
+a vehicle's law, hull and parts. A vehicle file may replace the distributions of any row. A row has
+the parameter's name, unit, its distributions in presets `paper` and `field`, and the reason. Column
+`per` marks parameters that are sampled for every segment. Column `of` selects vehicles:
 
   (empty)    all vehicles
-  unturned   instead of the row of that name: nothing turns the vehicle
-  propelled  likewise, or added: a propeller drives it, so that it surveys above a sea floor
-  level      added: it also keeps level
+  unturned   vehicles without a part that turns them; replaces the common row of that name
+  propelled  vehicles with a propeller, which survey above a sea floor; replaces or adds a row
+  level      propelled vehicles that also keep level; adds a row
 
-Preset paper never draws a pitch of 30 deg, nor the rotations of 40 and -30 deg: the mission of
-preset paper-test flies these. `--set NAME=DISTRIBUTION` and TOML files replace entries by name;
-stores keep the table that was used.
+Preset paper never samples a pitch of 30 deg, nor rotations of 40 and -30 deg, because the mission
+of preset paper-test has these. `--set NAME=DISTRIBUTION` and TOML files replace distributions by
+name; stores keep the table that was used.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.vehicle import SPREAD, Vehicle
 
 Table = Mapping[str, Parameter]
-"""Rows by name, in their order."""
+"""Parameters by name, in the order of the table"""
 SPREADS = ("paper", "field")
 FLOOR_DEPTH = "floor.depth_m"
-"""Of surveys, whose missions have a sea floor"""
+"""Parameter of surveys only, whose missions have a sea floor"""
 BOTTOM = "water.bottom_below_m"
-"""Of missions in open water"""
+"""Parameter of missions in open water only"""
 ADDED: Mapping[str, str] = {"water.longitude": "-121.8", "mission.start_day": "0"}
-"""What parameters were, in effect, in stores that were made before they existed"""
+"""Effective values of newer parameters, for stores of versions before these parameters existed"""
 
 NET_MASS = (0.3, 0.9), (0.5, 0.9)
-"""Share of the pump's reach that dives and climbs draw when the vehicle file does not say, in
-presets paper and field"""
+"""[1] Default range of a segment's net mass in presets paper and field, relative to the largest net
+mass that the pump can make"""
 ROTATION = 0.75, 0.65
-"""Share of the travel of what turns the vehicle, likewise"""
+"""[1] Largest rotation of a spiral in presets paper and field, relative to the part's travel"""
 STRAIGHT = 0.1
-"""Share of that range about the middle that makes no spiral"""
+"""[1] Fraction of the rotation's range left out about 0, where a spiral would be nearly straight"""
 SPEED = (0.8, 1.1)
-"""Share of a propelled vehicle's cruising speed, likewise"""
+"""[1] Default range of speed relative to a propelled vehicle's cruising speed, in both presets"""
 WEIGHTS = {"saw-tooth": 6, "transect": 2, "circle": 1, "lawn-mower": 1, "spiral": 1}
-"""Of the kinds of segments of propelled vehicles, as far as the vehicle flies them"""
+"""Relative frequencies of a propelled vehicle's kinds of segments, for kinds that it can fly"""
 ADDED_MASS = {
     "surge": ("added mass (1,1)", (0, 0)),
     "sway": ("added mass (2,2)", (1, 1)),
@@ -59,11 +59,11 @@ ADDED_MASS = {
     "sway_yaw": ("added coupling (2,6)", (1, 5)),
     "heave_pitch": ("added coupling (3,5)", (2, 4)),
 }
-"""Meaning and cell of each coefficient of the added-mass matrix that is drawn"""
+"""Meaning and cell of each sampled coefficient of the added-mass matrix"""
 
 
 def _read_rows() -> dict[str, dict[str, Parameter]]:
-    """Rows of `parameters.csv` by name, for each word of its column `of`."""
+    """Read the rows of `parameters.csv` by name, for each word in column `of`."""
     found: dict[str, dict[str, Parameter]] = {}
     with Path(__file__).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -76,10 +76,10 @@ ROWS = _read_rows()
 
 
 def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
-    """Every parameter of missions of a vehicle, with what its file says they are drawn from.
+    """Build the table of a vehicle's parameters, with the distributions that its file replaces.
 
     Raises:
-      VehicleError: the file's `spread.` names no parameter of the vehicle, or no distributions.
+      VehicleError: a `spread.` entry of the file has an unknown parameter or a bad distribution.
     """
     rows, moving = dict(ROWS[""]), _motion_rows(vehicle)
     if vehicle.steered("heading") is None:
@@ -114,7 +114,7 @@ def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
 
 
 def _survey_kinds(row: Parameter, vehicle: Vehicle) -> Parameter:
-    """Weights of the kinds of segments that a propelled vehicle flies; as it was for one kind."""
+    """Row with the weights of a propelled vehicle's kinds of segments; unchanged for one kind."""
     weights = [f"{kind}: {WEIGHTS[kind]}" for kind in kinds_for(vehicle) if kind in WEIGHTS]
     if len(weights) == 1:
         return row
@@ -123,14 +123,14 @@ def _survey_kinds(row: Parameter, vehicle: Vehicle) -> Parameter:
 
 
 def _motion_rows(vehicle: Vehicle) -> list[Parameter]:
-    """Weight, speed and turns of segments, as far as the vehicle has parts for them."""
+    """Rows for net mass, speed and turns of segments, if the vehicle has parts for them."""
     rows: list[Parameter] = []
     pump, turning = vehicle.steered("buoyancy"), vehicle.steered("heading")
 
     def add(name: str, unit: str, spreads: tuple[str, str], long_name: str, why: str) -> None:
         rows.append(Parameter(f"mission.{name}", unit, *spreads, long_name, why, per_segment=True))
 
-    if pump is not None and not propelled(vehicle):  # which is neutral while its propeller turns
+    if pump is not None and not propelled(vehicle):  # a propelled vehicle flies neutral
         for name, end, motion, why in (
             ("net_mass_kg", pump.low, "dive", "positive heavy"),
             ("climb_net_mass_kg", pump.high, "climb", "magnitude, light"),
@@ -162,7 +162,7 @@ def _uniform(low: float, high: float) -> str:
 
 
 def _vehicle_rows(vehicle: Vehicle) -> list[Parameter]:
-    """What guidance does not know: law, added mass, encoders, hull, then the parts' fields."""
+    """Rows unknown to guidance: law, added mass, encoders, hull, then the parts' fields."""
     named = [(f"{part.name}_", u) for part in vehicle.parts for u in part.uncertainties()]
     fields = list(dict.fromkeys(u.field for _, u in named if u.field is not None))
     return [
@@ -200,17 +200,17 @@ def _hull_rows(vehicle: Vehicle) -> list[Parameter]:
 
 
 def declared(spread: str, table: Table) -> dict[str, Distribution]:
-    """The table's distributions of one column: "paper" or "field"."""
+    """Return the table's distributions of one column: "paper" or "field"."""
     return {p.name: parse_distribution(getattr(p, spread), p.name) for p in table.values()}
 
 
 def override(
     distributions: Mapping[str, Distribution], changes: Mapping[str, str | float]
 ) -> dict[str, Distribution]:
-    """The distributions with some replaced.
+    """Return the distributions with the ones in `changes` replaced.
 
     Raises:
-      InputError: a name that the table does not have (the nearest is offered), or a bad text.
+      InputError: an unknown name (the error offers the nearest), or a bad text.
     """
     result = dict(distributions)
     for name, text in changes.items():

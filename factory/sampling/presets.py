@@ -1,8 +1,8 @@
-"""Presets: which column of the table of parameters, which sensors, which missions.
+"""Presets: named choices of distributions, sensors and missions for `factory generate`.
 
-Overrides: replaced distributions from a TOML file and from NAME=VALUE words.
-Reference set: missions that everybody can make, with the checksum of every array.
-Paper test: the paper's test trajectory in three currents.
+`read_changes` reads replaced distributions from a TOML file and NAME=VALUE words.
+`ReferenceSet` is a recipe with the checksum of every array, which anybody can make again.
+The functions `paper_test_*` make the paper's test trajectory in three currents.
 """
 
 from __future__ import annotations
@@ -29,34 +29,34 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """What a preset name stands for."""
+    """Distributions, sensors and missions of a preset."""
 
     spread: str
-    """column of the table of parameters"""
+    """Column of the table of parameters: paper or field"""
     sensors: str
-    """sensor suite of gliders"""
+    """Sensor suite of gliders"""
     survey_sensors: str
-    """that of vehicles with a propeller"""
+    """Sensor suite of vehicles with a propeller"""
     fixed_missions: bool = False
-    """its missions are given, not drawn"""
+    """True if the missions are given, not sampled"""
     changes: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """what it draws otherwise than its column, where the vehicle has such a parameter"""
+    """Distributions that replace those of the column, if the vehicle has the parameter"""
 
     def distributions(self, table: Table) -> dict[str, Distribution]:
-        """What every parameter of a table is drawn from."""
+        """Return the distribution of every parameter of a table."""
         own = {name: text for name, text in self.changes.items() if name in table}
         return override(declared(self.spread, table), own)
 
 
 FAMILY: Mapping[str, str] = {
-    # a year's growth adds half to the drag; a clean hull may have less than its file says
+    # a year's fouling adds half to the drag; a clean hull may have less drag than its file
     "vehicle.k_d0": "uniform(0.7, 1.6)",
     "vehicle.k_d": "uniform(0.7, 1.6)",
     "vehicle.k_alpha": "uniform(0.8, 1.25)",
-    # the vehicle shows itself over several dives
+    # several dives make the vehicle's state observable
     "mission.duration_h": "uniform(2, 6)",
 }
-"""Of preset `family`: vehicles in states that no file tells"""
+"""Changes of preset `family`: vehicles that differ widely from their file"""
 
 
 PRESETS: Mapping[str, Preset] = {
@@ -65,15 +65,15 @@ PRESETS: Mapping[str, Preset] = {
     "family": Preset("field", "field", "survey-field", changes=FAMILY),
     "paper-test": Preset("paper", "ideal", "survey", fixed_missions=True),
 }
-"""`paper`: a glider noise-free, in one constant current per mission; a propelled vehicle in still
-water with the instruments of the paper's tables. `field`: the paper's list of further work:
-sensor errors, GPS fixes, a current with vertical structure, and a vehicle that is not as its file
-says. `family`: the same of vehicles far from their file, fouled or clean, over longer missions.
+"""`paper`: a glider with ideal sensors in one constant current per mission; a propelled vehicle
+in still water with the instruments of the paper's tables. `field` adds the paper's list of further
+work: sensor errors, GPS fixes, currents that vary with depth, and vehicles that differ from their
+file. `family`: as field, with fouled or clean vehicles far from their file, in longer missions.
 `paper-test`: the paper's test trajectory in three currents."""
 
 
 def read_changes(path: Path | None, words: Sequence[str] = ()) -> dict[str, str | float]:
-    """Changes by parameter name; words win over the file.
+    """Read replaced distributions by parameter name; words take precedence over the file.
 
     The file holds tables named after the groups:
 
@@ -108,28 +108,28 @@ def _read_file(path: Path) -> dict[str, str | float]:
 
 
 FOLDER = "reference"
-"""Folder of the lists in `assets/`."""
+"""Folder of the reference sets in `assets/`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ReferenceSet:
-    """A recipe and what it makes: bytes of arrays are a function of the recipe alone."""
+    """Recipe with the checksums of the arrays that it makes."""
 
     name: str
-    """what the user types"""
+    """Name that the user types"""
     preset: str
-    """of `factory generate`"""
+    """Preset of `factory generate`"""
     hours: float
-    """simulated hours of all missions together"""
+    """[h] Simulated time of all missions together"""
     seed: int
-    """root of every random draw"""
+    """Root of every random draw"""
     physics: int
-    """version of the physics that the checksums belong to"""
+    """Version of the physics that made the checksums"""
     arrays: Mapping[str, str]
-    """SHA-256 of each array's type, shape and values, by name, as `array_checksums` gives it"""
+    """SHA-256 of each array's type, shape and values, by name, from `array_checksums`"""
 
     def differences(self, found: Mapping[str, str]) -> dict[str, str]:
-        """What is wrong with each array that is not as listed, by name; empty when all are."""
+        """Describe each array that differs from the list, by name; empty if all agree."""
         wrong = dict.fromkeys(self.arrays.keys() - found.keys(), "is missing")
         wrong |= dict.fromkeys(found.keys() - self.arrays.keys(), "is not listed")
         both = found.keys() & self.arrays.keys()
@@ -138,15 +138,15 @@ class ReferenceSet:
 
 
 def reference_names() -> tuple[str, ...]:
-    """The sets that are shipped."""
+    """Names of the shipped reference sets."""
     return tuple(sorted(path.stem for path in (assets_folder() / FOLDER).glob("*.json")))
 
 
 def reference_set(name: str) -> ReferenceSet:
-    """The shipped set of that name.
+    """Load the shipped reference set `name`.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no such set.
     """
     names = reference_names()
     if name not in names:
@@ -160,18 +160,18 @@ CURRENTS: Mapping[str, tuple[float, float]] = {
     "medium": (-0.12, 0.09),
     "strong": (-0.18, 0.24),
 }
-"""North, east [m/s]: 0.05 as printed (north and east are our reading of u_c, v_c), 0.15, 0.30."""
+"""[m/s] North, east: speeds 0.05 (as printed; we read u_c, v_c as north, east), 0.15 and 0.30"""
 
 
 def paper_test_plan() -> Plan:
-    """Three missions, all in split test."""
+    """Plan of three missions, all in split test."""
     duration = missions.load_mission(MISSION_NAME).duration_s
     assert duration is not None
     return Plan(durations_s=(duration,) * len(CURRENTS), splits=(TEST,) * len(CURRENTS))
 
 
 def check_paper_test(vehicle: Vehicle) -> None:
-    """Raise InputError when the vehicle cannot fly the paper's mission."""
+    """Raise InputError if the vehicle cannot fly the paper's mission."""
     try:
         missions.load_mission(MISSION_NAME).compile(vehicle)
     except MissionError as error:
@@ -190,9 +190,9 @@ def paper_test_parameters(
     seed: int,
     attempt: int,
 ) -> Parameters:
-    """Mission `index` of the three.
+    """Return the parameters of mission `index` of the three.
 
-    `changed` names the parameters that a user replaced; they win over the test's own.
+    Parameters in `changed`, which a user replaced, take precedence over the test's own.
     """
     mission = missions.load_mission(MISSION_NAME)
     assert mission.duration_s is not None
@@ -209,7 +209,7 @@ def paper_test_parameters(
 
 
 def _segments(mission: missions.Mission, table: Table) -> list[Mapping[str, Value]]:
-    """The segments of a mission by the names of the table."""
+    """Convert the segments of a mission to parameters of the table."""
     rows: list[Mapping[str, Value]] = []
     heading = mission.start_heading_deg
     for segment in mission.segments:

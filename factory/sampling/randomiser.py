@@ -1,8 +1,7 @@
-"""Randomiser: vehicle and water of a control task's episode, drawn from the table of parameters.
+"""Randomiser: sample vehicle and water of a control task's episode from the table of parameters.
 
-`table` draws nothing but what it is given; `field` draws what preset `field` does. The parameters
-are those of groups vehicle, current and water (`factory distributions`); missions and sensors have
-no place in a task.
+`table` samples only the given parameters; `field` samples all that preset `field` samples. Tasks
+use the groups vehicle, current and water (`factory distributions`), not missions and sensors.
 """
 
 from __future__ import annotations
@@ -29,37 +28,37 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.current.axes import Origin
 
 GROUPS = ("vehicle", "current", "water")
-"""Groups of the table that conditions are made of"""
+"""Groups of parameters that a task uses"""
 CALM = {"current.speed": Fixed(0.0), "water.stratified": Fixed(0.0)}
-"""What `table` has in place of preset paper's: still water of the reference density"""
+"""Distributions of `table` that replace preset paper's: still water of the reference density"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Task(Parameters):
-    """Parameters of an episode that has no segments."""
+    """Parameters of an episode, which has no segments."""
 
     depth: float
-    """[m] down to which the task goes"""
+    """[m] Depth limit of the task"""
 
     @property
     def deepest_m(self) -> float:
-        """The task's depth limit [m]."""
+        """[m] Depth limit of the task."""
         return self.depth
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableRandomiser:
-    """Draws from distributions by parameter."""
+    """Randomiser that samples from distributions by parameter."""
 
     distributions: Mapping[str, Distribution]
     vehicle: Vehicle
     depth: float
-    """[m] down to which the task goes"""
+    """[m] Depth limit of the task"""
     duration: float
-    """[s] of an episode"""
+    """[s] Duration of an episode"""
 
     def draw(self, random: np.random.RandomState) -> Conditions:
-        """See `twin.control.conditions.Randomiser`."""
+        """Sample conditions; see `twin.control.conditions.Randomiser`."""
         rng = np.random.default_rng(random.randint(2**31))
         values = {name: drawn.draw(rng) for name, drawn in self.distributions.items()}
         task = _Task(duration_s=self.duration, values=values, segments=(), depth=self.depth)
@@ -79,15 +78,15 @@ class TableRandomiser:
 def table(
     changes: Mapping[str, str | float], *, vehicle: Vehicle, depth: float, duration: float
 ) -> TableRandomiser:
-    """What is named is drawn, everything else is as the vehicle file says, in still water.
+    """Make a randomiser that samples only the parameters in `changes`, otherwise the vehicle of the
+    file in still water.
 
     Args:
-      depth: [m] down to which the task goes.
-      duration: [s] of an episode.
+      depth: [m] Depth limit of the task.
+      duration: [s] Duration of an episode.
 
     Raises:
-      InputError: no such parameter, one that tasks do not use, or a bad distribution.
-    """
+      InputError: an unknown parameter, one that tasks do not use, or a bad distribution."""
     used = _distributions("paper", CALM, changes, vehicle)
     return TableRandomiser(distributions=used, vehicle=vehicle, depth=depth, duration=duration)
 
@@ -95,7 +94,7 @@ def table(
 def field(
     changes: Mapping[str, str | float], *, vehicle: Vehicle, depth: float, duration: float
 ) -> TableRandomiser:
-    """What preset field draws of vehicle and water, with changes; otherwise as `table`."""
+    """Make a randomiser with preset field's vehicle and water, with changes; see `table`."""
     used = _distributions("field", {}, changes, vehicle)
     return TableRandomiser(distributions=used, vehicle=vehicle, depth=depth, duration=duration)
 
@@ -114,5 +113,5 @@ def _distributions(
             )
     found = override({**declared(spread, rows), **base}, changes)
     used = {name: d for name, d in found.items() if name.partition(".")[0] in GROUPS}
-    used.setdefault(BOTTOM, Fixed(math.nan))  # surveys have a sea floor instead, tasks neither
+    used.setdefault(BOTTOM, Fixed(math.nan))  # missing for propelled vehicles; tasks have no floor
     return used

@@ -1,4 +1,4 @@
-"""Recipe: everything that decides the bytes of a store, and its comparison with another one."""
+"""Recipe: all settings that decide the bytes of a store, and the comparison of recipes."""
 
 from __future__ import annotations
 
@@ -36,32 +36,32 @@ if TYPE_CHECKING:
     from twin.physics import Lane
 
 VERSIONS = "versions"
-"""Entry of a recipe's description: versions of what can change a bit of a result"""
+"""Entry of a recipe's description: versions of all software that can change a bit of a result"""
 DEFAULT_HOURS = 10.0
-"""[h], as much as the paper's training set"""
+"""[h] Default time of all missions together, as in the paper's training set"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recipe:
-    """The settings of a store; equal recipes give equal arrays."""
+    """Settings of a store; equal recipes give equal arrays."""
 
     preset: str = "paper"
-    """one of PRESETS"""
+    """Name of the preset, a key of PRESETS"""
     hours: float | None = None
-    """[h] of all missions together; None: DEFAULT_HOURS, or what the preset's missions last"""
+    """[h] Time of all missions; None: DEFAULT_HOURS, or the duration of the preset's missions"""
     seed: int = 0
-    """root of every random draw"""
+    """Root of every random draw"""
     changes: Mapping[str, str | float]
-    """replaced distributions, by parameter name"""
+    """Replaced distributions, by parameter name"""
     vehicle: Vehicle
-    """as its file says"""
+    """Vehicle with the values of its file"""
     sensors: str | SensorSuite | None = None
-    """sensor suite, or its name such as field+turbidity; None: the preset's"""
+    """Sensor suite, or its name such as field+turbidity; None: the preset's"""
     current: str | Mapping[str, Any] | None = None
-    """one current for all missions, as `twin simulate --current` takes it, or its description as
-    stores hold it; None: drawn"""
+    """Current of all missions: the text of `twin simulate --current`, or the description in a
+    store; None samples a current for each mission."""
     engine: str = ENGINES[0]
-    """what flies the missions, one of ENGINES"""
+    """Physics engine, one of ENGINES"""
 
     def __post_init__(self) -> None:
         if self.engine not in ENGINES:
@@ -77,12 +77,12 @@ class Recipe:
                 )
             presets.check_paper_test(self.vehicle)
         declare_parts(self.vehicle)
-        # everything that can be wrong shows here, before a store is touched
+        # computed here so that errors appear before a store is begun
         _ = self.suite, self.distributions, self.plan, self.physics, self.given_current
 
     @property
     def sensor_preset(self) -> str:
-        """Name of the sensor suite; that of a suite given as an object is `custom`."""
+        """Name of the sensor suite; `custom` for an object that equals no named suite."""
         if isinstance(self.sensors, SensorSuite):
             named = (name for name, suite in SUITE_PRESETS.items() if suite == self.sensors)
             return next(named, "custom")
@@ -92,14 +92,14 @@ class Recipe:
 
     @cached_property
     def suite(self) -> SensorSuite:
-        """The sensors."""
+        """Sensor suite."""
         if isinstance(self.sensors, SensorSuite):
             return self.sensors
         return SensorSuite.preset(self.sensor_preset)
 
     @cached_property
     def physics(self) -> dict[str, Any]:
-        """Time step [s] and integrator; compiling them shows vehicle errors at once."""
+        """Time step [s] and integrator; compiling the model shows errors of the vehicle at once."""
         if self.engine == "lanes":
             from twin.physics.lanes import INTEGRATOR
 
@@ -110,7 +110,7 @@ class Recipe:
 
     @property
     def _lane(self) -> Lane:
-        """The vehicle as it flies in lanes; raises what is in the way of that."""
+        """The vehicle in the batched engine; raises an error if the engine cannot fly it."""
         from twin.physics.lanes import Lane
         from twin.physics.scenario import Scenario
 
@@ -118,7 +118,7 @@ class Recipe:
 
     @property
     def abreast(self) -> int:
-        """Missions that fly together."""
+        """Number of missions in a batch of the engine."""
         if self.engine == ENGINES[0]:
             return 1
         from twin.fossen.lane_block import LANES
@@ -126,21 +126,21 @@ class Recipe:
         return LANES[-1]
 
     def warm(self) -> None:
-        """Compile what flies the missions, before processes are forked that would all do so."""
+        """Compile the engine once, before the fork of workers that would each compile it."""
         if self.engine == "lanes":
             from twin.physics.lanes import flown_abreast
 
-            for _ in flown_abreast([self._lane] * (self.abreast + 1)):  # a wide and a narrow block
+            for _ in flown_abreast([self._lane] * (self.abreast + 1)):  # full batch and one more
                 pass
 
     @cached_property
     def table(self) -> Table:
-        """Every parameter of missions of the vehicle."""
+        """Parameters of the vehicle's missions by name."""
         return parameter_table(self.vehicle)
 
     @cached_property
     def distributions(self) -> dict[str, Distribution]:
-        """What every parameter is drawn from."""
+        """Distribution of every parameter."""
         distributions = override(PRESETS[self.preset].distributions(self.table), self.changes)
         if self.current is not None:
             for name in self._currents():
@@ -154,7 +154,7 @@ class Recipe:
 
     @cached_property
     def given_current(self) -> GivenCurrent | None:
-        """The current of all missions; None when it is drawn."""
+        """Current of all missions; None if it is sampled for each mission."""
         if self.current is None:
             return None
         from factory.sampling.fly import given_current
@@ -171,7 +171,7 @@ class Recipe:
 
     @property
     def float32_bytes(self) -> int:
-        """Size [bytes] of the missions' signals as plain float32, without padding."""
+        """[byte] Size of the missions' signals as plain float32, without padding."""
         simulated = set(simulated_signals(self.vehicle))
         if self.distributions["water.stratified"] != Fixed(0.0):
             simulated |= {name for name in HYDROGRAPHY if name.startswith("true_")}
@@ -182,7 +182,7 @@ class Recipe:
         return 4 * len(measured | simulated) * samples
 
     def parameters(self, mission: int, attempt: int) -> Parameters:
-        """What one attempt at one mission is made of; raises MissionError."""
+        """Sample the parameters of one attempt at one mission; raises MissionError."""
         if PRESETS[self.preset].fixed_missions:
             settled = [*self.changes, *(self._currents() if self.current is not None else ())]
             return presets.paper_test_parameters(
@@ -195,7 +195,7 @@ class Recipe:
         )
 
     def describe(self) -> dict[str, Any]:
-        """Everything that the bytes depend on, as JSON can hold it."""
+        """Return all settings that decide the bytes, in types of JSON."""
         description = {
             attributes.VERSION: SCHEMA_VERSION,
             "preset": self.preset,
@@ -212,17 +212,17 @@ class Recipe:
             "current": None if self.given_current is None else self.given_current.describe(),
             VERSIONS: versions(self.vehicle),
         }
-        # as a store gives it back: tuples become lists
+        # tuples become lists, as in a description that is read from a store
         plain: dict[str, Any] = json.loads(json.dumps(description))
         return plain
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of what the bytes depend on."""
+        """SHA-256 of all settings that decide the bytes."""
         return sha256(json.dumps(self.describe(), sort_keys=True, separators=(",", ":")))
 
     def document(self) -> dict[str, Any]:
-        """Everything that `read_recipe` makes the recipe of again, as JSON can hold it."""
+        """Return the recipe in types of JSON, for `read_recipe`."""
         return {
             attributes.SETTINGS: self.describe(),
             attributes.CHANGES: dict(self.changes),
@@ -231,14 +231,14 @@ class Recipe:
 
 
 def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> Recipe:
-    """The recipe of a `document`.
+    """Build a recipe from a `document` of `Recipe.document`.
 
     Args:
-      any_versions: do not mind that libraries have other versions here, which may change last bits.
+      any_versions: whether libraries here may have other versions, which may change last bits.
 
     Raises:
       StoreError: the document is damaged, or would make another store here.
-      InputError: it needs a sensor, a vehicle part or a file that is not here.
+      InputError: the recipe needs a sensor, a vehicle part or a file that is missing here.
     """
     try:
         settings, text = document[attributes.SETTINGS], document[attributes.VEHICLE_MJCF]
@@ -273,7 +273,7 @@ def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> R
 def make_recipe(
     *, vehicle: str = "glider", changes: Mapping[str, str | float] | None = None, **settings: Any
 ) -> Recipe:
-    """A recipe from names.
+    """Make a recipe from names.
 
     Args:
       vehicle: shipped name, or the path of an MJCF file.
@@ -287,12 +287,12 @@ def make_recipe(
 
 
 def sha256(text: str) -> str:
-    """Hexadecimal digest of a text."""
+    """Return the SHA-256 of a text, hexadecimal."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def versions(vehicle: Vehicle) -> dict[str, str]:
-    """What can change a bit of a result of the vehicle."""
+    """Return the versions of all software that can change a bit of the vehicle's results."""
     return {
         "glider-twin": __version__,
         "physics": str(vehicle.physics_version),
@@ -305,7 +305,7 @@ def versions(vehicle: Vehicle) -> dict[str, str]:
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """`name: old -> new` of every entry in which two descriptions differ."""
+    """List the entries in which two descriptions differ, as `name: old -> new`."""
     lines: list[str] = []
     for name in sorted(old.keys() | new.keys()):
         a, b = old.get(name), new.get(name)

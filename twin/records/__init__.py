@@ -1,4 +1,4 @@
-"""Records: what a mission was, in memory and in stores."""
+"""Records: missions in memory (trajectories) and in stores (zarr, netCDF)."""
 
 from typing import TYPE_CHECKING
 

@@ -1,6 +1,6 @@
-"""Attributes: the names that a store's own attributes and its bookkeeping arrays have.
+"""Attributes: names of a store's own attributes and of its bookkeeping arrays.
 
-They stand here and nowhere else, so that what a store says about itself has one spelling.
+All readers and writers of stores take the names from this module, so each has one spelling.
 """
 
 from __future__ import annotations
@@ -14,35 +14,35 @@ from twin.errors import InputError, shown
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME
 
 SCHEMA, VERSION = "schema", "schema_version"
-"""Whose layout a store has, and which version of it."""
+"""Attributes with the name of the store's schema and the schema's version"""
 TITLE, COMMENT, SOURCE, HISTORY = "title", "comment", "source", "history"
 SAMPLE_PERIOD = "sample_period_s"
-"""[s] between samples; stores of `factory generate` have it in their settings."""
+"""[s] Attribute with the time between samples; generated stores keep it in SETTINGS instead."""
 
 SETTINGS, CHANGES = "settings", "changes"
-"""JSON: everything that decides what `factory generate` makes, and what of it a user changed."""
+"""JSON attributes: all settings of `factory generate`, and the settings that the user changed"""
 PRESET, SEED, HOURS, SENSORS = "preset", "seed", "hours", "sensors"
 FAILED_MISSIONS = "failed_missions"
-"""JSON list of the attempts that were replaced, in stores that have no arrays of them."""
+"""JSON list of the failed attempts that others replaced, in stores without arrays of attempts"""
 RECIPE = "recipe_sha256"
-"""Of everything that the bytes of a generated store depend on."""
+"""SHA-256 of everything that the bytes of a generated store depend on"""
 VEHICLE_MJCF, VEHICLE_SHA256 = "vehicle_mjcf", "vehicle_sha256"
 SCENARIO = "scenario"
-"""JSON of the scenario that `twin simulate` flew."""
+"""JSON of the scenario that `twin simulate` flew"""
 SENSOR_SUITE = "sensor_suite"
-"""JSON of the sensors that measured a single flight."""
+"""JSON of the sensors that measured a single flight"""
 
 SOURCE_FORMAT = "source_format"
-"""Which kind of log was imported: the mark of a store of logs."""
+"""Attribute with the format of the imported logs; only stores of logs have it."""
 IMPORT_REPORT, PLATFORM, FILES = "import_report", "platform", "files"
 DEPLOYMENT_METADATA = "deployment_metadata"
-"""Text of the YAML file that lay beside the logs: what people said of the deployment."""
+"""Text of the YAML file beside the logs, which describes the deployment"""
 PROGRAM_VERSION = "glider_twin_version"
 READER_VERSION = "import_version"
-"""Which readers made a store of logs (`twin.version.IMPORT_VERSION`); 1 where it does not say"""
+"""Version of the readers that imported the logs (`twin.version.IMPORT_VERSION`); 1 if missing"""
 
 N_SAMPLES, SPLIT, DURATION, ATTEMPT = "n_samples", "split", "duration", "attempt"
-"""Arrays over missions."""
+"""Names of arrays over missions"""
 AXES: Mapping[str, Mapping[str, Any]] = {
     MISSION: {"long_name": "mission index"},
     TIME: {"units": "s", "long_name": "time since the start of the mission"},
@@ -57,55 +57,55 @@ OF_MISSIONS: Mapping[str, Mapping[str, Any]] = {
     DURATION: {"units": "s", "long_name": "mission length"},
     ATTEMPT: {"units": "1", "long_name": "number of attempts that failed before this one"},
 }
-"""CF attributes of its arrays over missions"""
+"""CF attributes of the arrays over missions in a store of simulated missions"""
 DEPLOYMENT, START_TIME, DIVE_DURATION, DIVE = "deployment", "start_time", "dive_duration", "dive"
-"""Arrays over the dives of a store of logs."""
+"""Names of arrays over the dives in a store of logs"""
 SUSPECT = "suspect"
-"""Array over them: why a dive holds what no ocean or vehicle allows; empty where it does not."""
+"""Array over dives with the reason why a dive's values are impossible; empty for a sound dive"""
 
 SPLITS = ("train", "validation", "test")
-"""Parts of a store, by their flag. A mission belongs to exactly one."""
+"""Splits of a store, in the order of their flags. Each mission belongs to exactly one split."""
 
 CONVENTIONS = {
     "Conventions": "CF-1.11",
     SCHEMA: "glider-twin missions",
     VERSION: SCHEMA_VERSION,
 }
-"""What every store says."""
+"""Attributes of every store"""
 SIMULATED_ATTRIBUTES = {
     **CONVENTIONS,
     TITLE: "Simulated underwater vehicle missions",
     COMMENT: "Simulated data. NED frame with its origin at each mission's start; body axes "
     "forward, starboard, down about the centre of buoyancy.",
 }
-"""What every store of simulated missions says."""
+"""Attributes of every store of simulated missions"""
 
 
 def is_logged(attributes: Mapping[str, Any]) -> bool:
-    """Whether these are the attributes of a store of logs, which `factory import` wrote."""
+    """Return whether `attributes` belong to a store of logs, which `factory import` wrote."""
     return SOURCE_FORMAT in attributes
 
 
 def says_simulated(attributes: Mapping[str, Any]) -> bool:
-    """Whether logs were made by a simulation, by their store's comment."""
+    """Return whether the comment of a store of logs says that a simulation made the logs."""
     return "simulated" in str(attributes.get(COMMENT, ""))
 
 
 def is_missions(attributes: Mapping[str, Any]) -> bool:
-    """Whether these are the attributes of a store of missions, simulated or logged."""
+    """Return whether `attributes` belong to a store of missions, simulated or logged."""
     return attributes.get(SCHEMA) == CONVENTIONS[SCHEMA]
 
 
 EPOCH = "SOURCE_DATE_EPOCH"
-"""Environment variable with the seconds since 1970 that files say they were made at, so that the
-same inputs give the same bytes (reproducible-builds.org/specs/source-date-epoch)"""
+"""Environment variable with the creation time to write into files, in seconds since 1970. With it,
+equal inputs give equal bytes (reproducible-builds.org/specs/source-date-epoch)."""
 
 
 def made_at() -> datetime.datetime:
-    """What imports and exports say of when they were made, UTC: now, or what EPOCH says.
+    """Creation time (UTC) that imports and exports write: the time in EPOCH if set, else now.
 
     Raises:
-      InputError: EPOCH is no whole number of seconds in a year that has four digits.
+      InputError: EPOCH is no whole number of seconds, or has more than 11 digits.
     """
     given = os.environ.get(EPOCH, "")
     if not given:

@@ -1,4 +1,4 @@
-"""Place: where and when missions were, as coordinates of stores and provenance of trajectories.
+"""Coordinates: time and position of missions, in stores and in the provenance of trajectories.
 
 A store has the coordinates `datetime`, `latitude` and `longitude` of every sample and
 `start_time`, `start_latitude` and `start_longitude` of every mission, all in UTC and degrees WGS84.
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 
 START_LATITUDE, START_LONGITUDE, START_TIME = "start_latitude", "start_longitude", "start_time"
-"""Names in a trajectory's provenance, and of arrays (mission) in stores; of the frame's origin"""
+"""Names of the frame's origin, in a trajectory's provenance and as arrays (mission) in stores"""
 PLACE = (START_LATITUDE, START_LONGITUDE, START_TIME)
 DATETIME, LATITUDE, LONGITUDE = "datetime", "latitude", "longitude"
 """Names of arrays (mission, time) in stores"""
 COORDINATES = (DATETIME, LATITUDE, LONGITUDE)
 NOMINAL = "start_nominal"
-"""Which of place and date nobody has said, so that the defaults stand: in a provenance the words,
-in a store an array (mission) of flags; left out where all is said"""
+"""Entry that names the defaults among start place and date: a word of NOMINAL_WORDS in provenance,
+an array (mission) of flags in a store. The entry is left out if neither is a default."""
 NOMINAL_WORDS = ("none", "place", "date", "place and date")
-"""By flag"""
+"""Values of `start_nominal`, in the order of their flags"""
 NOMINAL_ATTRIBUTES: Mapping[str, Any] = {
     "long_name": "default of the start that stands",
     "comment": "what nobody said of the start of the mission is a default",
@@ -43,13 +43,13 @@ NOMINAL_ATTRIBUTES: Mapping[str, Any] = {
 
 _EPOCH = np.datetime64("1970-01-01T00:00:00", "ms")
 NO_TIME = np.int64(np.iinfo(np.int64).min)
-"""Stands for a moment that is not known; what numpy and pandas take for NaT"""
+"""Value of an unknown moment, which numpy and pandas read as NaT"""
 MILLISECOND = 1e-3
 _DEGREE_STEPS = 2.0**24
-"""Per degree: stored degrees are multiples of 6e-8, 7 mm; binary steps compress"""
+"""Steps in a degree: stored degrees are multiples of 6e-8 (7 mm); binary steps compress well"""
 
 METHOD = "position_method"
-"""Array (mission) of stores of logs: how the positions of a row were found"""
+"""Array (mission) in stores of logs with the method that gave the positions of each dive"""
 METHODS: Mapping[str, str] = {
     "unknown": "no GPS fix",
     "straight_line": "straight line between the GPS fixes",
@@ -57,7 +57,7 @@ METHODS: Mapping[str, str] = {
     "depth_rate_and_pitch": "dead-reckoned by depth rate, pitch and heading, corrected at the "
     "GPS fixes",
 }
-"""What the flags of it mean, in their order"""
+"""Meanings of the flags of `position_method`, in order"""
 METHOD_ATTRIBUTES: Mapping[str, Any] = {
     "long_name": "method of the positions",
     "comment": "; ".join(f"{word}: {meaning}" for word, meaning in METHODS.items()),
@@ -67,7 +67,7 @@ METHOD_ATTRIBUTES: Mapping[str, Any] = {
 LOGGED = {
     "comment": f"found as {METHOD} says; the misclosure at the GPS fixes is spread linearly in time"
 }
-"""Added to latitude and longitude of logs"""
+"""Attributes added to latitude and longitude of logs"""
 
 
 def _described(standard: str, long_name: str, units: str, **more: Any) -> dict[str, Any]:
@@ -91,20 +91,20 @@ ATTRIBUTES: Mapping[str, Mapping[str, Any]] = {
         "longitude", "longitude of the start of the mission", "degree_east"
     ),
 }  # fmt: skip
-"""CF attributes of each coordinate, as stores hold them"""
+"""CF attributes of each coordinate in stores"""
 FLOWN = {"comment": "of the true track"}
-"""Added to latitude and longitude of simulated missions"""
+"""Attributes added to latitude and longitude of simulated missions"""
 COORDINATE_DTYPES = {name: np.dtype("<i8" if name == DATETIME else "<f8") for name in COORDINATES}
-"""In stores"""
+"""Type of each coordinate in stores"""
 
 
 def rounded_degrees(values: Array) -> Array:
-    """Degrees as stores keep them."""
+    """Round degrees to the steps of stores."""
     return np.asarray(np.rint(values * _DEGREE_STEPS) / _DEGREE_STEPS)
 
 
 def unix_milliseconds(start: float, time: Array) -> NDArray[np.int64]:
-    """Moments of samples as stores keep them; NO_TIME where the start is not known.
+    """Compute the moments of samples in unix milliseconds; NO_TIME if the start is unknown.
 
     Args:
       start: unix time [s] at `time` 0.
@@ -116,19 +116,19 @@ def unix_milliseconds(start: float, time: Array) -> NDArray[np.int64]:
 
 
 def unix_seconds(moment: str | np.datetime64 | None) -> float:
-    """Unix time [s] of a moment in UTC, ISO 8601; NaN for None."""
+    """Convert a moment (UTC, ISO 8601) to unix time [s]; NaN for None."""
     found: Any = moment
     since = np.datetime64("NaT" if moment is None else found, "us") - _EPOCH
     return float(since / np.timedelta64(1, "s"))
 
 
 def utc_minute(unix: float) -> str:
-    """A unix time [s] as people read it, to the minute, such as 2023-09-20 06:31; UTC."""
+    """Format a unix time [s] in UTC to the minute, such as 2023-09-20 06:31."""
     return f"{datetime.datetime.fromtimestamp(unix, datetime.UTC):%Y-%m-%d %H:%M}"
 
 
 def utc_clock(unix: float, beside: float) -> str:
-    """The time of day, UTC, with the day where it is not that of another time [s] unix."""
+    """Format a unix time [s] as time of day, UTC; with the date if `beside` [s] is on another."""
     text = utc_minute(unix)
     return text[11:] if text[:10] == utc_minute(beside)[:10] else text[5:]
 
@@ -136,12 +136,12 @@ def utc_clock(unix: float, beside: float) -> str:
 def flown_coordinates(
     time: Array, north: Array, east: Array, place: Mapping[str, Any]
 ) -> dict[str, NDArray[Any]]:
-    """The coordinates of the samples of a simulated mission, (time,), as stores keep them.
+    """Compute the coordinates of a simulated mission's samples, (time,), in the form of stores.
 
     Args:
       time: [s] since the start, (time,).
       north, east: [m] from the origin, (time,).
-      place: the provenance of the mission; what it does not say is NaN or NO_TIME.
+      place: provenance of the mission; missing entries give NaN or NO_TIME.
     """
     origin = (place.get(START_LATITUDE, np.nan), place.get(START_LONGITUDE, np.nan))
     latitude, longitude = from_tangent_plane(north, east, *origin)
@@ -153,7 +153,7 @@ def flown_coordinates(
 
 
 def padded(name: str, rows: Sequence[NDArray[Any]], longest: int) -> NDArray[Any]:
-    """The rows of a coordinate, each of its mission's samples, as (mission, time)."""
+    """Stack one coordinate's values of several missions to (mission, time), with padding."""
     kind = COORDINATE_DTYPES[name]
     whole = np.full((len(rows), longest), NO_TIME if kind.kind == "i" else np.nan, kind)
     for k, row in enumerate(rows):
@@ -164,12 +164,12 @@ def padded(name: str, rows: Sequence[NDArray[Any]], longest: int) -> NDArray[Any
 def sample_variables(
     arrays: Mapping[str, NDArray[Any]], said: Mapping[str, Any], dimensions: tuple[str, ...]
 ) -> dict[str, Any]:
-    """The coordinates of samples as xarray takes them, moments as datetime64.
+    """Convert the coordinates of samples to xarray variables, with moments as datetime64.
 
     Args:
-      arrays: as stores keep them, by name.
-      said: attributes that latitude and longitude have beside the usual ones.
-      dimensions: of the arrays.
+      arrays: coordinates by name, in the form of stores.
+      said: attributes added to those of latitude and longitude.
+      dimensions: dimensions of the arrays.
     """
     import xarray as xr
 
@@ -188,10 +188,10 @@ def sample_variables(
 
 
 def place_arrays(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Arrays (mission) of the places and times that the trajectories know; none where none does.
+    """Make arrays (mission) of start places and times; a name that no provenance has is left out.
 
     Args:
-      provenances: of the trajectories, in their order.
+      provenances: provenance of each trajectory.
     """
     arrays: dict[str, Any] = {}
     for name in PLACE:
@@ -203,7 +203,7 @@ def place_arrays(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def nominal_array(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The array (mission) that says which places and dates are defaults; none where none is."""
+    """Make the array (mission) `start_nominal`; no array if no place or date is a default."""
     if not any(NOMINAL in one for one in provenances):
         return {}
     flags = [NOMINAL_WORDS.index(one.get(NOMINAL, NOMINAL_WORDS[0])) for one in provenances]
@@ -211,20 +211,20 @@ def nominal_array(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def method_array(methods: Sequence[str]) -> Any:
-    """The array (mission) of the words of METHODS."""
+    """Make the array (mission) `position_method` from words of METHODS."""
     flags = np.array([[*METHODS].index(word) for word in methods], np.int8)
     return MISSION, flags, dict(METHOD_ATTRIBUTES)
 
 
 def read_place(one: xr.Dataset) -> dict[str, float | str]:
-    """What a store says about one mission, as provenance; its times decoded or not.
+    """Read start place and time of one mission as provenance; times may be decoded or not.
 
     Raises:
-      StoreError: an array that says it cannot be decoded.
+      StoreError: an array of them cannot be decoded.
     """
     try:
         one = one[[name for name in (*PLACE, NOMINAL) if name in one]].load()
-    except Exception as error:  # whatever a decoder raises means damaged files
+    except Exception as error:  # any error of a decoder means damaged files
         why = " ".join(str(error).split()) or type(error).__name__
         raise StoreError(
             f"the store is damaged: where and when a mission began cannot be read ({why}); "

@@ -1,8 +1,8 @@
-"""Logs: a store of dives that vehicles have logged, with real time and place.
+"""Logged dives: read stores of real vehicles' logs, with UTC times and positions.
 
-A row of such a store is one dive, from GPS fix to GPS fix where there are any.
+A row of a store of logs is one dive, between two GPS fixes if the log has fixes.
 
-Logged trajectory: a log, with estimates where a simulation has its truth.
+`LoggedTrajectory` holds dives as a trajectory, with estimates in place of a simulation's truth.
 """
 
 from __future__ import annotations
@@ -42,42 +42,42 @@ from twin.water.current.axes import HIGHEST_LATITUDE
 
 NANOSECONDS = 1e9
 FOLLOWS_WITHIN = 3600.0
-"""[s] between the end of a dive and the start of the next for their currents to be alike."""
+"""[s] Longest time between two dives that count as consecutive, with similar currents"""
 THRUSTER_FRACTION = "thruster_fraction"
-"""Name of the array with the part of each dive's time that a thruster ran, where a log says so"""
+"""Array with the fraction of each dive's time with a thruster on, in logs that record it"""
 DRIVEN = 0.01
-"""With the thruster on for more of the time, the depth rate says nothing about a glide."""
+"""[1] Fraction of time with a thruster on, above which a dive is propelled and no glide"""
 OVERLAP = 1.0
-"""[s] by which a dive may seem to start before the other's end: rounding of times."""
+"""[s] Longest apparent overlap of two consecutive dives, from the rounding of times"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogRow:
-    """One dive of a log."""
+    """Dive of a log: its times, displacement and propulsion."""
 
     deployment: str
     start: float
-    """[s] unix time of its first sample; NaN where the store does not say"""
+    """[s] Unix time of the dive's first sample; NaN if unknown"""
     duration: float
-    """[s] between its ends; NaN where the store does not say"""
+    """[s] Time from start to end of the dive; NaN if unknown"""
     displacement: tuple[float, float] | None
-    """North, east [m] over ground between its fixes; None without both."""
+    """[m] North, east over ground between the dive's fixes; None unless both fixes are known"""
     driven: float = 0.0
-    """Part of its time with a thruster on"""
+    """[1] Fraction of the dive's time with a thruster on"""
 
     @property
     def powered(self) -> bool:
-        """Whether a thruster drove it: its depth rate then says nothing of a glide."""
+        """True if a thruster propelled the dive, so that its sink rate is not that of a glide."""
         return self.driven > DRIVEN
 
     def follows(self, before: LogRow) -> bool:
-        """Whether it belongs to the same deployment and starts shortly after the other ends."""
+        """Return whether this dive starts shortly after `before` ends, in the same deployment."""
         gap = self.start - (before.start + before.duration)
         return self.deployment == before.deployment and -OVERLAP <= gap < FOLLOWS_WITHIN
 
 
 def log_rows(store: MissionStore) -> list[LogRow]:
-    """What a store says of each mission beside its signals, as of a dive."""
+    """Read a LogRow for each mission of a store; simulated stores have NaN and None in the rows."""
     count = len(store)
     deployments = store.array(DEPLOYMENT) if DEPLOYMENT in store else [""] * count
     starts, durations = start_times(store), numbers(store, DIVE_DURATION)
@@ -96,14 +96,14 @@ def log_rows(store: MissionStore) -> list[LogRow]:
 
 
 def numbers(store: MissionStore, name: str) -> Array:
-    """A number of each mission, (mission,); NaN where the store has no such array."""
+    """Read an array of numbers, (mission,); NaN if the store lacks the array."""
     if name not in store:
         return np.full(len(store), np.nan)
     return np.asarray(store.array(name), float)
 
 
 def start_times(store: MissionStore) -> Array:
-    """Unix time [s] of each mission's first sample, (mission,); NaN where it is not known."""
+    """Read the unix time [s] of each mission's first sample, (mission,); NaN if unknown."""
     if START_TIME not in store:
         return np.full(len(store), np.nan)
     values = store.array(START_TIME)
@@ -113,7 +113,7 @@ def start_times(store: MissionStore) -> Array:
 
 
 class LogStore(MissionStore):
-    """A store of logs; its missions are dives.
+    """Store of logs, whose missions are dives.
 
     Raises:
       StoreError: missing, damaged, of a newer schema, or no store of logs.
@@ -133,7 +133,7 @@ class LogStore(MissionStore):
 
     @property
     def source(self) -> str:
-        """Kind of the logs: slocum, seaglider, seaexplorer ..."""
+        """Format of the logs: slocum, seaglider, seaexplorer ..."""
         return str(self.report["kind"])
 
     @property
@@ -143,17 +143,17 @@ class LogStore(MissionStore):
 
     @property
     def files(self) -> str:
-        """Names of the files that were imported, with spaces between; empty where unknown."""
+        """Names of the imported files, separated by spaces; empty if unknown."""
         return str(self.attributes.get(FILES, ""))
 
     @property
     def simulated(self) -> bool:
-        """Whether the logs themselves say that they are of a simulation."""
+        """True if the store's comment says that a simulation made the logs."""
         return says_simulated(self.attributes)
 
     @functools.cached_property
     def log_rows(self) -> list[LogRow]:
-        """What the store says of each dive beside its signals."""
+        """Start, duration and displacement of each dive."""
         return log_rows(self)
 
     @functools.cached_property
@@ -163,56 +163,56 @@ class LogStore(MissionStore):
 
     @functools.cached_property
     def suspect(self) -> list[str]:
-        """Why each dive holds what no ocean or vehicle allows; empty where it does not."""
+        """Reason why each dive's values are impossible; empty for a sound dive."""
         return [str(why) for why in self.array(SUSPECT)] if SUSPECT in self else [""] * len(self)
 
     @functools.cached_property
     def starts(self) -> Array:
-        """Unix time [s] of each dive's first sample."""
+        """[s] Unix time of each dive's first sample."""
         return start_times(self)
 
     def number(self, name: str) -> Array:
-        """A number of each dive; NaN where the store has no such array."""
+        """Read an array of numbers, (dive,); NaN if the store lacks the array."""
         return numbers(self, name)
 
     @functools.cached_property
     def hours(self) -> float:
-        """Logged time of all dives [h]."""
+        """[h] Logged time of all dives."""
         return float(self.samples.sum()) * self.period / 3600.0
 
     def missions_of(self, deployment: str) -> list[int]:
-        """Dives of a deployment, in order of time."""
+        """Numbers of a deployment's dives, in order of time."""
         chosen = [k for k, name in enumerate(self.deployments) if name == deployment]
         return sorted(chosen, key=lambda k: self.starts[k])
 
     def time(self, mission: int) -> Array:
-        """Unix time [s] of each sample of a dive."""
+        """Unix time [s] of each sample of a dive, (samples,)."""
         return np.asarray(self.starts[mission] + self.period * np.arange(self.samples[mission]))
 
     def signal(self, name: str, mission: int) -> Array:
-        """A signal of a dive without padding; NaN where the store has no such signal."""
+        """Read a signal of a dive without padding, (samples,); NaN if the store lacks it."""
         count = int(self.samples[mission])
         if name not in self:
             return np.full(count, np.nan)
         return self.row(name, mission)[:count].astype(float)
 
     def fixes(self, mission: int) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Latitude and longitude [degree] at the start and at the end of a dive; NaN without."""
-        a, b, c, d = (float(value) for value in self._ends[mission])
+        """Latitude, longitude [degree] of the fixes at start and end of a dive; NaN without fix."""
+        a, b, c, d = (float(value) for value in self._fix_positions[mission])
         return (a, b), (c, d)
 
     @functools.cached_property
-    def _ends(self) -> Array:
+    def _fix_positions(self) -> Array:
         """Latitude and longitude [degree] of the fixes before and after each dive, (dive, 4)."""
         names = ("start_latitude", "start_longitude", "end_latitude", "end_longitude")
         return np.stack([self.number(name) for name in names], axis=1)
 
     def positions(self, mission: int) -> tuple[Array, Array, str]:
-        """Latitude and longitude [degree] of a dive's samples, and how they were found.
+        """Latitude and longitude [degree] of a dive's samples, and the method that gave them.
 
-        Those that the store holds; in stores of earlier versions, which hold none, the vehicle's
-        own track where it logged one, else a straight line in time between the two fixes. NaN where
-        neither is known.
+        Stores of earlier versions hold no positions. There the vehicle's own track gives them, or,
+        without a track, a straight line in time between the two fixes. Without track and fixes,
+        positions are NaN.
         """
         count = int(self.samples[mission])
         if LATITUDE in self:
@@ -236,27 +236,27 @@ class LogStore(MissionStore):
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class LoggedTrajectory(Trajectory):
-    """One mission of a log, or several in a row, on one clock and in one frame."""
+    """Dives of a log, one or several in a row, on one clock and in one frame."""
 
     sources: dict[str, str]
-    """What each true_* signal is, such as {"true_north": "corrected track"}."""
+    """Source of each true_* signal, such as {"true_north": "corrected track"}"""
     starts: tuple[int, ...] = (0,)
-    """First sample of each mission"""
+    """Number of the first sample of each dive"""
     vehicle: str | None = None
-    """Whose flight model it is; None where none was flown"""
+    """Vehicle whose flight model made the estimates; None if no flight model was used"""
     unflown: str = ""
-    """Why none was"""
+    """Reason why no flight model was used"""
 
     @property
     def actuators(self) -> tuple[str, ...]:
-        """The moving parts whose positions the log has; a command need not be logged."""
+        """Moving parts whose positions the log has; their commands may be missing."""
         return tuple(part for part in actuator_names(VARIABLES) if f"true_{part}" in self)
 
     def geographic_position(self) -> tuple[Array, Array]:
         """Latitude and longitude [degree, WGS84] of the track, each of shape (time,).
 
         Raises:
-          InputError: the log does not say where on Earth it began.
+          InputError: the provenance has no start position.
         """
         if START_LATITUDE not in self.provenance:
             raise InputError("this log does not say where on Earth it began")
@@ -265,18 +265,18 @@ class LoggedTrajectory(Trajectory):
         return latitude, wrap_longitude(longitude)
 
     def distance_through_water(self) -> Array:
-        """Path length through the water [m] up to each sample, shape (time,); without the samples
-        whose speed is unknown."""
+        """Path length through the water [m] up to each sample, shape (time,); samples of unknown
+        speed add nothing."""
         speed = np.nan_to_num(np.linalg.norm(self.v_rel, axis=-1), nan=0.0)
         return cumulative(speed, self.time)
 
 
 def source_of(trajectory: Trajectory, name: str, default: str) -> str:
-    """What a true_* signal of a trajectory is: `default` where it is the truth of a simulation.
+    """Name the source of a true_* signal of a trajectory, such as "corrected track".
 
     Args:
-      name: of the signal, such as "true_north".
-      default: the word for a simulation, such as "truth".
+      name: name of the signal, such as "true_north".
+      default: result for a simulated trajectory, such as "truth".
     """
     if isinstance(trajectory, LoggedTrajectory):
         return trajectory.sources.get(name, default)
@@ -284,6 +284,6 @@ def source_of(trajectory: Trajectory, name: str, default: str) -> str:
 
 
 AVERAGED = "depth-averaged current"
-"""The source of a current that is one number for each dive"""
+"""Source of a current with one value for each dive"""
 MEASURED = "measured"
-"""The source of a signal that the log's own sensor measured"""
+"""Source of a signal that the log's own sensor measured"""

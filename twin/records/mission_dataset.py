@@ -1,9 +1,9 @@
-"""Mission dataset: trajectories as one dataset of the schema.
+"""Mission dataset: convert trajectories to one xarray dataset of the schema.
 
-Signals are (mission, time) in float32 with NaN padding, `simulation_state` holds MuJoCo's exact
+Signals are (mission, time) in float32 with NaN padding; `simulation_state` holds MuJoCo's exact
 state in float64.
 
-Summary: the figures of one mission that a pilot looks at first.
+`summarise` gives the key figures of one mission: duration, distance, depth, speed and energy.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 STATE, STATES = "state", "simulation_state"
 COLUMNS = "columns"
-"""Attribute of `simulation_state` that names its columns: qpos, qvel, act, ctrl (x north, y west, z
-up; SI, rad, cm3)."""
+"""Attribute of `simulation_state` with the names of the state's columns: qpos, qvel, act, ctrl (x
+north, y west, z up; SI, rad, cm3)"""
 STATE_ATTRIBUTES = {"units": "1", "long_name": "exact MuJoCo state, for replay and rendering"}
 
 
@@ -48,7 +48,7 @@ def dataset_of(
     parameters: Sequence[Mapping[str, float]] | None = None,
     attributes: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
-    """The trajectories as one dataset of the schema, padded with NaN to the longest."""
+    """Join trajectories to one dataset of the schema, padded with NaN to the longest."""
     import xarray as xr
 
     longest = max(len(t.time) for t in trajectories)
@@ -62,7 +62,7 @@ def dataset_of(
     variables |= nominal_array(provenances)
     if places := place_arrays(provenances):
         positions = []
-        for t in trajectories:  # NaN where it was logged and nobody knows its track
+        for t in trajectories:  # NaN for a logged trajectory without a track
             unknown = np.full(len(t.time), np.nan)
             north, east = (t.signals.get(f"true_{name}", unknown) for name in ("north", "east"))
             positions.append(flown_coordinates(t.time, north, east, t.provenance))
@@ -91,7 +91,7 @@ def dataset_of(
 
 
 def _state_width(trajectories: Sequence[Trajectory]) -> int:
-    """Columns of their states; raises StoreError when they are those of different vehicles."""
+    """Number of state columns; raises StoreError if the columns of trajectories differ."""
     first = trajectories[0]
     for index, other in enumerate(trajectories):
         alike = other.state_columns == first.state_columns
@@ -105,14 +105,14 @@ def _state_width(trajectories: Sequence[Trajectory]) -> int:
 
 
 def stored_columns(one: xr.Dataset) -> tuple[str, ...]:
-    """Names of the columns of a dataset's states; empty when it has none."""
+    """Names of the columns of a dataset's `simulation_state`; empty without states."""
     return tuple(str(one[STATES].attrs.get(COLUMNS, "")).split()) if STATES in one else ()
 
 
 def signal_names(one: xr.Dataset) -> tuple[str, ...]:
-    """The signals of a dataset in the schema's order, parts in that of the vehicle.
+    """Signals of a dataset in the schema's order, with parts in the vehicle's order.
 
-    Which part this process met first, perhaps of another vehicle, must not tell in the order.
+    The order must not depend on the vehicle whose parts this process declared first.
     """
     names = [name for name in VARIABLES if name in one]
     parts = [c.removeprefix("act_") for c in stored_columns(one) if c.startswith("act_")]
@@ -127,13 +127,13 @@ def signal_names(one: xr.Dataset) -> tuple[str, ...]:
 KILO = 1e3
 PLACES = ("north", "east", "depth")
 UNDER_WATER_M, UNDER_WAY_M_S = 1.0, 0.05
-"""Depth and speed above which a vehicle flies: at the surface it lies in the water as it floats"""
+"""[m], [m/s] Least depth and speed of a flying vehicle; otherwise it floats at the surface."""
 
 
 def summarise(trajectory: Trajectory) -> dict[str, Any]:
-    """Figures of a trajectory: SI units and degrees, as the names say; parts in stored units.
+    """Compute the key figures of a trajectory; each name ends in its unit, parts name theirs.
 
-    The angle of attack is that under way under water, NaN where it never was.
+    The angle of attack counts samples in flight only (UNDER_WATER_M, UNDER_WAY_M_S), else is NaN.
     """
     t = trajectory
     position, v_rel = t.position, t.v_rel
@@ -175,10 +175,10 @@ def summarise(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _onboard(trajectory: Trajectory) -> dict[str, float]:
-    """How far the on-board position was off [m], where a vehicle reckoned one.
+    """Errors [m] of the on-board position; empty for a vehicle without on-board navigation.
 
-    `nis` is the mean squared innovation of fixes that ended a dive, normalised by their stated
-    covariances: 2 where a navigator errs as it says.
+    `nis` is the mean squared innovation of fixes after dives, normalised by the navigator's
+    covariances; 2 means that errors and covariances agree.
     """
     if "measured_onboard_north" not in trajectory:
         return {}
@@ -194,7 +194,7 @@ def _onboard(trajectory: Trajectory) -> dict[str, float]:
 
 
 def _energy(trajectory: Trajectory, horizontal: float) -> dict[str, Any]:
-    """Energy of the electronics and of each part, in all, and per way over ground; NaN without."""
+    """Energy [kJ] of electronics and each part, their total, and energy per km over ground."""
     taken = {
         name.removeprefix(ENERGY): float(values[-1]) / KILO
         for name, values in trajectory.items()
@@ -209,7 +209,7 @@ def _energy(trajectory: Trajectory, horizontal: float) -> dict[str, Any]:
 
 
 def _bottom(t: Trajectory) -> dict[str, Any]:
-    """Of missions with a sea floor or obstacles: how near it came, and whether it touched."""
+    """Least altitude and first contact, for missions with a sea floor or obstacles."""
     figures: dict[str, Any] = {}
     if "true_altitude" in t:
         figures["min_altitude_m"] = float(t["true_altitude"].min())

@@ -1,10 +1,9 @@
-"""Presence: what is at a path or address: a store, one that was begun, something else, nothing.
+"""Presence: find out whether a path or address holds a store, an unfinished one or something else.
 
-A name that a store may have, and a version that this program reads, are checked here too.
+This module also checks the names of new stores and the schema version of existing ones. It
+recognises files of `twin flight`, so that an error can name them.
 
-Only metadata and the names of files are read, no arrays.
-
-Flight file: recognises what `twin flight` wrote, so that an error can name it.
+Only metadata and file names are read, no arrays.
 """
 
 from __future__ import annotations
@@ -29,17 +28,17 @@ if TYPE_CHECKING:
 GENERATING = ".generating"
 """Ending of the folder beside a store that `factory generate` works in until it is complete."""
 RECIPE = "recipe.json"
-"""In a folder of it: what the store is made by"""
+"""File in that folder with the recipe of the store"""
 LONGEST_VERSION = 40
-"""Characters of the version of a program, as messages quote it"""
+"""Most characters of a program's version that an error message quotes"""
 OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
-"""Endings that would promise a file of another format"""
+"""Endings of other formats, which a store's name must not have"""
 MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write those"
-"""What makes stores"""
+"""Commands that write stores, as error messages name them"""
 
 
 def is_store(path: str | StorePath) -> bool:
-    """Whether `path` is a folder that holds a zarr v3 group of missions, whatever else it lacks."""
+    """Return whether `path` is a folder with a zarr v3 group of missions, complete or damaged."""
     try:
         return is_missions(read_attributes(path))
     except StoreError:
@@ -47,37 +46,38 @@ def is_store(path: str | StorePath) -> bool:
 
 
 def is_derived(path: str | StorePath) -> bool:
-    """Whether `path` is a zarr group that this program wrote and that holds no missions, such as
-    tracks: what may take its place must not take that of a store."""
+    """Return whether `path` is a zarr group that this program wrote and that holds no missions.
+
+    Tracks are an example. A command that replaces such a group must not replace a store."""
     return is_complete(path) and is_listed(path) and not is_store(path)
 
 
 def is_complete(path: str | StorePath) -> bool:
-    """Whether `path` holds a zarr v3 group; a store has its metadata only once it is complete."""
+    """Return whether `path` holds a zarr v3 group; its metadata file is written last."""
     return files_at(path).exists(METADATA)
 
 
 def generating(path: str | StorePath) -> StorePath:
-    """The folder beside a store that `factory generate` works in."""
+    """Return the folder beside a store that `factory generate` works in."""
     place = store_path(path)
     place = named(place) if isinstance(place, Path) else place
     return place.parent / f"{place.name}{GENERATING}"
 
 
 def begun(path: str | StorePath) -> list[StorePath]:
-    """Folders, one of each recipe, of runs that were begun for a store and not completed."""
+    """Return the work folders of unfinished runs for a store, one folder for each recipe."""
     place = generating(path)
     files = files_at(place)
     return [place / name for name in files.folders() if files.exists(f"{name}/{RECIPE}")]
 
 
 def is_unfinished(path: str | StorePath) -> bool:
-    """Whether `factory generate` has begun a store at `path` and not completed it."""
+    """Return whether `factory generate` began the store at `path` and did not complete it."""
     return not is_complete(path) and bool(begun(path))
 
 
 def read_attributes(path: str | StorePath) -> dict[str, Any]:
-    """The attributes of a store, without opening its arrays.
+    """Read the attributes of a store without opening its arrays.
 
     Raises:
       StoreError: its metadata cannot be read.
@@ -93,15 +93,15 @@ def read_attributes(path: str | StorePath) -> dict[str, Any]:
 
 
 def is_there(path: StorePath) -> bool:
-    """Whether anything is under a path or below an address; raises OSError."""
+    """Return whether a path or address holds anything; raises OSError."""
     return path.exists() if isinstance(path, Path) else any(files_at(path).all_keys())
 
 
 def check_ending(path: str | StorePath) -> None:
-    """Refuse a store's name that ends as a file of another format does, and a place without one.
+    """Refuse a store's path with the ending of another format, or without a name.
 
     Raises:
-      WriteError: it does, or the path is that of a folder without its name, such as `.`.
+      WriteError: the ending is one of OTHER_FORMATS, or the path has no name, such as `.`.
     """
     if store_path(path).name in ("", ".."):
         raise WriteError(
@@ -116,10 +116,10 @@ def check_ending(path: str | StorePath) -> None:
 
 
 def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
-    """Raise StoreError when a newer program wrote a store, or one that is not ours.
+    """Raise StoreError if a newer or an unknown program wrote a store.
 
     Args:
-      attributes: of the store.
+      attributes: attributes of the store.
     """
     try:
         version = int(attributes[VERSION])
@@ -141,13 +141,13 @@ def check_version(attributes: Mapping[str, Any], path: str | StorePath) -> None:
 
 
 FLIGHT_TITLE = "Flight of underwater gliders by their flight model"
-"""With which the title of such a file begins"""
+"""First words of the attribute `title` in files that `twin flight` wrote"""
 SIGNATURES = (b"\x89HDF", b"CDF")
 """First bytes of netCDF files"""
 
 
 def is_flight(path: str | StorePath) -> bool:
-    """Whether `path` is a file or a zarr folder that `twin flight` wrote."""
+    """Return whether `path` is a file or a zarr folder that `twin flight` wrote."""
     path = store_path(path)
     try:
         if not isinstance(path, Path) or path.is_dir():
@@ -169,7 +169,7 @@ def is_flight(path: str | StorePath) -> bool:
 
 
 def open_flight(path: Path) -> xr.Dataset:
-    """Such a file or folder, lazily; raises StoreError, or whatever its reader does."""
+    """Open a file of `twin flight` lazily; raises StoreError, or the error of xarray's reader."""
     import xarray as xr
 
     check_readable(path)
@@ -177,7 +177,7 @@ def open_flight(path: Path) -> xr.Dataset:
 
 
 def flight_message(path: str | StorePath) -> str:
-    """What a reader of stores says of such a file."""
+    """Return the error message for a file of `twin flight` where a store is needed."""
     return (
         f"{path} is a flight, which `twin flight` wrote: `twin plot {quoted(path)}` draws it; "
         "this needs the store that it was made from"

@@ -1,8 +1,7 @@
-"""Reader: a store of missions opened, simulated or logged, with the checks that reading needs.
+"""Reader: open a store of missions, simulated or logged, and check what xarray does not.
 
-What xarray lets pass would be used silently: it counts samples where there is no time, and reads
-an array whose files are gone as NaN. Every error names the store and, where there is one, the array
-and the mission.
+xarray silently numbers samples if the time is missing, and reads an array with missing files as
+NaN. Every error here names the store and, if it concerns one, the array and the mission.
 """
 
 from __future__ import annotations
@@ -57,22 +56,22 @@ if TYPE_CHECKING:
 Kind = Literal["simulated", "logged"]
 
 LEAST_SAMPLES = 2
-"""Of a mission: a rate takes two."""
+"""Least number of samples in a mission, because a rate of change needs two"""
 READ_ALONG = 4 * 7200
-"""Samples of missions that are read along between two wanted ones: to ask for another slice of an
-array costs as much as to decode them"""
+"""Largest number of unwanted samples that are decoded between two wanted missions. Decoding more
+samples costs more than another request for a slice."""
 SPACING = 1e-3
-"""Part of the period by which steps of time may differ: rounding of float32 after a day."""
+"""[1] Tolerance of time steps relative to the period: rounding of float32 after a day"""
 LOGGED_VEHICLES = {"slocum": "slocum-200", "seaglider": "seaglider", "seaexplorer": "seaexplorer"}
-"""Shipped vehicle that stands for those of a kind of log, whose own file nobody has."""
+"""Shipped vehicle for each format of log, for stores without the vehicle's own file"""
 OTHER_LOGGED_VEHICLE = "slocum-200"
-"""Of logs of other kinds"""
+"""Shipped vehicle for logs of all other formats"""
 SIMULATED_VEHICLE = "glider"
-"""Shipped vehicle of simulated stores that do not say theirs."""
+"""Shipped vehicle for simulated stores without a vehicle's file"""
 
 
 class MissionStore:
-    """A complete store of missions: what simulated and logged ones have; a context manager.
+    """Complete store of missions, simulated or logged; a context manager.
 
     Raises:
       StoreError: missing, damaged, of a newer schema version, or of another schema.
@@ -83,7 +82,7 @@ class MissionStore:
         self.dataset: xr.Dataset = open_store(self.path, dask=False)
         self._flags: dict[str, dict[int, str]] = {}
         self._whole: set[str] = set()
-        """arrays of which no file is gone"""
+        """Names of arrays that are known to have all their files"""
         if not is_missions(self.attributes):
             self.close()
             found = self.attributes.get(SCHEMA)
@@ -99,7 +98,7 @@ class MissionStore:
                 f"{self.path} was imported by version {made} of the readers, and this is version "
                 f"{IMPORT_VERSION}: units, clocks and fixes may have been taken otherwise; import "
                 "its logs again",
-                stacklevel=1,  # one place, so that a process says it once
+                stacklevel=1,  # always this line, so that a process warns once
             )
 
     def __enter__(self) -> Self:
@@ -112,11 +111,11 @@ class MissionStore:
         return int(self.dataset.sizes.get(MISSION, 0))
 
     def __contains__(self, name: object) -> bool:
-        """Whether the store has an array of that name."""
+        """Return whether the store has an array called `name`."""
         return name in self.dataset
 
     def _repr_html_(self) -> str:
-        """A table and the depth of the first mission over time, for notebooks."""
+        """Table and plot of the first mission's depth over time, for notebooks."""
         from twin.notebook import card, line
 
         rows = {
@@ -134,40 +133,40 @@ class MissionStore:
         return card(str(self.path), rows, picture)
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         self.dataset.close()
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """What the store says about itself."""
+        """Attributes of the store."""
         return self.dataset.attrs
 
     @property
     def kind(self) -> Kind:
-        """Whether its missions were simulated or logged."""
+        """Origin of the missions: "simulated" or "logged"."""
         return "logged" if is_logged(self.attributes) else "simulated"
 
     @property
     def logged(self) -> bool:
-        """Whether its missions are dives that a vehicle has logged."""
+        """True if the missions are logged dives."""
         return self.kind == "logged"
 
     @property
     def history(self) -> str:
-        """When and how the store was made; empty where it does not say."""
+        """Attribute `history`: time and command that made the store; empty if missing."""
         return str(self.attributes.get(HISTORY, ""))
 
     @property
     def says_vehicle(self) -> bool:
-        """Whether the store holds the description of the vehicle that flew the missions."""
+        """True if the store contains the description of the vehicle that flew the missions."""
         return SCENARIO in self.attributes or VEHICLE_MJCF in self.attributes
 
     @functools.cached_property
     def vehicle(self) -> Vehicle:
         """The vehicle that flew the missions.
 
-        The MJCF text that the store holds, with the changes of its scenario; the shipped one that
-        stands for it where the store holds none.
+        It is built from the store's MJCF text and the changes in the store's scenario. A store
+        without MJCF text gives a shipped vehicle of the same type.
 
         Raises:
           StoreError, VehicleError: the description is damaged.
@@ -186,10 +185,10 @@ class MissionStore:
         return load_vehicle(SIMULATED_VEHICLE)
 
     def json(self, attribute: str) -> Any:
-        """An attribute that holds JSON.
+        """Parse an attribute that holds JSON.
 
         Raises:
-          StoreError: it is missing or damaged.
+          StoreError: the attribute is missing or damaged.
         """
         try:
             return parse_json(self.attributes[attribute], attribute)
@@ -201,7 +200,7 @@ class MissionStore:
 
     @property
     def declared_period(self) -> float | None:
-        """[s] between samples by the store's attributes; None where they do not say."""
+        """[s] Time between samples in the store's attributes; None if missing."""
         if SAMPLE_PERIOD in self.attributes:
             return float(self.attributes[SAMPLE_PERIOD])
         if SETTINGS in self.attributes:
@@ -210,7 +209,7 @@ class MissionStore:
 
     @functools.cached_property
     def period(self) -> float:
-        """[s] between samples.
+        """[s] Time between samples.
 
         Raises:
           StoreError: no coordinate `time`, fewer than two samples, or unequal steps.
@@ -236,17 +235,17 @@ class MissionStore:
 
     @functools.cached_property
     def samples(self) -> NDArray[np.int64]:
-        """Samples of each mission, (mission,); later ones are padding.
+        """Number of samples of each mission, (mission,); later samples are padding.
 
         Raises:
-          StoreError: the store does not say.
+          StoreError: the store lacks the array.
         """
         if N_SAMPLES not in self:
             raise StoreError(f"store {self.path} has no array {N_SAMPLES!r}; make it again")
         return np.nan_to_num(self.array(N_SAMPLES).astype(float), nan=0.0).astype(np.int64)
 
     def check_samples(self, missions: Sequence[int] | NDArray[np.intp], least: int = 1) -> None:
-        """Raise StoreError when a mission has too few samples, or more than the arrays."""
+        """Raise StoreError if a mission has too few samples, or more samples than the arrays."""
         longest = self.dataset.sizes[TIME]
         for mission in missions:
             samples = self.samples[mission]
@@ -258,10 +257,10 @@ class MissionStore:
 
     @functools.cached_property
     def splits(self) -> list[str]:
-        """Name of each mission's split; CF flags (numbers with `flag_meanings`) and words are read.
+        """Name of each mission's split, from CF flags (numbers with `flag_meanings`) or texts.
 
         Raises:
-          StoreError: the store does not say, or names another split.
+          StoreError: the store has no splits, or names an unknown split.
         """
         if SPLIT not in self:
             raise StoreError(
@@ -279,7 +278,7 @@ class MissionStore:
         return words
 
     def flags(self, name: str) -> dict[int, str]:
-        """The words that the integers of an array stand for; empty when it has none."""
+        """Return the meaning of each integer of an array of CF flags; empty for other arrays."""
         if name not in self._flags:
             attributes = self.dataset.variables[name].attrs
             meanings = str(attributes.get("flag_meanings", "")).split()
@@ -293,10 +292,10 @@ class MissionStore:
         return self._flags[name]
 
     def array(self, name: str) -> NDArray[Any]:
-        """A whole array.
+        """Read a whole array.
 
         Raises:
-          StoreError: the store has none of that name, or it is damaged.
+          StoreError: the store lacks the array, or the array is damaged.
         """
         if name not in self.dataset.variables:
             raise StoreError(f"store {self.path} lacks the array {name!r}")
@@ -306,16 +305,16 @@ class MissionStore:
     def energy(
         self, mission: int, consumption: Consumption | None = None
     ) -> dict[str, NDArray[np.float64]]:
-        """Energy [J] taken since the start by the electronics and by each part, each (samples,).
+        """Energy [J] used since the start by the electronics and by each part, each (samples,).
 
-        Named `true_energy_hotel` and `true_energy_PART`; made of the mission's true signals.
+        The names are `true_energy_hotel` and `true_energy_PART`. The mission's true signals give
+        the energy.
 
         Args:
-          consumption: losses and hotel load; None: those of the store's vehicle.
+          consumption: losses and hotel load; None takes those of the store's vehicle.
 
         Raises:
-          StoreError: no such mission, or it was logged: nobody knows what its parts took.
-        """
+          StoreError: no such mission, or the store holds logs, which lack the true signals."""
         if self.logged:
             raise StoreError(f"store {self.path} holds logs, which say nothing of energy")
         self.check_mission(mission)
@@ -331,15 +330,15 @@ class MissionStore:
         return [name for name in VARIABLES if name in found and found[name].dims == sampled]
 
     def row(self, name: str, mission: int) -> NDArray[np.float32]:
-        """One signal of one mission, padding included, (time,).
+        """Read one signal of one mission, with padding, (time,).
 
         Raises:
-          StoreError: a file of the signal is gone, or its chunk is damaged.
+          StoreError: a file of the signal is missing, or the mission's chunk is damaged.
         """
         self._check_whole(name)
         try:
             return np.asarray(self.dataset[name][mission].values)
-        except Exception as error:  # whatever a decoder raises means damaged files
+        except Exception as error:  # any error of a decoder means damaged files
             reason = " ".join(str(error).split())
             raise StoreError(
                 f"store {self.path}: {name} of mission {mission} cannot be read "
@@ -347,10 +346,10 @@ class MissionStore:
             ) from error
 
     def rows(self, name: str, missions: Sequence[int] | NDArray[np.intp]) -> NDArray[Any]:
-        """One signal of some missions, padding included, (mission, time).
+        """Read one signal of some missions, with padding, (mission, time).
 
         Raises:
-          StoreError: its files are gone or cannot be decoded.
+          StoreError: a file of the signal is missing or cannot be decoded.
         """
         self._check_whole(name)
         wanted = np.asarray(missions, np.int64)
@@ -368,7 +367,7 @@ class MissionStore:
         return read_array(some, name, self.path)
 
     def _check_whole(self, name: str) -> None:
-        """Raise StoreError when files of an array are gone; asked once."""
+        """Raise StoreError if files of an array are missing; each array is checked once."""
         if name in self.dataset.variables and name not in self._whole:
             check_chunks(self.dataset, name, self.path)
             self._whole.add(name)
@@ -376,14 +375,14 @@ class MissionStore:
     def check_possible(
         self, name: str, values: NDArray[Any], *, mission: int, advice: str = ""
     ) -> None:
-        """Refuse a value that no vehicle can have: a single one would ruin a network's scales.
+        """Refuse an impossible value of a channel: a single one would ruin a network's scaling.
 
         Args:
-          values: (time,); NaN is left to others.
-          advice: what else the reader may do about it, for the error.
+          values: samples of the channel, (time,); NaN is accepted.
+          advice: further advice for the error message.
 
         Raises:
-          StoreError: names channel, mission, sample and what is possible.
+          StoreError: names the channel, mission, sample and possible values.
         """
         if name not in VARIABLES:
             return
@@ -397,17 +396,17 @@ class MissionStore:
             )
 
     def gone_arrays(self) -> list[str]:
-        """Arrays that the store's metadata name and whose files are gone."""
+        """Names of arrays in the store's metadata whose own files are missing."""
         return gone_arrays(self.dataset, self.path)
 
     def check_arrays(self) -> None:
-        """Raise StoreError when files of an array are gone."""
+        """Raise StoreError if files of any array are missing."""
         check_arrays(self.dataset, self.path)
 
     def check_mission(self, mission: int) -> None:
-        """Raise StoreError when there is no such mission."""
+        """Raise StoreError if there is no such mission."""
         check_mission(mission, len(self), f"store {self.path}")
 
     def check_filled(self) -> None:
-        """Raise StoreError when there are no missions at all."""
+        """Raise StoreError if the store has no missions."""
         check_filled(len(self), f"store {self.path}")

@@ -1,9 +1,9 @@
-"""Store: missions in zarr, read and written with the schema; `xarray.open_zarr` just works.
+"""Store: write and read missions in zarr with the schema, also readable by `xarray.open_zarr`.
 
 Layout: arrays (mission, time) in float32 with NaN padding, `n_samples(mission)`, `time` in
 seconds since each mission's start, `datetime`, `latitude` and `longitude` of each sample,
-`state(mission, time, state)` in float64 with MuJoCo's exact state, and attributes that say what the
-data are. The factory writes the same layout in bulk.
+`simulation_state(mission, time, state)` in float64 with MuJoCo's exact state, and attributes that
+describe the data. The factory writes this layout in bulk.
 """
 
 from __future__ import annotations
@@ -52,18 +52,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ENDINGS = (".zarr", ".nc")
-"""Of files that missions can be saved as"""
+"""Endings of the files that missions can be saved as"""
 
 
 def write_store(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a dataset as a zarr store, whole or not at all, with a list of its files' checksums.
+    """Write a dataset atomically as a zarr store, with a list of its files' checksums.
 
     Args:
-      overwrite: take the place of a store, which stays until the new one is complete.
+      overwrite: replace an existing store, which stays until the new store is complete.
 
     Raises:
-      WriteError: something else than a store is in the way, it exists and `overwrite` is False,
-        or the disk refuses.
+      WriteError: `path` exists and is no store, or it is a store and `overwrite` is False, or the
+        disk refuses.
     """
     path = Path(path)
     with whole_folder(path, overwrite=overwrite, ours=is_store) as folder:
@@ -76,12 +76,12 @@ def write_zarr(
 ) -> None:
     """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options.
 
-    Each chunk has a CRC-32C, so that whatever reads a changed one fails. `folder` is one of
-    `whole_folder`: a kill leaves part of the group.
+    Each chunk has a CRC-32C, so any reader of a damaged chunk fails. `folder` must come from
+    `whole_folder`, because a kill leaves part of the group.
 
     Args:
-      along: dimension along which the arrays of the group that is there grow.
-      beside: the arrays are added to those of the group that is there.
+      along: dimension along which the dataset is appended to the existing group's arrays.
+      beside: whether the arrays are added to those of the existing group.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -91,13 +91,13 @@ def write_zarr(
     if along:
         how["append_dim"] = along
     with warnings.catch_warnings():
-        # zarr 3 warns that its specification does not name consolidated metadata yet
+        # zarr 3 warns that its specification does not contain consolidated metadata yet
         warnings.filterwarnings("ignore", "Consolidated metadata")
         dataset.to_zarr(folder, zarr_format=3, consolidated=True, encoding=encoding, **how)
 
 
 def read_zarr(folder: Path) -> xr.Dataset:
-    """A group that `write_zarr` wrote, its arrays read when they are asked for."""
+    """Open a group that `write_zarr` wrote; its arrays are read on access."""
     import xarray as xr
 
     return xr.open_zarr(folder, consolidated=None, chunks=None)
@@ -106,10 +106,10 @@ def read_zarr(folder: Path) -> xr.Dataset:
 def write_netcdf(
     dataset: xr.Dataset, path: Path, encoding: Mapping[str, Any] | None = None
 ) -> None:
-    """Write any dataset as netCDF4; `path` is one of `whole_file`: a kill leaves half a file.
+    """Write any dataset as netCDF4; `path` must come from `whole_file`: a kill leaves half a file.
 
     Raises:
-      OSError: the disk refuses, of which the netCDF library gives no reason.
+      OSError: the disk refuses; the netCDF library gives no reason.
     """
     try:
         dataset.to_netcdf(path, engine="netcdf4", encoding=encoding)
@@ -118,10 +118,10 @@ def write_netcdf(
 
 
 def save_missions(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write missions as a store where the name ends in .zarr, as netCDF where it ends in .nc.
+    """Write missions as a store if the name ends in .zarr, as netCDF if it ends in .nc.
 
     Raises:
-      InputError: another ending. WriteError: something is in the way, or the disk refuses.
+      InputError: another ending. WriteError: as `write_store`.
     """
     check_addresses(path := Path(path))
     ending = path.suffix.lower()
@@ -135,11 +135,11 @@ def save_missions(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fa
 
 
 def check_target(path: str | Path, *, overwrite: bool) -> None:
-    """Refuse what `write_store` would refuse, before long work.
+    """Raise the errors of `write_store` before long work begins.
 
     Raises:
-      WriteError: the name ends as that of another format, something else than a store is in the
-        way, or it exists and `overwrite` is False.
+      WriteError: the name has the ending of another format, `path` exists and is no store, or it
+        is a store and `overwrite` is False.
     """
     check_ending(path)
     check_folder_target(path, overwrite=overwrite, ours=is_store)
@@ -149,18 +149,18 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     """Open a store lazily.
 
     Args:
-      dask: whether its arrays are dask's, in chunks of the store's own, where that is installed;
-        else an array is read when it is asked for.
+      dask: use dask arrays with the store's own chunks, if dask is installed; else each array is
+        read on access.
 
     Raises:
       StoreError: missing, not a store of this schema, written by a newer version, or one of its
-        files is no regular file or too large to be what it must be.
+        files is not regular or too large.
     """
     import xarray as xr
 
     path = store_path(path)
     if isinstance(path, Path) and not path.exists():
-        with contextlib.suppress(OSError):  # a kill between two renames may have left it beside
+        with contextlib.suppress(OSError):  # a kill may have left it in the hidden folder
             recover(path)
     try:
         unfinished = is_unfinished(path)
@@ -181,7 +181,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
             f"logs with `factory import KIND FILES --out {quoted(path)}`"
         )
     if not is_complete(path):
-        raise StoreError(f"{path} is {_other(path)}; {MAKERS}")
+        raise StoreError(f"{path} is {_describe_other(path)}; {MAKERS}")
     check_readable(path)
     files = files_at(path)
     attributes = read_attributes(path)
@@ -196,8 +196,8 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
     return dataset
 
 
-def _other(path: StorePath) -> str:
-    """What something is that is no zarr v3 store."""
+def _describe_other(path: StorePath) -> str:
+    """Describe a path that is no zarr v3 store, for an error message."""
     if isinstance(path, Path):
         if path.is_file():
             return "a file; a store of missions is a folder (zarr)"
@@ -216,10 +216,10 @@ def declare_signals(dataset: xr.Dataset) -> None:
 
 
 def check_mission(mission: int, count: int, what: str) -> None:
-    """Raise StoreError when there is no such mission among `count`, or none at all.
+    """Raise StoreError if `mission` is not one of `count` missions.
 
     Args:
-      what: the store or file, for the error.
+      what: name of the store or file for the error message.
     """
     check_filled(count, what)
     if not 0 <= mission < count:
@@ -227,38 +227,38 @@ def check_mission(mission: int, count: int, what: str) -> None:
 
 
 def check_filled(count: int, what: str) -> None:
-    """Raise StoreError when `count`, the missions of a store or file, is zero."""
+    """Raise StoreError if `count`, the number of missions in a store or file, is zero."""
     if count == 0:
         raise StoreError(f"{what} holds no missions; make some with `factory generate`")
 
 
 def gone_arrays(dataset: xr.Dataset, path: str | StorePath) -> list[str]:
-    """Arrays that the store's metadata name and whose files are gone: they would read as NaN.
+    """List the arrays whose own metadata file is missing; xarray would read them as NaN.
 
     Args:
-      dataset: as `open_store` gave it.
+      dataset: result of `open_store`.
     """
     files = files_at(path)
     return [name for name in map(str, dataset.variables) if not files.exists(f"{name}/{METADATA}")]
 
 
 def check_arrays(dataset: xr.Dataset, path: str | StorePath) -> None:
-    """Raise StoreError that names the first of `gone_arrays`, or of the files of their chunks."""
+    """Raise StoreError that names the first missing array, or the first missing file of a chunk."""
     for name in gone_arrays(dataset, path)[:1]:
-        raise _gone(name, path)
+        raise _missing_array(name, path)
     for name in map(str, dataset.variables):
         check_chunks(dataset, name, path)
 
 
 def check_chunks(dataset: xr.Dataset, name: str, path: str | StorePath) -> None:
-    """Raise StoreError when a file of an array is gone: zarr reads it as missing values.
+    """Raise StoreError if a file of an array is missing; zarr would read missing values.
 
-    A chunk without a value has no file, and the store's list of checksums does not name it. The
-    list is read only where a file is not there. Stores without a list, and those in an object
-    storage, where each question is a request, are taken as they are.
+    A missing file is damage only if the store's list of checksums names it, because a chunk without
+    values has no file. The list is read only if a file is missing. Stores without a list are not
+    checked, nor are those in an object storage, where each check would be a request.
 
     Args:
-      dataset: all missions, as `open_store` gave it.
+      dataset: result of `open_store`, with all missions.
     """
     place, variable = store_path(path), dataset.variables[name]
     chunks = variable.encoding.get("shards") or variable.encoding.get("chunks")
@@ -266,7 +266,7 @@ def check_chunks(dataset: xr.Dataset, name: str, path: str | StorePath) -> None:
         return
     files = files_at(place)
     if not files.exists(f"{name}/{METADATA}"):
-        raise _gone(name, path)
+        raise _missing_array(name, path)
     grid = (range(-(-n // size)) for n, size in zip(variable.shape, chunks, strict=True))
     keys = ("/".join((name, "c", *map(str, cell))) for cell in itertools.product(*grid))
     absent = [key for key in keys if not files.exists(key)]
@@ -283,21 +283,21 @@ def check_chunks(dataset: xr.Dataset, name: str, path: str | StorePath) -> None:
         )
 
 
-def _gone(name: str, path: str | StorePath) -> StoreError:
+def _missing_array(name: str, path: str | StorePath) -> StoreError:
     return StoreError(f"store {path} is damaged: its array {name} is gone; make it again")
 
 
 def read_array(dataset: xr.Dataset, name: str, path: str | StorePath) -> np.ndarray:
-    """An array of a store that `open_store` opened, or of some of its missions.
+    """Read an array of a dataset from `open_store`, or of a selection of its missions.
 
     Raises:
-      StoreError: its files are gone or cannot be decoded.
+      StoreError: the array's files are missing or cannot be decoded.
     """
     if not files_at(path).exists(f"{name}/{METADATA}"):
-        raise _gone(name, path)
+        raise _missing_array(name, path)
     try:
         return np.asarray(dataset[name].values)
-    except Exception as error:  # whatever a decoder raises means damaged files
+    except Exception as error:  # any error of a decoder means damaged files
         why = " ".join(str(error).split()) or type(error).__name__
         raise StoreError(
             f"store {path} is damaged: its array {name} cannot be read ({why}); make it again, or "
@@ -306,11 +306,11 @@ def read_array(dataset: xr.Dataset, name: str, path: str | StorePath) -> np.ndar
 
 
 def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
-    """One mission of a store.
+    """Read one mission of a store.
 
     Raises:
-      StoreError: as `open_store`, there is no such mission (the range is named), or the store is
-        damaged: an array is gone, cannot be decoded or has gaps where samples must be.
+      StoreError: as `open_store`, there is no such mission (the error names the range), or an
+        array is missing, cannot be decoded or has gaps.
     """
     dataset = open_store(path, dask=False)
     check_mission(mission, dataset.sizes.get(MISSION, 0), f"store {path}")
@@ -332,7 +332,7 @@ def read_trajectory(path: str | StorePath, mission: int = 0) -> Trajectory:
 
 
 def _trajectory(one: xr.Dataset, read: Callable[[str], np.ndarray]) -> Trajectory:
-    """A mission of a dataset, without its padding, whose arrays are read by name."""
+    """Make a trajectory of a mission's dataset without padding; `read` reads an array by name."""
     return Trajectory(
         time=read(TIME).astype(float),
         signals={name: read(name).astype(float) for name in signal_names(one)},
@@ -343,10 +343,10 @@ def _trajectory(one: xr.Dataset, read: Callable[[str], np.ndarray]) -> Trajector
 
 
 def open_trajectory(path: str | Path, mission: int = 0) -> Trajectory:
-    """One mission of a store, or of a netCDF file that `Trajectory.save` wrote.
+    """Read one mission of a store, or of a netCDF file that `Trajectory.save` wrote.
 
     Raises:
-      StoreError: as `read_trajectory`; or the netCDF file cannot be read or is not ours.
+      StoreError: as `read_trajectory`; or `Trajectory.save` did not write the netCDF file.
     """
     place = store_path(path)
     if place.suffix.lower() != ".nc":

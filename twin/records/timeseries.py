@@ -1,10 +1,10 @@
-"""Time series: missions of a store one after another over date and time, without padding.
+"""Time series: missions of a store end to end over date and time, without padding.
 
-A store keeps one row for each mission, padded to the longest. Here the rows are laid end to end,
-so that `sel(time=slice("2023-09-01", "2023-09-02"))`, `twin.resample(series, "1h")` and
-`to_dataframe()` do what they say.
+A store keeps one row for each mission, padded to the longest mission. `timeseries` lays the rows
+end to end for `sel(time=slice("2023-09-01", "2023-09-02"))`, `twin.resample(series, "1h")` and
+`to_dataframe()`.
 
-Resample: means of a time series over hours or days, directions averaged as directions.
+`resample` averages a time series over hours or days, with circular means for directions.
 """
 
 from __future__ import annotations
@@ -45,37 +45,36 @@ if TYPE_CHECKING:
 
 
 DEPTHS = ("measured_depth", "true_depth")
-"""What the variable `depth` is: the first that the store has, for logs; the last, for others."""
+"""Signals for the variable `depth`, in order of preference for logs, in reverse for simulations."""
 FIXES = ("measured_gps_north", "measured_gps_east")
-"""[m] from the start of a mission; a series has `GPS_LATITUDE` and `GPS_LONGITUDE` of them."""
+"""[m] Fixes from a mission's start; a series has GPS_LATITUDE and GPS_LONGITUDE instead."""
 GPS_LATITUDE, GPS_LONGITUDE = "gps_latitude", "gps_longitude"
 FROM_THE_START = frozenset(
     f"{name}_{way}"
     for name in ("true", "measured_onboard", "commanded_waypoint")
     for way in ("north", "east")
 ) | {"measured_depth_time", "measured_attitude_time", "measured_ctd_time"}
-"""Metres and seconds from the start of each mission: end to end they would jump, so that a series
-has none of them. `latitude`, `longitude` and `time` say where and when."""
+"""Signals in metres or seconds from each mission's start. A series leaves them out, because they
+would jump between missions; `latitude`, `longitude` and `time` replace them."""
 
 
 def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = None) -> xr.Dataset:
-    """The samples of missions as one dataset over a dimension `time` of UTC moments.
+    """Join the samples of missions to one dataset over a dimension `time` of UTC moments.
 
-    Its variables are the signals of the store, (time,), in their units, and `latitude`,
-    `longitude` [degree], `depth` [m] and `mission`; fixes are `gps_latitude` and `gps_longitude`
-    [degree], NaN between fixes. What counts metres or seconds from the start of each mission is
-    left out (`FROM_THE_START`). Average with `twin.resample`. The missions stand in the order of
-    their starts; missions that overlap, as those of a simulated store do, stay one after another,
-    so that `time` increases within each mission only: choose one, or `sortby("time")`. With dask
-    (the extra `dask`) samples are read when they are asked for, without it at once.
+    The variables are the store's signals, (time,), in their units, and `latitude`, `longitude`
+    [degree], `depth` [m] and `mission`. Fixes are `gps_latitude` and `gps_longitude` [degree], NaN
+    between fixes. Signals of FROM_THE_START are left out. Missions follow in the order of their
+    starts. Missions that overlap, as in a simulated store, stay end to end, so `time` increases
+    only within each mission: choose one mission, or use `sortby("time")`. With the extra `dask`,
+    samples are read on access; without it, at once. Average with `twin.resample`.
 
     Args:
-      store: path of a store of missions, simulated or logged, or what `twin.open_store` gave.
-      missions: which, all by default.
+      store: path of a store of missions, simulated or logged, or the result of `twin.open_store`.
+      missions: numbers of the missions, all by default.
 
     Raises:
-      StoreError: it cannot be read, there is no such mission, or it does not say when one began,
-        as stores of earlier versions may not.
+      StoreError: the store cannot be read, lacks a mission, or lacks a mission's start time, as
+        stores of earlier versions may.
       InputError: an empty list of missions.
     """
     import xarray as xr
@@ -99,7 +98,7 @@ def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = 
     names = [n for n in found.signals() if n not in FROM_THE_START and n not in FIXES]
     lengths = [int(found.samples[mission]) for mission in chosen]
     variables = {
-        name: (TIME, _joined(found, lazy, name, chosen, lengths), _attributes(found, name))
+        name: (TIME, _join_signal(found, lazy, name, chosen, lengths), _attributes(found, name))
         for name in names
     }
     said = LOGGED if found.logged else FLOWN
@@ -127,10 +126,10 @@ def timeseries(store: str | Path | xr.Dataset, missions: Sequence[int] | None = 
 
 
 def sample_coordinates(store: MissionStore, mission: int) -> dict[str, NDArray[Any]]:
-    """Date and time (datetime64, UTC), latitude and longitude [degree] of a mission, (samples,).
+    """Read date and time (datetime64, UTC), latitude and longitude [degree], (samples,).
 
-    NaT and NaN where nobody knows them. In stores of earlier versions, which do not hold them, they
-    are computed of what these say.
+    Unknown values are NaT and NaN. Stores of earlier versions do not hold these coordinates: they
+    are computed from the start and the track of the mission.
 
     Raises:
       StoreError: the store is damaged.
@@ -155,7 +154,7 @@ def sample_coordinates(store: MissionStore, mission: int) -> dict[str, NDArray[A
 
 
 def _fixes(store: MissionStore, missions: Sequence[int]) -> dict[str, Any]:
-    """Latitude and longitude [degree] of the fixes of missions; none where nobody looked."""
+    """Latitude and longitude [degree] of the missions' fixes; empty for a store without fixes."""
     if any(name not in store for name in FIXES):
         return {}
     found = []
@@ -164,7 +163,7 @@ def _fixes(store: MissionStore, missions: Sequence[int]) -> dict[str, Any]:
         north, east = (store.row(name, mission)[:count].astype(float) for name in FIXES)
         place = read_place(store.dataset.isel({MISSION: mission}))
         origin = [float(place.get(n, np.nan)) for n in (START_LATITUDE, START_LONGITUDE)]
-        # logs count metres along the parallel, simulated missions in the plane at their start
+        # logs measure east along the parallel, simulated missions in the plane at their start
         degrees = (position if store.logged else from_tangent_plane)(north, east, *origin)
         found.append((degrees[0], wrap_longitude(degrees[1])))
     return {
@@ -179,7 +178,7 @@ def _fixes(store: MissionStore, missions: Sequence[int]) -> dict[str, Any]:
 
 
 def _open(store: str | Path | xr.Dataset) -> MissionStore:
-    """The reader of a store, or of the one that a dataset is of."""
+    """Open a store by its path, or by the dataset that `twin.open_store` returned."""
     if isinstance(store, str | Path):
         return MissionStore(store)
     source = store.encoding.get("source")
@@ -189,43 +188,43 @@ def _open(store: str | Path | xr.Dataset) -> MissionStore:
 
 
 def _attributes(store: MissionStore, name: str) -> dict[str, Any]:
-    """Of a signal; flags are of its own type, which stores cannot say."""
+    """Attributes of a signal, with `flag_values` in the array's type, which stores do not keep."""
     array = store.dataset[name]
     flags = {n: np.asarray(v, array.dtype) for n, v in array.attrs.items() if n == "flag_values"}
     return {**array.attrs, **flags}
 
 
-def _joined(
+def _join_signal(
     store: MissionStore, lazy: xr.Dataset, name: str, missions: list[int], lengths: list[int]
 ) -> Any:
-    """A signal of missions, end to end; with dask it is not read yet."""
+    """Join a signal of missions end to end; with dask the samples are not read yet."""
     array = lazy[name].variable.transpose(MISSION, TIME)
     rows: Any = store.rows(name, missions) if array.chunks is None else array.data[list(missions)]
     return np.concatenate([row[:n] for row, n in zip(rows, lengths, strict=True)])
 
 
 ABOUT = ("Conventions", "title", "source", COMMENT, "history", "platform")
-"""Attributes of a store that hold for a series of it too: what it is, and how it was made"""
+"""Attributes of a store that a series keeps: its content and its origin"""
 DIRECTION, HEADING = "platform_orientation", "_heading"
-"""Standard name of angles from north, and how the names of setpoints end, which have none"""
+"""Standard name of headings, and the ending of heading setpoints, which have no standard name"""
 FLAGS = ("measured_phase", "measured_dvl_mode", "commanded_segment")
-"""Numbers of kinds, beside what has the attribute `flag_values`"""
+"""Signals that number categories and lack the attribute `flag_values`"""
 SHORTEST = 1e-9
-"""Of a mean unit vector that has a direction"""
+"""[1] Least length of a mean unit vector; below it the mean direction is NaN."""
 
 
 def resample(series: xr.Dataset, step: str) -> xr.Dataset:
-    """Means of what `twin.timeseries` gave over steps of time, each labelled by its beginning.
+    """Average a series of `twin.timeseries` over steps of time, each labelled by its beginning.
 
     Directions and longitudes are averaged on the circle (the angle of the mean unit vector;
-    Mardia and Jupp 2000, Directional Statistics, eq. 2.2.4), NaN left out; where they cancel, as
-    those of opposite headings, the mean is NaN. Numbers of kinds (`mission`, phase, segment, lock
-    of the Doppler log, flags) are those of the first sample. All else has the arithmetic mean of
-    its known samples. Steps without samples are NaN.
+    Mardia and Jupp 2000, Directional Statistics, eq. 2.2.4), without NaN. Where directions cancel,
+    as opposite headings do, the mean is NaN. Categories (`mission`, phase, segment, lock of the
+    Doppler log, flags) take the value of the step's first sample. All other variables have the
+    arithmetic mean of their known samples. Steps without samples are NaN.
 
     Args:
-      series: of samples over `time`, in any order.
-      step: a length of time as pandas and xarray write it, "10min", "1h", "1D" or "MS" for months,
+      series: dataset over `time`, in any order.
+      step: a length of time in the notation of pandas, "10min", "1h", "1D" or "MS" for months,
         or in words, "1 hour".
 
     Raises:
@@ -254,17 +253,17 @@ def resample(series: xr.Dataset, step: str) -> xr.Dataset:
 
 
 def _frequency(step: str) -> str:
-    """The step as xarray takes it.
+    """Translate a step to xarray's notation.
 
     Raises:
-      InputError: it is not a length of time.
+      InputError: the step is not a length of time.
     """
     import pandas as pd
     from pandas.tseries.frequencies import to_offset
 
     for read in (to_offset, lambda text: to_offset(pd.Timedelta(text))):
         try:
-            # a number alone would be nanoseconds
+            # pandas reads a bare number as nanoseconds
             offset = read(step) if any(letter.isalpha() for letter in str(step)) else None
         except (ValueError, TypeError, AttributeError):
             continue
@@ -276,7 +275,7 @@ def _frequency(step: str) -> str:
 
 
 def _circular(angle: xr.DataArray, step: str) -> xr.DataArray:
-    """The mean direction of angles [degree] in each step, -180 to 180."""
+    """Mean direction of angles [degree] in each step, -180 to 180."""
     import xarray as xr
 
     radians = np.deg2rad(angle.astype(float))

@@ -1,12 +1,12 @@
-"""Tracks: dead-reckoned tracks read from a file, to be drawn beside the true one.
+"""Tracks: dead-reckoned tracks read from a file, for figures that show them beside the true track.
 
-One file holds any number of named tracks. Formats, told apart by the name's ending:
+One file holds any number of named tracks. The ending of the file's name selects the format:
 
 - `.nc`, `.zarr`: an xarray dataset with variables `<name>_north` and `<name>_east` [m], dims
-  (mission, time) or (time), and a coordinate `time` [s]. `mission` selects the row; a coordinate
-  `mission` is looked up by value when there is one. Of what `twin flight` wrote, the corrected
-  track `north` and `east` is taken.
-- `.npz`: arrays of those names, shapes (time,) or (mission, time), `time` and optionally `mission`.
+  (mission, time) or (time), and a coordinate `time` [s]. The mission is looked up in a coordinate
+  `mission` where there is one; else the mission is the row's number. Files of `twin flight` give
+  their corrected track `north` and `east`.
+- `.npz`: arrays with the same names, (time,) or (mission, time), `time` and optionally `mission`.
 - `.csv`: a header with columns `time`, `north`, `east` and optionally `track` (the name) and
   `mission`; one row per sample, in time order within each track.
 
@@ -40,14 +40,14 @@ if TYPE_CHECKING:
 
 
 NORTH, EAST = "_north", "_east"
-"""Endings of a track's two variables."""
+"""Endings of the names of a track's two variables"""
 CORRECTED = "corrected"
-"""Name of the track of a file of `twin flight`"""
+"""Name of the track from a file of `twin flight`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class NamedTrack:
-    """One horizontal track with the name that legends show."""
+    """Horizontal track with its name for legends."""
 
     name: str
     time: Array
@@ -69,11 +69,11 @@ class NamedTrack:
 
     @property
     def title(self) -> str:
-        """The name as people read it."""
+        """The name with spaces instead of underscores."""
         return self.name.replace("_", " ")
 
     def at(self, time: Array) -> tuple[Array, Array]:
-        """North and east [m] at `time` [s]; NaN outside the track."""
+        """Interpolate north and east [m] at `time` [s]; NaN outside the track."""
         return (
             np.interp(time, self.time, self.north, left=np.nan, right=np.nan),
             np.interp(time, self.time, self.east, left=np.nan, right=np.nan),
@@ -81,7 +81,7 @@ class NamedTrack:
 
 
 def read_tracks(path: Path | str, mission: int = 0) -> list[NamedTrack]:
-    """The tracks of `mission` in the file at `path`, in the file's order; formats as above.
+    """Read the tracks of `mission` from the file at `path`, in the file's order.
 
     Raises:
       InputError: no such file or mission, unknown format, missing or malformed columns.
@@ -106,10 +106,10 @@ def read_tracks(path: Path | str, mission: int = 0) -> list[NamedTrack]:
 
 
 def choose_tracks(tracks: Sequence[NamedTrack], names: str | None) -> list[NamedTrack]:
-    """The tracks named in `names` (separated by commas), in that order; None takes all.
+    """Choose the tracks named in `names` (separated by commas), in that order; None takes all.
 
     Raises:
-      InputError: no track of that name.
+      InputError: no track has one of the names.
     """
     if names is None:
         return list(tracks)
@@ -155,10 +155,10 @@ def _read_dataset(path: Path, mission: int) -> list[NamedTrack]:
 def write_track_dataset(
     path: Path, missions: Array, time: Array, arrays: Mapping[str, Array]
 ) -> None:
-    """Write tracks as netCDF, or as zarr where the name ends so.
+    """Write tracks as netCDF if the name ends in .nc, else as zarr.
 
     Args:
-      path: of `whole_file`, or of `whole_folder` for zarr.
+      path: path from `whole_file`, or folder from `whole_folder` for zarr.
       missions: numbers of the missions, (mission,).
       time: [s] since each mission's start, (time,).
       arrays: `<name>_north` and `<name>_east` [m], (mission, time).
@@ -205,7 +205,7 @@ def _collect(arrays: Mapping[str, Array], mission: int, path: Path) -> list[Name
 
 
 def _row(values: Array, missions: Array | None, mission: int, path: Path) -> Array:
-    """The mission's row of an array that has a mission axis, else the array."""
+    """Return the mission's row of an array with a mission axis; else return the whole array."""
     if values.ndim == 1:
         return values
     index = mission
@@ -223,7 +223,7 @@ def _read_csv(path: Path, mission: int) -> list[NamedTrack]:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells that would be lost
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # pandas would drop cells
             frame = pd.read_csv(
                 path, dtype=str, na_filter=False, skipinitialspace=True, index_col=False
             )
@@ -243,7 +243,7 @@ def _read_csv(path: Path, mission: int) -> list[NamedTrack]:
 
 
 def _csv_numbers(cells: pd.Series[str], path: Path) -> pd.Series[float]:
-    """The cells of a column as numbers; an error names the first line that holds none."""
+    """Convert the cells of a column to numbers; an error names the first line without a number."""
     import pandas as pd
 
     try:

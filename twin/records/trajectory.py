@@ -1,7 +1,7 @@
-"""Trajectory: what one simulated mission was, as named arrays in NED and FRD.
+"""Trajectory: the signals and states of one simulated mission as named arrays in NED and FRD.
 
-The names are the schema's: `true_*` is what happened, `commanded_*` what was asked for;
-`measured_*` is added by the sensor models. `VARIABLES` says what each one is.
+The names are the schema's: `true_*` for the truth, `commanded_*` for setpoints; the sensor models
+add `measured_*`. `schema.VARIABLES` describes each signal.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
 
 
 INNOVATIONS = "fix_innovations"
-"""In the provenance of a navigated run: squared innovation [1] of each fix that ended a dive"""
+"""[1] Key in the provenance of a navigated run: squared innovation of each fix after a dive"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class Trajectory(Mapping[str, Array]):
-    """One mission, sampled at a fixed period: a mapping from signal names to arrays.
+    """Mission sampled at a fixed period: a mapping from signal names to arrays.
 
-    `signals` maps schema names to float64 arrays of shape (time,); `states` holds the MuJoCo rows
-    (time, columns): qpos, qvel, act, ctrl, from which any sample can be rendered or resumed; a
-    glider's have 9, 8, 3 and 3 numbers.
+    `signals` maps schema names to float64 arrays of shape (time,). `states` (time, columns) holds
+    MuJoCo's qpos, qvel, act and ctrl, from which any sample can be rendered or resumed; for a
+    glider these have 9, 8, 3 and 3 numbers.
     """
 
     time: Array
@@ -56,11 +56,11 @@ class Trajectory(Mapping[str, Array]):
     signals: dict[str, Array]
     states: Array
     state_columns: tuple[str, ...] = ()
-    """Name of each column of `states`; empty where nothing says them"""
+    """Name of each column of `states`; empty if unknown"""
     complete: bool = True
     """False when the simulation stopped early (unstable)."""
     provenance: dict[str, Any] = dataclasses.field(default_factory=dict)
-    """How the run ended, and where it came from: names, scenario and sensors as JSON"""
+    """End and origin of the run: reason, vehicle, mission, scenario and sensors as JSON"""
 
     def __getitem__(self, name: str) -> Array:
         try:
@@ -75,7 +75,7 @@ class Trajectory(Mapping[str, Array]):
     __hash__ = object.__hash__
 
     def __len__(self) -> int:
-        """Number of signals; `len(trajectory.time)` is that of samples."""
+        """Number of signals; `len(trajectory.time)` is the number of samples."""
         return len(self.signals)
 
     def __repr__(self) -> str:
@@ -92,7 +92,7 @@ class Trajectory(Mapping[str, Array]):
         return f"<Trajectory: {', '.join(filter(None, parts))}>"
 
     def _repr_html_(self) -> str:
-        """A table and the depth over time, for notebooks."""
+        """Table and plot of depth over time, for notebooks."""
         from twin.notebook import card, line
 
         time, depth = self.time.tolist(), self.signals.get("true_depth", self.time[:0]).tolist()
@@ -108,14 +108,14 @@ class Trajectory(Mapping[str, Array]):
 
     @property
     def actuators(self) -> tuple[str, ...]:
-        """The vehicle's moving parts: X of each true_X that has a commanded_X."""
+        """The vehicle's moving parts: X for each true_X that has a commanded_X."""
         return actuator_names(self.signals)
 
     def to_xarray(self) -> xr.Dataset:
-        """The signals (time,) in full precision, with units and CF attributes of the schema.
+        """Return the signals (time,) in full precision, with the schema's units and CF attributes.
 
-        A mission that knows its place has the coordinates `latitude` and `longitude` (time,); one
-        that knows its date has `datetime` (time,).
+        If the provenance has a start position, the dataset has `latitude` and `longitude` (time,);
+        if it has a start time, the dataset has `datetime` (time,).
         """
         import xarray as xr
 
@@ -135,15 +135,15 @@ class Trajectory(Mapping[str, Array]):
         """Write a zarr store (.zarr) or netCDF (.nc), which `twin.open_trajectory` reads.
 
         Raises:
-          InputError: another ending. WriteError: something is in the way, or the disk refuses.
-        """
+          InputError: another ending.
+          WriteError: `path` exists and may not be replaced, or the disk refuses."""
         dataset = resolve("twin.records.mission_dataset:dataset_of")
         made = dataset([self], attributes=self._attributes())
         written: Path = resolve("twin.records.store:save_missions")(made, path, overwrite=overwrite)
         return written
 
     def _attributes(self) -> dict[str, Any]:
-        """What it says about itself, as attributes of a file can hold it."""
+        """Provenance that a file's attributes can hold: texts and numbers."""
         return {
             name: value
             for name, value in self.provenance.items()
@@ -151,15 +151,15 @@ class Trajectory(Mapping[str, Array]):
         }
 
     def plot(self, figure: str = "overview", **options: Any) -> Figure:
-        """A figure of the mission: save it with `.savefig(path)`, or show it in a notebook.
+        """Plot a figure of the mission: save it with `.savefig(path)`, or show it in a notebook.
 
         Args:
           figure: one of `twin.figure_names()`.
-          options: what that figure takes, such as tracks=[...] or colour="pitch".
+          options: options of that figure, such as tracks=[...] or colour="pitch".
 
         Raises:
-          UnknownName: no such figure. InputError: the trajectory lacks a signal that it shows.
-        """
+          UnknownName: no such figure.
+          InputError: the trajectory lacks a signal that the figure shows."""
         drawn: Figure = resolve("twin.show.figures.base:figure")(self, figure, **options)
         return drawn
 
@@ -174,11 +174,10 @@ class Trajectory(Mapping[str, Array]):
         return np.stack([self[f"true_{n}"] for n in VELOCITY], axis=-1)
 
     def geographic_position(self) -> tuple[Array, Array]:
-        """True latitude and longitude [degree, WGS84], each of shape (time,).
+        """Return true latitude and longitude [degree, WGS84], each of shape (time,).
 
         Raises:
-          InputError: the mission does not say where on Earth it began, as those of stores of
-            earlier versions.
+          InputError: the provenance has no start position, as in stores of earlier versions.
         """
         from twin.geodesy import from_tangent_plane, wrap_longitude
 
@@ -196,22 +195,22 @@ class Trajectory(Mapping[str, Array]):
         return cumulative(np.linalg.norm(self.v_rel, axis=-1), self.time)
 
     def track_through_water(self) -> Array:
-        """North, east [m] that the glider moved relative to the water, shape (time, 2)."""
+        """Displacement north, east [m] relative to the water up to each sample, shape (time, 2)."""
         north = self["true_velocity_north"] - self["true_current_north"]
         east = self["true_velocity_east"] - self["true_current_east"]
         return np.stack([cumulative(north, self.time), cumulative(east, self.time)], axis=-1)
 
 
 def cumulative(rate: Array, time: Array) -> Array:
-    """Trapezoidal integral from 0, same shape as `rate`."""
+    """Integrate `rate` from 0 by the trapezoidal rule; the result has the shape of `rate`."""
     steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def sample_times(count: int, period: float) -> Array:
-    """Times [s] of samples 0, 1, 2, ... at a `period` [s], each rounded once, shape (count,).
+    """Return the times [s] of `count` samples every `period` [s] from 0, each rounded once.
 
-    Whole seconds are whole numbers, also for periods such as 0.1 that no float holds exactly.
+    Whole seconds are exact, also for periods such as 0.1 that no float holds exactly.
     """
     ratio = Fraction(period).limit_denominator(_FINEST_FRACTION)
     if not math.isclose(ratio, period, rel_tol=1e-15):
@@ -220,20 +219,20 @@ def sample_times(count: int, period: float) -> Array:
 
 
 _FINEST_FRACTION = 10_000
-"""Largest denominator of a sample period in seconds: physics steps are 1e-4 s or longer"""
+"""Largest denominator of a sample period [s] as a fraction: physics steps are 1e-4 s or longer"""
 
 
 VELOCITY = ("surge", "sway", "heave")
-"""Through the water, body FRD"""
+"""Names of the components of velocity through the water, body FRD"""
 SETPOINTS = ("roll", "pitch", "heading", "depth", "speed")
-"""What guidance asks of the vehicle's motion; every other command is a part's position."""
+"""Commands of guidance for the vehicle's motion; every other command is a part's position."""
 
 
 def actuator_names(signals: Iterable[str]) -> tuple[str, ...]:
-    """The vehicle's moving parts: names with both a true position and a command, in order.
+    """Return the vehicle's moving parts, which have a true position and a command, in order.
 
     Args:
-      signals: names of signals, as `trajectory.signals` holds them.
+      signals: names of signals, such as the keys of `trajectory.signals`.
     """
     there = dict.fromkeys(signals)
     names = (name.removeprefix("true_") for name in there if name.startswith("true_"))

@@ -1,9 +1,9 @@
-"""Windows: pieces of missions of equal length, read fast enough to train on.
+"""Windows: sections of missions of equal length, read fast enough for training.
 
-A store keeps a mission of a signal as one compressed chunk, so that a slice of a few samples costs
-as much as the whole mission, for every signal. Here a mission is decoded once, all signals side by
-side, and windows are copies out of memory. What does not fit into memory is read again, buffer by
-buffer, in an order that mixes the store and in which each mission is read once an epoch.
+A store keeps each signal of a mission as one compressed chunk, so a slice of a few samples costs
+as much as the whole mission. `Windows` decodes a mission once, all signals side by side, and
+copies windows out of memory. A store larger than the memory is read buffer by buffer, in an order
+that mixes the store and reads each mission once an epoch.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from twin.records.storage.store_path import StorePath, store_path
 
 Floats = NDArray[np.float32]
 Missions = dict[int, Floats]
-"""Signals of missions, (samples, channels) each"""
+"""Decoded signals by mission, each (samples, channels)"""
 
 MEMORY = 2.0**31
-"""[bytes] that decoded missions may take"""
+"""[byte] Most memory that decoded missions take by default"""
 Places = NDArray[np.int64]
-"""Numbers of missions among those that are wanted."""
+"""Positions of missions in a list of wanted missions"""
 
 BLOCKS = 16
-"""Blocks of neighbouring missions, drawn at random, that make a buffer: neighbours are read in one
-go, and many blocks mix the store well."""
+"""Number of randomly chosen blocks of neighbouring missions in a buffer. Neighbours are read
+together, and many blocks mix the store well."""
 AT_A_TIME = 2**20
-"""Samples whose signals are decoded in one go, one signal after the other"""
+"""Number of samples of several missions that are decoded together, one signal after the other"""
 
 
 class Windows:
@@ -48,7 +48,7 @@ class Windows:
 
     `windows[k]` is (length, channels), `windows.read([3, 1])` (2, length, channels), float32 in the
     units of the store; NaN where a signal has gaps. A mission gives as many whole windows as fit.
-    Each process that reads one opens the store for itself.
+    Each process that reads windows opens the store itself.
     """
 
     _open: tuple[int, MissionStore] | None
@@ -65,19 +65,19 @@ class Windows:
         split: str = "all",
         memory: float = MEMORY,
     ) -> None:
-        """Find the windows; signals are read when they are asked for.
+        """Find the windows; signals are read on access.
 
         Args:
           store: path or address of a store of missions, simulated or logged.
           channels: signals, in the order of the last axis.
           length: samples of a window.
-          stride: samples from the start of one to that of the next; None: length.
+          stride: samples from the start of a window to the start of the next; None: `length`.
           split: train, validation, test or all.
-          memory: [bytes] for decoded missions; the longest one must fit.
+          memory: [byte] for decoded missions; the longest mission must fit.
 
         Raises:
-          InputError: a length or stride that is no positive whole number, memory too little for
-            one mission, or no channels.
+          InputError: a length or stride that is no positive whole number, memory too small for
+            the longest mission, or no channels.
           StoreError: no store, an unknown split or channel, or no mission as long as a window.
         """
         stride = length if stride is None else stride
@@ -94,7 +94,7 @@ class Windows:
         self.channels, self.length, self.stride = tuple(channels), length, stride
         self._memory = memory
         self._pid: int | None = os.getpid()
-        self._forget()
+        self._drop_missions()
         reader = self._reader()
         known = reader.signals()
         for name in self.channels:
@@ -113,7 +113,7 @@ class Windows:
             )
         counts = np.maximum((samples - length) // stride + 1, 0)
         self.period = reader.period
-        """[s] between samples"""
+        """[s] Time between samples"""
         self._samples = dict(zip(rows.tolist(), samples.tolist(), strict=True))
         self.missions: NDArray[np.int64] = np.repeat(rows, counts)
         """Row in the store of each window."""
@@ -136,7 +136,7 @@ class Windows:
         )
 
     def __getitem__(self, number: int | slice) -> Floats:
-        """One window, (length, channels), or those of a slice, (windows, length, channels)."""
+        """Read a window, (length, channels), or a slice of windows, (windows, length, channels)."""
         if isinstance(number, slice):
             return self.read(range(*number.indices(len(self))))
         if not -len(self) <= number < len(self):
@@ -145,7 +145,7 @@ class Windows:
         return window
 
     def __getitems__(self, numbers: Sequence[int]) -> Floats:
-        """A batch, as torch's `DataLoader` asks for it."""
+        """Read a batch for torch's `DataLoader`."""
         return self.read(numbers)
 
     def __enter__(self) -> Self:
@@ -155,32 +155,32 @@ class Windows:
         self.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what is open or decoded: another process reads for itself."""
+        """State for pickling, without open files and decoded missions."""
         return self.__dict__ | {"_open": None, "_kept": OrderedDict(), "_bytes": 0, "_pid": None}
 
     def close(self) -> None:
-        """Let go of the store's files and of what is decoded."""
+        """Close the store's files and drop the decoded missions."""
         if self._open is not None:
             self._open[1].close()
-        self._forget()
+        self._drop_missions()
 
     @property
     def fits(self) -> bool:
-        """Whether all missions together fit into the memory."""
+        """True if all missions fit into the memory together."""
         return self._size(self._samples) <= self._memory
 
     def load(self) -> Self:
-        """Decode all missions now, where they fit; worker processes forked later share them.
+        """Decode all missions now if they fit; worker processes forked later share them.
 
         Raises:
           StoreError: a file is damaged.
         """
         if self.fits:
-            self._keep(list(self._samples))
+            self._keep_missions(list(self._samples))
         return self
 
     def read(self, numbers: Sequence[int] | NDArray[np.integer[Any]]) -> Floats:
-        """Windows by number, (numbers, length, channels).
+        """Read windows by number, (numbers, length, channels).
 
         Raises:
           IndexError: there is no such window.
@@ -189,15 +189,15 @@ class Windows:
         wanted = np.asarray(numbers, np.int64)
         missions = self.missions[wanted]
         if self.fits:
-            return self._copied(self._keep(np.unique(missions).tolist()), wanted)
+            return self._copy_windows(self._keep_missions(np.unique(missions).tolist()), wanted)
         found = np.empty((len(wanted), self.length, len(self.channels)), np.float32)
-        for mission in np.unique(missions).tolist():  # in turn, so that none is decoded twice
+        for mission in np.unique(missions).tolist():  # each mission is decoded only once
             places = np.flatnonzero(missions == mission)
-            found[places] = self._copied(self._keep([mission]), wanted[places])
+            found[places] = self._copy_windows(self._keep_missions([mission]), wanted[places])
         return found
 
-    def _copied(self, some: Missions, numbers: NDArray[np.int64]) -> Floats:
-        """Windows by number out of decoded missions."""
+    def _copy_windows(self, some: Missions, numbers: NDArray[np.int64]) -> Floats:
+        """Copy windows by number out of decoded missions."""
         found = np.empty((len(numbers), self.length, len(self.channels)), np.float32)
         missions, starts = self.missions[numbers].tolist(), self.starts[numbers].tolist()
         for place, (mission, start) in enumerate(zip(missions, starts, strict=True)):
@@ -205,17 +205,17 @@ class Windows:
         return found
 
     def order(self, seed: int | None = None, epoch: int = 0) -> NDArray[np.int64]:
-        """Every window once, by number, in the order in which reading is fast.
+        """Order all windows, by number, for fast reading; each occurs once.
 
-        The order follows from seed and epoch alone, but for the memory: what does not fit is
-        shuffled within buffers of missions that are drawn at random. None keeps the store's order.
+        Seed, epoch and memory decide the order. If the missions do not fit into the memory, windows
+        are shuffled within buffers of random missions. Seed None keeps the store's order.
         """
         return np.concatenate(self._order(seed, epoch))
 
     def batches(self, size: int, *, seed: int | None = None, epoch: int = 0) -> Iterator[Floats]:
-        """Every window once, in batches of at most `size`, (size, length, channels).
+        """Yield every window once, in batches of at most `size`, (size, length, channels).
 
-        They come in the order of `order`. While one buffer is in use, the next one is read.
+        Windows follow in the order of `order`. While one buffer is in use, the next one is read.
 
         Raises:
           InputError: a size below one.
@@ -229,7 +229,7 @@ class Windows:
 
         def ready(part: NDArray[np.int64]) -> Missions:
             missions = np.unique(self.missions[part]).tolist()
-            return self._keep(missions) if self.fits else self._decoded(missions)
+            return self._keep_missions(missions) if self.fits else self._decoded(missions)
 
         with ThreadPoolExecutor(1, "windows") as reader:
             coming = reader.submit(ready, parts[0])
@@ -238,17 +238,17 @@ class Windows:
                 if after is not None:
                     coming = reader.submit(ready, after)
                 for first in range(0, len(part), size):
-                    yield self._copied(some, part[first : first + size])
-                del some  # before the part after the next one begins to fill the memory
+                    yield self._copy_windows(some, part[first : first + size])
+                del some  # frees this buffer before the next read begins
 
     def _order(self, seed: int | None, epoch: int) -> list[NDArray[np.int64]]:
-        """Numbers of windows, buffer by buffer."""
+        """Order the numbers of the windows, buffer by buffer."""
         rng = None if seed is None else np.random.default_rng([seed, epoch])
         rows, counts = np.unique(self.missions, return_counts=True)
         first = np.cumsum(counts) - counts
         lengths = np.array([self._samples[row] for row in rows.tolist()])
         size = int(lengths.sum())
-        if not self.fits:  # one buffer is read while another one is in use
+        if not self.fits:  # half the memory: one buffer is read while another one is in use
             size = max(int(self._memory / 2.0 / self._sample_bytes), 1)
         parts: list[Places] = buffers(lengths, size, rng)
         numbers = [
@@ -264,11 +264,11 @@ class Windows:
     def _size(self, missions: Sequence[int] | dict[int, int]) -> int:
         return self._sample_bytes * sum(self._samples[mission] for mission in missions)
 
-    def _keep(self, missions: Sequence[int]) -> Missions:
-        """Missions decoded, of which as many stay as fit; those used last stay.
+    def _keep_missions(self, missions: Sequence[int]) -> Missions:
+        """Decode missions and keep as many as fit; the ones unused for longest are dropped first.
 
         Args:
-          missions: in rising order; a single one where not all fit.
+          missions: numbers in rising order; a single one if not all missions of the store fit.
         """
         kept = self._kept
         missing = [mission for mission in missions if mission not in kept]
@@ -284,7 +284,7 @@ class Windows:
         return kept
 
     def _decoded(self, missions: Sequence[int]) -> Missions:
-        """Missions from the store."""
+        """Decode missions from the store."""
         reader = self._reader()
         found = {
             mission: np.empty((self._samples[mission], len(self.channels)), np.float32)
@@ -300,7 +300,7 @@ class Windows:
         return found
 
     def _reader(self) -> MissionStore:
-        """The store, opened by this process: a fork has none of the threads that read it."""
+        """Open the store once in each process: a fork lacks the threads that read it."""
         here = os.getpid()
         self._pid = here if self._pid is None else self._pid
         if self._open is None or self._open[0] != here:
@@ -309,23 +309,22 @@ class Windows:
                 self._open = (here, MissionStore(self.path))
         return self._open[1]
 
-    def _forget(self) -> None:
+    def _drop_missions(self) -> None:
         self._open, self._kept, self._bytes = None, OrderedDict(), 0
 
 
 def buffers(
     lengths: NDArray[np.int64], size: int, rng: np.random.Generator | None = None
 ) -> list[Places]:
-    """Missions that are in memory together, buffer by buffer; each mission is in one of them.
+    """Group missions into buffers that are in memory together; each mission is in one buffer.
 
     Args:
       lengths: samples of each mission.
-      size: samples of a buffer, about; a longer mission is a buffer of its own.
-      rng: draws which neighbours come together and the order of the buffers; None keeps the
-        store's order.
+      size: approximate samples of a buffer; a longer mission is a buffer of its own.
+      rng: samples the order of the blocks of neighbouring missions; None keeps the store's order.
 
     Returns:
-      For each buffer its missions, in rising order.
+      The missions of each buffer, in rising order.
     """
     total = int(lengths.sum())
     count = max(1, math.ceil(total / size))
@@ -342,7 +341,7 @@ def buffers(
 
 
 def _even_parts(lengths: NDArray[np.int64], items: Places, count: int) -> list[Places]:
-    """Items in at most `count` runs of about the same total length."""
+    """Split items into at most `count` runs of about equal total length."""
     middles = np.cumsum(lengths) - lengths / 2.0
     part = np.floor(middles * (count / lengths.sum())).astype(np.int64)
     return np.split(items, np.flatnonzero(np.diff(part)) + 1)

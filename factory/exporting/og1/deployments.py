@@ -1,8 +1,7 @@
-"""Logged deployments as OG1.0 files: one file each, with real time and place.
+"""Deployments of logs as OG1.0 files: one file each, with real time and position.
 
-One file for each deployment, as the format wants; the dives follow each other in it. Attitude and
-pressure are left out where the import had bridged a gap: they were never measured. Depth is a
-coordinate and stays complete.
+The dives of a deployment follow each other in its file. Attitude and pressure are left out where
+the import bridged a gap, as they were never measured. Depth is a coordinate and stays complete.
 """
 
 from __future__ import annotations
@@ -53,14 +52,14 @@ from twin.records.schema import VARIABLES
 Array = NDArray[np.float64]
 
 GAPPED = ("measured_pitch", "measured_roll", "measured_heading", "measured_pressure")
-"""Left out where `measured_gap` says that they are interpolated"""
+"""Signals that are left out where `measured_gap` marks them as interpolated."""
 PROFILER = (
     *("true_speed", "true_surge", "true_sway", "true_heave"),
     *("true_current_north", "true_current_east"),
 )
-"""What a Doppler log or profiler measured."""
+"""Signals that a Doppler log or profiler measured."""
 SENSOR_NAMES = {"SENSOR_AHRS": "attitude and heading sensor"}
-"""Of logs, where they differ from those of simulated missions"""
+"""Names of sensors of logs, where they differ from those of simulated missions."""
 DVL_MODE = "measured_dvl_mode"
 ELSEWHERE = frozenset(
     {
@@ -69,9 +68,9 @@ ELSEWHERE = frozenset(
         *(f"{stored}_{axis}" for stored, _, _ in TRACKS for axis in ("north", "east")),
     }
 )
-"""Signals that have variables of their own"""
+"""Signals that have variables of their own."""
 PHASE_CODES = np.array([SURFACING, DESCENT, ASCENT, INFLECTION])
-"""By the flag of `measured_phase`"""
+"""Codes of the format by the flag of `measured_phase`."""
 
 
 def export_og1_logs(
@@ -83,20 +82,20 @@ def export_og1_logs(
     vehicle: str | None = None,
     metadata: Metadata | None = None,
 ) -> list[Path]:
-    """Write one file for each deployment that `missions` belong to; returns their paths.
+    """Write one file for each deployment that `missions` belong to; return their paths.
 
     Args:
       logs: the store.
-      missions: rows of it.
+      missions: rows of the store.
       folder: for the files.
       advance: called for each dive that is written.
       vehicle: file or name of the vehicle whose flight model makes track and velocities; default
         the shipped one of the log's kind.
-      metadata: what people know of the deployment.
+      metadata: facts on the deployment that the logs lack.
 
     Raises:
       StoreError: no such mission, or its data cannot be read.
-      InputError: the disk refuses.
+      OSError: the disk refuses.
     """
     for mission in missions:
         logs.check_mission(mission)
@@ -116,7 +115,7 @@ def export_og1_logs(
 
 def _track(logs: LogStore, missions: Sequence[int]) -> JoinedDives:
     time = np.concatenate([logs.time(mission) for mission in missions])
-    # a fix between two dives without a stay at the surface ends one and begins the other
+    # without a surface interval, one fix ends a dive and begins the next
     reversed_unique = np.unique(time[::-1], return_index=True)[1]
     return JoinedDives(logs, tuple(missions), len(time) - 1 - reversed_unique)
 
@@ -167,7 +166,7 @@ def _series(
     yield from conductivity(track)
     yield from payload(track)
     written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE, *RAW_TIMES}
-    # after the profiler's, parts of other vehicles, commands, any payload
+    # then parts of other vehicles, commands, any payload
     others = [stored for stored in logs.signals() if stored not in written]
     for stored in (*(stored for stored in PROFILER if stored in seen), *others):
         yield _signal(stored.upper(), track.signal(stored), stored)
@@ -184,7 +183,7 @@ def _series(
 
 
 def _raw_time(track: JoinedDives, stored: str) -> Array:
-    """Times of the original samples, where the store has those since each row's start."""
+    """Times of the original samples, which the store counts from each row's start."""
     logs = track.logs
     return track.gather(lambda mission: logs.starts[mission] + logs.signal(stored, mission))
 
@@ -224,6 +223,6 @@ def _sensor(name: str, metadata: Metadata) -> dict[str, str]:
 
 
 def _signal(name: str, values: Array, stored: str, **more: str) -> tuple[str, Og1Variable]:
-    told = VARIABLES[stored].attributes()
-    told["long_name"] = TERMS["long_names"].get(stored, told["long_name"])
-    return variable(name, values, like="signal", **{**told, **more})
+    known = VARIABLES[stored].attributes()
+    known["long_name"] = TERMS["long_names"].get(stored, known["long_name"])
+    return variable(name, values, like="signal", **{**known, **more})

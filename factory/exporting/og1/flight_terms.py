@@ -1,13 +1,13 @@
-"""Flight terms: what a flight model adds to a logged deployment's OG1.0 file.
+"""Flight terms: variables that a flight model adds to a logged deployment's OG1.0 file.
 
 The names of the vertical and horizontal speeds and of the vertical current are those that
 converters of Seaglider files use (OG1.0 leaves them free).
 
-Flown tracks: the corrected tracks, velocities and currents are `twin.logs`'s where the vehicle's
-flight can be modelled. Where it cannot, the vehicle's own dead-reckoned track is corrected at the
-fixes in the same way, and without one the straight line between them; the file says which and why.
+Corrected tracks, velocities and currents are those of `twin.logs` if the vehicle's flight can be
+modelled. Otherwise the vehicle's own dead-reckoned track is corrected at the fixes in the same way.
+Without such a track, it is the straight line between fixes; the file names method and reason.
 
-Sea water: what an OG1.0 file holds that a store does not: conductivity, oxygen per mass.
+Here are also conductivity and oxygen per mass, which an OG1.0 file holds and a store does not.
 """
 
 from __future__ import annotations
@@ -40,42 +40,42 @@ UNKNOWN = "unknown: no GPS fix and no track"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownTrack:
-    """One mission's way over ground."""
+    """Track of one mission over ground."""
 
     position: Array
-    """North, east [m] from the mission's origin, (time, 2)"""
+    """North, east [m] from the mission's origin, (time, 2)."""
     deviation: Array
-    """[m] standard deviation, each way, (time,)"""
+    """[m] Standard deviation in each direction, (time,)."""
     fixes: Fixes
     method: str
-    """How it was found, for the file"""
+    """Method that gave the track, for the file."""
     dive: FlownDive | None
-    """What the flight model says; None without one"""
+    """Dive by the flight model; None without a model."""
     currents: tuple[DiveCurrent, ...]
-    """of its dives"""
+    """Currents of the mission's dives."""
     reckoned: Array
-    """1 at each sample without a GPS fix, 0 at the fixes, (time,)"""
+    """Flag: 1 at each sample without a GPS fix, 0 at the fixes, (time,)."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownTracks:
-    """The tracks of the missions of a store."""
+    """Tracks of the missions of a store."""
 
     tracks: dict[int, FlownTrack]
     model: str
-    """Which vehicle's flight model, or why there is none"""
+    """Vehicle of the flight model, or the reason why there is none."""
 
 
 def flown(
     run: MissionStore, missions: Sequence[int], vehicle: str | Vehicle | None = None
 ) -> FlownTracks:
-    """Tracks of these missions.
+    """Estimate the tracks of these missions.
 
     Args:
       run: the store.
-      missions: rows of it.
-      vehicle: file or name of the vehicle, which must be one that can be flown; default as
-        `twin.logs.estimate_flight` has it.
+      missions: rows of the store.
+      vehicle: file or name of the vehicle, which must have a flight model; default as in
+        `twin.logs.estimate_flight`.
 
     Raises:
       TwinError: the given vehicle cannot be flown on this store.
@@ -109,7 +109,7 @@ def flown(
 
 
 def _unmodelled(run: MissionStore, mission: int) -> FlownTrack:
-    """Track from the vehicle's own one, or from straight lines between fixes."""
+    """Track from the vehicle's own track, or from straight lines between fixes."""
     fixes = fixes_of(run, mission)
     velocity, method = _on_board(run, mission, fixes), ON_BOARD
     if velocity is not None:
@@ -128,7 +128,7 @@ def _unmodelled(run: MissionStore, mission: int) -> FlownTrack:
 
 
 def _reckoned(run: MissionStore, mission: int) -> Array:
-    """1 where no GPS fix was taken, (time,)."""
+    """Flag: 1 where no GPS fix was taken, (time,)."""
     count = int(run.samples[mission])
     if "measured_gps_north" not in run:
         return np.ones(count)
@@ -136,7 +136,7 @@ def _reckoned(run: MissionStore, mission: int) -> Array:
 
 
 def _on_board(run: MissionStore, mission: int, fixes: Fixes) -> Array | None:
-    """North, east [m/s] of the vehicle's own track, (time, 2); None without one."""
+    """North, east velocity [m/s] of the vehicle's own track, (time, 2); None without one."""
     names = ("measured_onboard_north", "measured_onboard_east")
     if any(name not in run for name in names):
         return None
@@ -150,23 +150,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class JoinedDives:
-    """The dives of one file on one time axis, which increases strictly."""
+    """Dives of one file on one time axis, which increases strictly."""
 
     logs: LogStore
     missions: tuple[int, ...]
     order: NDArray[np.intp]
-    """Samples that are kept, of all dives put behind each other."""
+    """Indices of the samples that are kept, of all dives joined in order."""
 
     def gather(self, of: Callable[[int], Array]) -> Array:
-        """What `of` says about each dive, as one array (samples,)."""
+        """Join the values of `of` for each dive into one array, (samples,)."""
         return np.concatenate([of(mission) for mission in self.missions])[self.order]
 
     def signal(self, name: str) -> Array:
-        """A stored signal, (samples,)."""
+        """Values of a stored signal, (samples,)."""
         return self.gather(lambda mission: self.logs.signal(name, mission))
 
     def repeated(self, name: str) -> Array:
-        """A number of each dive at each of its samples, (samples,)."""
+        """Number of each dive, repeated at each of its samples, (samples,)."""
         values = self.logs.number(name)
         return self.gather(
             lambda mission: np.full(int(self.logs.samples[mission]), values[mission])
@@ -174,18 +174,18 @@ class JoinedDives:
 
 
 def reckoning(reckoned: NDArray[np.bool_], deviation: Array) -> Variables:
-    """Which positions are fixes, and how sure all are."""
+    """Variables that mark dead-reckoned positions and give the standard deviation of all."""
     yield variable("DEAD_RECKONING", reckoned.astype(float))
     yield variable("POSITION_SD", deviation)
 
 
 def flight_terms(track: JoinedDives, found: FlownTracks) -> Variables:
-    """Velocities and currents by the flight model; none without one."""
+    """Velocities and currents by the flight model; no variables without one."""
     if all(found.tracks[mission].dive is None for mission in track.missions):
         return
 
     def of(pick: Callable[[Any], Array]) -> Array:
-        """Values of each dive, NaN where none was flown."""
+        """Values of each dive; NaN for a dive without a flight."""
 
         def one(mission: int) -> Array:
             dive = found.tracks[mission].dive
@@ -211,11 +211,11 @@ def flight_terms(track: JoinedDives, found: FlownTracks) -> Variables:
 
 
 LEAST_SPEED = 0.05
-"""[m/s] below which an angle of attack means nothing"""
+"""[m/s] Speed below which an angle of attack means nothing."""
 
 
 def _currents(track: JoinedDives, found: FlownTracks) -> Variables:
-    """The depth-averaged current of each dive by the flight model, at the samples of the dive."""
+    """Depth-averaged current of each dive by the flight model, at the samples of the dive."""
     for axis, name in (("north", "NORTH"), ("east", "EAST"), ("deviation", "SD")):
 
         def of(mission: int, axis: str = axis) -> Array:
@@ -228,17 +228,17 @@ def _currents(track: JoinedDives, found: FlownTracks) -> Variables:
 
 
 MS_PER_CM = 10.0
-"""gsw gives conductivity in mS/cm; 1 S/m is 10 of them."""
+"""[mS/cm] in 1 S/m; gsw gives conductivity in mS/cm."""
 MADE_CONDUCTIVITY: str = TERMS["variables"]["CNDC"]["long_name"]
 LITRES = 1e3
-"""in 1 m3"""
+"""Litres in 1 m3."""
 OXYGEN = "measured_oxygen"
 PER_MASS = "moles_of_oxygen_per_unit_mass_in_sea_water"
 WATER = ("measured_salinity", "measured_temperature", "measured_pressure")
 
 
 def conductivity(track: JoinedDives) -> Variables:
-    """What the CTD measured [S/m], from salinity, temperature and pressure; none without them."""
+    """Conductivity [S/m] from salinity, temperature and pressure; no variables without them."""
     if not set(WATER) <= set(track.logs.signals()):
         return
     import gsw
@@ -251,8 +251,8 @@ def conductivity(track: JoinedDives) -> Variables:
 def payload(track: JoinedDives) -> Variables:
     """Oxygen, chlorophyll ... under the names that the format has for them.
 
-    Oxygen is per mass there, which needs the water's density: without a CTD it keeps its name and
-    unit of the store.
+    The format has oxygen per mass, which needs the water's density. Without a CTD, oxygen keeps its
+    name and unit of the store.
     """
     for stored, (name, units) in TERMS["payload"].items():
         if stored not in track.logs:
@@ -271,13 +271,7 @@ def payload(track: JoinedDives) -> Variables:
 
 
 def potential_density(practical: Array, temperature: Array, pressure: Array) -> Array:
-    """[kg m-3] at 0 dbar, as Argo turns umol/L into umol/kg; straight on across holes of the CTD.
-
-    Args:
-      practical: salinity, PSS-78, (samples,).
-      temperature: in situ [degree_Celsius], (samples,).
-      pressure: [dbar], (samples,).
-    """
+    """[kg m-3] Density at 0 dbar, as Argo converts umol/L to umol/kg; linear across gaps."""
     import gsw
 
     # the place changes absolute salinity by less than 0.03 g/kg, oxygen by 0.003 %

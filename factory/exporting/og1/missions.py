@@ -1,14 +1,12 @@
-"""Simulated missions as OG1.0 trajectory files: one file each, plainly marked as simulated.
+"""Missions of a simulation as OG1.0 trajectory files: one file each, marked as simulated.
 
-Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10, with the
-attributes of ACDD-1.3. The
-format knows one file per deployment, so each mission is one. LATITUDE and LONGITUDE are what the
-glider's measurements give, a dead-reckoned track corrected at the fixes; *_ONBOARD is the track
-that it logged itself; the truth, which no real file has, is in variables named TRUE_*. Positions
-and TIME are at the place and date of the mission; one without a date counts from a nominal
-deployment.
+Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10, with the attributes
+of ACDD-1.3. The format has one file per deployment, so each mission is one. LATITUDE and LONGITUDE
+are dead-reckoned from the glider's measurements and corrected at the fixes. *_ONBOARD is the track
+that the glider logged itself. TRUE_* is the truth, which no real file has. Positions and TIME are
+at the place and date of the mission; a mission without a date counts from a nominal deployment.
 
-Places: the positions that an OG1.0 file of a logged deployment holds.
+Here are also the positions in an OG1.0 file of a logged deployment.
 """
 
 from __future__ import annotations
@@ -61,7 +59,7 @@ from twin.records.schema import VARIABLES
 Array = NDArray[np.float64]
 
 PLACES = ("true", "measured_onboard", "measured_gps")
-"""Signals in metres from the origin, which the file has as latitude and longitude"""
+"""Signals in metres from the origin, which the file holds as latitude and longitude."""
 
 
 def export_og1(
@@ -76,11 +74,11 @@ def export_og1(
 
     Args:
       run: the store.
-      mission: row of it.
+      mission: row of the store.
       folder: for the file.
       vehicle: file or name of the vehicle whose flight model reckons the track; default the
         mission's own.
-      metadata: what people say of it.
+      metadata: facts on the mission that the store lacks.
 
     Raises:
       StoreError: no such mission, or its data cannot be read.
@@ -167,7 +165,7 @@ def _series(
     yield variable("TRUE_LATITUDE", true_latitude, like="latitude", long_name="true latitude")
     written = {stored for _, stored, _ in terms} | {"measured_dvl_mode", "measured_depth"}
     places = {f"{one}_{axis}" for one in PLACES for axis in ("north", "east")}
-    for stored in run.signals():  # truth, commands, whatever sensors of one's own measured
+    for stored in run.signals():  # truth, commands, signals of own sensors
         if stored not in written | places:
             yield _signal(stored.upper(), row(stored), stored)
 
@@ -180,13 +178,13 @@ def phases(depth: Array, velocity_down: Array) -> NDArray[np.int8]:
 
 
 def _signal(name: str, values: Array, stored: str, **more: str) -> tuple[str, Og1Variable]:
-    told = VARIABLES[stored].attributes()
-    told["long_name"] = f"{TERMS['long_names'].get(stored, told['long_name'])} (simulated)"
-    return variable(name, values, like="signal", **{**told, **more})
+    known = VARIABLES[stored].attributes()
+    known["long_name"] = f"{TERMS['long_names'].get(stored, known['long_name'])} (simulated)"
+    return variable(name, values, like="signal", **{**known, **more})
 
 
 def corrected_places(track: JoinedDives, found: FlownTracks) -> Variables:
-    """The corrected track, its deviation and flags."""
+    """Corrected track, its standard deviation and flags."""
     methods = ", ".join(dict.fromkeys(found.tracks[mission].method for mission in track.missions))
     latitude, longitude = _degrees(track, lambda mission: found.tracks[mission].position)
     reckoned = track.gather(lambda mission: found.tracks[mission].reckoned) > 0.0
@@ -198,8 +196,8 @@ def corrected_places(track: JoinedDives, found: FlownTracks) -> Variables:
 
 
 def tracks(track: JoinedDives) -> Variables:
-    """Tracks that the store has in metres from each row's start, on Earth: nothing else would say
-    where they are, since a file has no rows."""
+    """Latitudes and longitudes of tracks that the store has in metres from each row's start: a file
+    has no rows, and so no origins."""
     for stored, ending, word in TRACKS:
         names = [f"{stored}_{axis}" for axis in ("north", "east")]
         if not all(name in track.logs for name in names):
@@ -214,7 +212,7 @@ def tracks(track: JoinedDives) -> Variables:
 
 
 def gps_fixes(track: JoinedDives, time: Array) -> Variables:
-    """The fixes at the ends of the dives, each at its own time beside the nearest sample."""
+    """Fixes at the ends of the dives, each with its own time at the nearest sample."""
     logs = track.logs
     places = np.full((3, len(time)), np.nan)
     for mission in track.missions:
@@ -229,7 +227,7 @@ def gps_fixes(track: JoinedDives, time: Array) -> Variables:
 
 
 def _degrees(track: JoinedDives, of: Callable[[int], Array]) -> tuple[Array, Array]:
-    """Latitude and longitude [degree] of each dive's metres, (samples,) each."""
+    """Latitude and longitude [degree] of each dive's track in metres, (samples,) each."""
     latitude, longitude = track.gather(
         lambda m: np.stack(place_of(track.logs, m).degrees(*of(m).T), axis=1)
     ).T

@@ -1,6 +1,6 @@
-"""Terms of OG1.0: vocabularies, names and global attributes, as simulated missions fill them.
+"""OG1.0 terms: vocabularies, names and global attributes of the format.
 
-Simulated mission: what a file says of it beside its signals, whichever store it is in.
+`SimulatedMission` holds the identity, place and date of a mission, from either kind of store.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from twin.version import __version__
 from twin.water.current.axes import DEFAULT_TIME, Origin
 
 EARLIEST = datetime.datetime(2001, 9, 9, 1, 46, 40, tzinfo=datetime.UTC)
-"""OG1.0's valid_min of times, 1e9 s after 1970"""
+"""Earliest time of OG1.0 (its valid_min), 1e9 s after 1970."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,20 +44,20 @@ class SimulatedMission:
     """Identity, place and date of one simulated mission."""
 
     name: str
-    """Identifier of the mission, without spaces"""
+    """Identifier of the mission, without spaces."""
     said: str
-    """One sentence of the mission; it says which of place and date are nominal"""
+    """Sentence on the mission; it names which of place and date are nominal."""
     vehicle: str
     latitude: float
-    """[degree] of the origin"""
+    """[degree] Latitude of the origin."""
     longitude: float
-    """[degree] of the origin"""
+    """[degree] Longitude of the origin."""
     start: datetime.datetime
-    """UTC"""
+    """Start in UTC."""
     duration: float
-    """[s]"""
+    """[s] Duration."""
     source: str
-    """What made it"""
+    """Program and vehicle that made the data."""
     history: str
 
 
@@ -65,7 +65,7 @@ def simulated_mission(run: GeneratedStore | StoredFlight, mission: int) -> Simul
     """Identity, place and date of a mission of a store.
 
     Raises:
-      StoreError: its date is earlier than the format allows.
+      StoreError: the date is earlier than the format allows.
     """
     latitude, longitude, start, nominal = _began(run, mission)
     if isinstance(run, StoredFlight):
@@ -90,10 +90,10 @@ def simulated_mission(run: GeneratedStore | StoredFlight, mission: int) -> Simul
 def _began(
     run: GeneratedStore | StoredFlight, mission: int
 ) -> tuple[float, float, datetime.datetime, str]:
-    """Latitude, longitude [degree], UTC, and which of place and date are nominal.
+    """Latitude, longitude [degree], start in UTC, and which of place and date are nominal.
 
-    Stores of earlier versions may not say it: those of the factory have the parameters, for single
-    flights the defaults of today stand.
+    Stores of earlier versions may lack place and date. The factory's stores then give them by their
+    parameters; a single flight gets today's defaults.
     """
     place, default = read_place(run.dataset.isel({MISSION: mission})), Origin()
     if not place and isinstance(run, GeneratedStore):
@@ -104,11 +104,11 @@ def _began(
         if name not in place
     ]
     nominal = str(place.get(NOMINAL, " and ".join(lacking)))
-    said = str(place.get(START_TIME, DEFAULT_TIME))
-    start = datetime.datetime.fromisoformat(said).replace(tzinfo=datetime.UTC)
+    date = str(place.get(START_TIME, DEFAULT_TIME))
+    start = datetime.datetime.fromisoformat(date).replace(tzinfo=datetime.UTC)
     if start < EARLIEST:
         raise StoreError(
-            f"mission {mission} of {run.path} begins at {said}: OG1.0 has no dates "
+            f"mission {mission} of {run.path} begins at {date}: OG1.0 has no dates "
             f"before {EARLIEST:%Y-%m-%d}; fly it at a later start time"
         )
     latitude = float(place.get(START_LATITUDE, default.latitude_deg))
@@ -121,17 +121,17 @@ N_MEASUREMENTS = "N_MEASUREMENTS"
 TERMS: dict[str, Any] = yaml.safe_load(
     Path(__file__).with_name("og1.yaml").read_text(encoding="utf-8")
 )
-"""Variables and attributes of the format, see the file"""
+"""Variables and attributes of the format (see the file)."""
 COORDINATES = "TIME LONGITUDE LATITUDE DEPTH"
 ASCENT, DESCENT, SURFACING, INFLECTION = 1, 2, 3, 5
-"""Codes of the format's phase vocabulary"""
+"""Codes of the format's phase vocabulary."""
 SURFACE_DEPTH_M = 1.5
-"""Shallower the glider counts as at the surface: half a hull and some"""
+"""[m] Depth above which the glider counts as at the surface: half a hull and some."""
 STILL_SPEED = 0.03
-"""[m/s] vertical: slower under water it is turning"""
+"""[m/s] Vertical speed below which a glider under water is turning."""
 
 Term = tuple[str, str, str]
-"""Name in the file, name in the store, sensor variable"""
+"""Name in the file, name in the store, sensor variable."""
 
 
 def _measured(part: str) -> tuple[Term, ...]:
@@ -143,10 +143,10 @@ MEASURED = (*SIMULATED_MEASURED, *CTD_MEASURED, ("RUDDER", "measured_fin", ""))
 
 
 def simulated_terms(signals: Sequence[str]) -> list[Term]:
-    """The terms of a store of simulated missions, by the parts that its vehicle has.
+    """Terms of a store of simulated missions, by the parts that its vehicle has.
 
     Args:
-      signals: names of all its signals.
+      signals: names of all signals in the store.
     """
     parts = actuator_names(signals)
     gliders = {f"measured_{name}" for name in actuator_names(SIMULATED)}
@@ -163,20 +163,20 @@ TRACKS = (
     ("commanded_waypoint", "WAYPOINT_{}", "of the waypoint that the vehicle was sent to"),
     ("true", "TRUE_{}", "where the simulated vehicle really was"),
 )
-"""Signals `..._north` and `..._east` [m] of stores, their names as latitude and longitude"""
+"""Stores' signals `..._north` and `..._east` [m], and their names as latitude and longitude."""
 RAW_TIMES = {
     "measured_depth_time": "TIME_DEPTH",
     "measured_attitude_time": "TIME_ATTITUDE",
     "measured_ctd_time": "TIME_CTD",
 }
-"""Times of the original samples beside those of the grid"""
+"""Times of the original samples, besides those of the grid."""
 VARIATION = "MAGNETIC_VARIATION"
 NOT_LOGGED: str = TERMS["logged"]["institution"]
-"""Value of attributes that the format demands and a vehicle's log cannot know"""
+"""Value of attributes that the format demands and a vehicle's log lacks."""
 
 
 def sensor_attributes(run: GeneratedStore | StoredFlight, name: str) -> dict[str, str]:
-    """Attributes of a sensor variable; a device without errors is nobody's model."""
+    """Attributes of a sensor variable; a device without errors has no model name."""
     device, kind, model = TERMS["sensors"][name]
     settings = getattr(run.suite, device)
     called = f"simulated {model}"
@@ -194,7 +194,7 @@ def sensor_attributes(run: GeneratedStore | StoredFlight, name: str) -> dict[str
 
 
 def stamp(moment: datetime.datetime) -> str:
-    """The moment as the format writes it."""
+    """Write a moment as the format does."""
     return moment.strftime("%Y%m%dT%H%M%S")
 
 
@@ -222,7 +222,7 @@ def bounds(latitude: Array, longitude: Array, depth: Array) -> dict[str, float |
 
 
 def global_attributes(facts: SimulatedMission, mission: int, metadata: Metadata) -> dict[str, Any]:
-    """Global attributes; those that depend on the data are `bounds`."""
+    """Global attributes of a mission's file; `bounds` gives those that depend on the data."""
     serial = f"sim{mission:06d}"
     start = stamp(facts.start)
     end = facts.start + datetime.timedelta(seconds=facts.duration)
@@ -240,7 +240,7 @@ def global_attributes(facts: SimulatedMission, mission: int, metadata: Metadata)
 
 
 def _identity(serial: str, start: str, deployment: str) -> dict[str, Any]:
-    """Attributes of every file."""
+    """Attributes that every file has."""
     return {
         **TERMS["global"],
         "id": f"{serial}_{start}_delayed",

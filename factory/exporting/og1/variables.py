@@ -1,6 +1,6 @@
-"""Variables of an OG1.0 file with their attributes, and the netCDF-4 file that is made of them.
+"""Variables of an OG1.0 file with their attributes, and the writer of the netCDF-4 file.
 
-Quality: the flags beside variables, which OceanGliders has taken over from Argo.
+`quality` makes the flags of variables, which OceanGliders adopted from Argo.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Og1Variable:
-    """One variable of the file."""
+    """Variable of the file."""
 
     values: NDArray[Any]
     attributes: Mapping[str, Any]
@@ -32,7 +32,7 @@ class Og1Variable:
 
 
 Variables = Iterator[tuple[str, Og1Variable]]
-"""With their names"""
+"""Variables with their names."""
 
 
 def write_og1(
@@ -44,7 +44,7 @@ def write_og1(
     """Write a file into `folder`, under the name that the format prescribes: the attribute `id`.
 
     Raises:
-      OSError: the disk refuses, of which the netCDF library gives no reason.
+      OSError: the disk refuses; the netCDF library gives no reason.
     """
     path = folder / f"{identity['id']}.nc"
     folder.mkdir(parents=True, exist_ok=True)
@@ -91,14 +91,14 @@ def _fill(
 
 
 def _content(name: str, kind: str) -> str:
-    """ACDD's kind of a variable."""
+    """Kind of a variable in ACDD's words."""
     if name in COORDINATES.split():
         return "coordinate"
     return "auxiliaryInformation" if kind.startswith("i") else "physicalMeasurement"
 
 
 def _duration(time: Array) -> dict[str, str]:
-    """ACDD's length and resolution of the data, as ISO 8601 writes durations."""
+    """Duration and resolution of the data for ACDD, as ISO 8601 durations."""
     steps = np.diff(time)
     words = {"time_coverage_duration": f"PT{float(time[-1] - time[0]):.0f}S"}
     if len(steps):
@@ -109,27 +109,27 @@ def _duration(time: Array) -> dict[str, str]:
 def variable(
     name: str, values: NDArray[Any] | float | str, *, like: str = "", **more: Any
 ) -> tuple[str, Og1Variable]:
-    """A variable with its attributes of `og1.yaml` and these.
+    """Make a variable with its attributes of `og1.yaml` and further ones.
 
     Args:
-      name: in the file.
+      name: name in the file.
       values: NaN where missing.
-      like: variable whose attributes it takes, where it has none of its own there.
-      more: further attributes; `kind` and `fill` say how it is stored.
+      like: variable whose attributes are used if `og1.yaml` has none for `name`.
+      more: further attributes; `kind` and `fill` set how the values are stored.
     """
-    told = {**TERMS["variables"][like or name], **more}
-    kind, fill = told.pop("kind", "f8"), told.pop("fill", None)
-    dimensions = () if told.pop("once", False) else (N_MEASUREMENTS,)
+    attributes = {**TERMS["variables"][like or name], **more}
+    kind, fill = attributes.pop("kind", "f8"), attributes.pop("fill", None)
+    dimensions = () if attributes.pop("once", False) else (N_MEASUREMENTS,)
     if fill and not dimensions and np.isfinite(values):
         fill = None
-    if meanings := told.pop("flags", None):
-        told["flag_values"] = np.array(list(meanings), np.int8)
-        told["flag_meanings"] = " ".join(meanings.values())
-    return name, Og1Variable(np.asarray(values), told, fill and float(fill), dimensions, kind)
+    if meanings := attributes.pop("flags", None):
+        attributes["flag_values"] = np.array(list(meanings), np.int8)
+        attributes["flag_meanings"] = " ".join(meanings.values())
+    return name, Og1Variable(np.asarray(values), attributes, fill and float(fill), dimensions, kind)
 
 
 def deployment(start: float, latitude: float, longitude: float) -> Variables:
-    """When and where the deployment began [s since 1970], [degree]."""
+    """Time [s since 1970] and position [degree] of the deployment's start."""
     yield variable("DEPLOYMENT_TIME", start)
     yield variable("DEPLOYMENT_LATITUDE", latitude)
     yield variable("DEPLOYMENT_LONGITUDE", longitude)
@@ -148,13 +148,13 @@ ENDING = "_QC"
 
 def quality(name: str, values: Array, *, estimated: Mask | None = None, good: Mask | None = None
             ) -> tuple[str, Og1Variable]:  # fmt: skip
-    """The flag variable of one variable: missing values, those estimated, those known to be good.
+    """Flag variable of one variable: missing values, estimated values, and values known to be good.
 
     Args:
-      name: of the variable.
-      values: its values, NaN where missing.
-      estimated: where they are interpolated or dead-reckoned.
-      good: where a measurement says so.
+      name: name of the variable.
+      values: the variable's values, NaN where missing.
+      estimated: True where values are interpolated or dead-reckoned.
+      good: True where a measurement confirms the value.
     """
     codes = np.full(len(values), NOT_CHECKED)
     if estimated is not None:

@@ -1,7 +1,6 @@
-"""Checks of one dive: a log that does not hold it to its end, sensors that stood still, and what no
-ocean and no vehicle allows.
+"""Dive checks: incomplete logs, stuck sensors, and values that no ocean and no vehicle allows.
 
-And of a log: what it holds from before its clock was set.
+`since_clock` removes samples that a log holds from before its clock was set.
 """
 
 from __future__ import annotations
@@ -24,29 +23,29 @@ from twin.records.logged import DRIVEN
 from twin.records.schema.limits import depth_faults, recorded_limits
 
 _SILENT = 120.0
-"""[s] Between the last sample and the fix; a Seaglider needs a minute or two to its first fix."""
+"""[s] Longest time from a fix to a depth; a Seaglider needs a minute or two for its first fix."""
 _DEEP = 10.0
-"""[m] What surfaced within that time was shallower."""
+"""[m] Greatest depth from which a vehicle can surface within that time."""
 _BELOW = 5.0
-"""[m] Sensors are judged under water."""
+"""[m] Depth below which sensors are judged."""
 _FEWEST = 20
-"""Samples without which a standstill proves nothing."""
+"""Fewest samples that show a stuck sensor."""
 _STEADY = ("measured_pitch", "measured_heading")
-"""Channels that never stay the same to the last digit over a dive."""
+"""Channels that always vary over a dive, if only in the last digit."""
 _STANDS, _PITCHED = 300.0, 10.0
-"""[s, degree] A depth that keeps its value for so long while the nose points up or down."""
+"""[s, degree] Longest time at one depth with the nose up or down, and the least such pitch."""
 
 
 def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> DeploymentLog:
-    """The log without what it holds from before its clock was set, counted.
+    """Remove samples from before the log's clock was set; count them.
 
-    Such a piece ends with a silence of more than `_UNSET`, and has neither a fix, which would have
-    set the clock, nor a dive.
+    Such a stretch ends with a silence of more than `_UNSET`, and holds neither a fix, which would
+    have set the clock, nor a dive.
     """
     if log.pieces is not None or log.gridded:
         return log
     times, last = np.unique(log.fixes.time), log.fixes.time
-    for one in {**log.channels, **log.auxiliary}.values():  # many have one clock
+    for one in {**log.channels, **log.auxiliary}.values():  # many channels share one clock
         if not np.array_equal(one.time, last):
             times, last = np.union1d(times, one.time), one.time
     begins = np.concatenate([[-np.inf], times[1:][np.diff(times) > _UNSET]])
@@ -72,12 +71,12 @@ def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> Deploymen
 
 
 _UNSET = 30.0 * 86400.0
-"""[s] A clock that is not set is years away; a log of one deployment is silent for days"""
+"""[s] Silence that shows an unset clock, which is years away; deployments are silent for days."""
 
 
 def tell_above_sea(log: DeploymentLog, tally: Tally) -> None:
-    """Mark a log as suspect whose depths lie above the sea: no stay at the surface told the offset
-    of its sensor."""
+    """Mark a log as suspect if depths lie above the sea: its sensor has an offset, and no surface
+    interval shows it."""
     depth = log.channel("measured_depth")
     high = depth.values < -_ABOVE_SEA
     if high.any():
@@ -89,11 +88,11 @@ def tell_above_sea(log: DeploymentLog, tally: Tally) -> None:
 
 
 _ABOVE_SEA = 5.0
-"""[m] Waves are lower."""
+"""[m] Height above the sea that no wave reaches."""
 
 
 def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
-    """Check that the log holds a dive from its first fix to its last; report what is missing."""
+    """Check that the log covers a dive from its first fix to its last; report missing parts."""
     inside = log.channel("measured_depth").within(segment.start, segment.end)
     if not len(inside):
         return False
@@ -113,7 +112,7 @@ def complete(log: DeploymentLog, segment: LogSegment, tally: Tally) -> bool:
 
 
 def tell_silent(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
-    """Say where a vehicle's computer logs nothing of a dive whose depth goes on: a short file."""
+    """Report a flight log that ends while the depth goes on: a file is cut or missing."""
     shown = computer_of(log, segment)
     depth = log.channel("measured_depth").within(segment.start, segment.end)
     below = depth.time[depth.values > _BELOW]
@@ -137,7 +136,7 @@ def tell_silent(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
 
 
 def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
-    """Report sensors that stood still for the whole dive, as `suspect`, once for each dive."""
+    """Report sensors that were stuck for a whole dive as `suspect`, once for each dive."""
     depth = log.channel("measured_depth").within(segment.start, segment.end)
     below = depth.values > _BELOW
     if below.sum() < _FEWEST:
@@ -160,14 +159,14 @@ def standing(log: DeploymentLog, segment: LogSegment, tally: Tally) -> None:
 
 
 Reason = tuple[str, str]
-"""Channel, and what is wrong with it"""
+"""Channel, and its fault in words."""
 
 
 def keep_possible(signals: dict[str, Array]) -> list[Reason]:
-    """Take what no store may hold out of a row's signals, in place, and name it.
+    """Replace values that no store may hold by NaN, in place; return the faults.
 
-    Channels of a log are within limits; here is what is made of them, such as tracks from places
-    and offsets of the times of samples.
+    Channels of a log are within limits already. Signals derived from them may not be, such as
+    tracks and times of samples.
 
     Args:
       signals: of the row, (time,) each.
@@ -183,16 +182,16 @@ def keep_possible(signals: dict[str, Array]) -> list[Reason]:
 
 
 STRONGEST_CURRENT = 3.0
-"""[m/s] Averaged over a dive no ocean current is faster: the core of the Gulf Stream has 2.5."""
+"""[m/s] Largest current averaged over a dive: the core of the Gulf Stream has 2.5."""
 FASTEST_OVER_GROUND = 6.0
-"""[m/s] The fastest vehicles here swim 3 m/s, and the current adds as much."""
+"""[m/s] Largest speed over ground: the fastest vehicles swim 3 m/s, a current adds as much."""
 FARTHEST = 1e6
-"""[m] A vehicle is sent to a place that it reaches in its deployment."""
+"""[m] Largest plausible distance of a waypoint or a track from the row's start."""
 _ELSEWHERE = {"commanded_waypoint": "its waypoint", "measured_onboard": "its own track"}
 _NOTHING = np.zeros(0)
 FLAT, FALLS = 2.0, 0.14
-"""[degree, m/s] A hull that lies flat falls more slowly than that: 0.5 kg of net mass over 0.5 m2
-of its side and a drag coefficient of 1 give 0.13 m/s. Who sinks faster is pitched."""
+"""[degree, m/s] A hull pitched by less than `FLAT` sinks more slowly than `FALLS`: 0.5 kg of net
+mass over 0.5 m2 of its side and a drag coefficient of 1 give 0.13 m/s."""
 
 
 def doubts_of(
@@ -202,12 +201,12 @@ def doubts_of(
     numbers: Mapping[str, float],
     period: float,
 ) -> list[Reason]:
-    """Find what a dive says that no ocean and no vehicle allows.
+    """Find values of a dive that no ocean and no vehicle allows.
 
     Args:
       signals: of the row, on its grid, (time,) each.
       numbers: of the row, such as its currents.
-      period: [s] of the grid.
+      period: [s] sampling interval of the grid.
     """
     found: list[Reason] = []
     if not log.simulated and segment.end > datetime.datetime.now(datetime.UTC).timestamp() + AHEAD:
@@ -229,12 +228,12 @@ def doubts_of(
             why = f"more than {FARTHEST / 1e3:g} km from {what}; minutes for degrees?"
             found.append(("GPS fixes", why))
     if log.pieces is None and numbers.get("thruster_fraction", 0.0) <= DRIVEN:
-        found += _too_flat(signals, period)
+        found += _pitch_fault(signals, period)
     return found
 
 
-def _too_flat(signals: Mapping[str, Array], period: float) -> list[Reason]:
-    """Pitch of a glide that cannot make its vertical velocity."""
+def _pitch_fault(signals: Mapping[str, Array], period: float) -> list[Reason]:
+    """Fault of a glide whose pitch is too small for its vertical velocity."""
     needed = ("measured_depth", "measured_pitch", "measured_gap", "measured_phase")
     if any(name not in signals for name in needed):
         return []
@@ -250,12 +249,12 @@ def _too_flat(signals: Mapping[str, Array], period: float) -> list[Reason]:
 ATTITUDE = ("measured_pitch", "measured_heading", "measured_roll")
 
 DEEP = 10.0
-"""[m], [dbar] No vehicle with a fix is so deep."""
+"""[m], [dbar] Depth that no vehicle with a fix reaches."""
 
 
 def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
-    """Channel that shows when the vehicle's computer runs in a row: its own, or an attitude that
-    comes all the time; empty where nothing shows it."""
+    """Channel that shows when the vehicle's computer runs during a row: `awake`, or an attitude
+    that is sampled regularly; empty without any."""
     for name in ("awake", *ATTITUDE):
         one = log.channel(name).within(segment.start, segment.end)
         if len(one) >= _FEWEST and not one.on_change:
@@ -264,7 +263,7 @@ def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:
 
 
 def running(log: DeploymentLog, segment: LogSegment, times: Array) -> NDArray[np.bool_]:
-    """When the vehicle's computer runs; always, where nothing shows it."""
+    """True while the vehicle's computer runs; always true if nothing shows it."""
     shown = computer_of(log, segment)
     return shown.covers(times) | floating(shown, log, segment, times) | (not len(shown))
 
@@ -272,8 +271,8 @@ def running(log: DeploymentLog, segment: LogSegment, times: Array) -> NDArray[np
 def floating(
     channel: Channel, log: DeploymentLog, segment: LogSegment, times: Array
 ) -> NDArray[np.bool_]:
-    """When a vehicle waits at the surface for the fix of a row's end, and says little: before the
-    first and after the last sample of a channel."""
+    """True while a vehicle waits at the surface for the fix at a row's end: before a channel's
+    first sample, or after its last."""
     floats = np.zeros(len(times), bool)
     depth = log.channel("measured_depth").within(segment.start, segment.end)
     inside = channel.within(segment.start, segment.end)

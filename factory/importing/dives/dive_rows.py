@@ -1,4 +1,4 @@
-"""The dataset of an import: one row for each dive, ready to be written as a store."""
+"""Dive rows: the dataset of an import, one row for each dive, ready to be written as a store."""
 
 from __future__ import annotations
 
@@ -51,31 +51,31 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SHARES = (0.6, 0.2, 0.2)
-"""Parts of a deployment's dives for training, validation and test, in this order of time."""
+"""Fractions of a deployment's dives for training, validation and test, in this order of time."""
 FRAMES = (
     "On one time grid. NED frame with its origin at each row's start; body axes forward, "
     "starboard, down. Headings are true."
 )
-"""End of a store's comment."""
+"""Last sentences of a store's comment."""
 _PHASE_FLAGS = sorted(PHASES)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveRow:
-    """One row of the store."""
+    """Row of the store: one dive."""
 
     deployment: str
-    """Name of it"""
+    """Name of the deployment."""
     platform: str
-    """Make of the vehicle"""
+    """Make of the vehicle."""
     segment: LogSegment
     signals: dict[str, Array]
     numbers: dict[str, float]
-    """Per-row numbers besides those of the segment: vehicle_dac_north ...; dive, where the log has
-    the vehicle's own"""
+    """Per-row numbers besides those of the segment, such as vehicle_dac_north, and dive if the
+    vehicle counts its dives."""
     positions: Positions
     suspect: str = ""
-    """Why it holds what no ocean or vehicle allows; empty where it does not"""
+    """Reason why no ocean or vehicle allows the row's values; empty for a sound row."""
 
 
 NUMBERS: dict[str, tuple[str, str]] = {
@@ -115,16 +115,16 @@ OF_ROWS: Mapping[str, Mapping[str, Any]] = {
         "long_name": "part of the data set, by dive in blocks of time",
     },
 }
-"""CF attributes of the axes and the per-row variables"""
+"""CF attributes of the axes and the per-row variables."""
 _STANDARD_NAMES = {
     "dac_north": "northward_sea_water_velocity",
     "dac_east": "eastward_sea_water_velocity",
 }
-"""CF standard names of our currents and of the vehicle's"""
+"""CF standard names of our currents and of the vehicle's."""
 
 
 def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, Any]) -> xr.Dataset:
-    """The rows padded with NaN to the longest; variables that no row has are left out."""
+    """Dataset of the rows, padded with NaN to the longest, without variables that no row has."""
     import xarray as xr
 
     lengths = np.array([len(row.signals["measured_gap"]) for row in rows], np.int32)
@@ -160,12 +160,12 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
 
 
 def _described(name: str, values: NDArray[Any]) -> tuple[str, NDArray[Any], dict[str, Any]]:
-    """A variable along the rows with its attributes of `OF_ROWS`."""
+    """Variable along the rows, with its attributes of `OF_ROWS`."""
     return MISSION, values, dict(OF_ROWS[name])
 
 
 def dive_numbers(rows: Sequence[DiveRow]) -> NDArray[np.int32]:
-    """Number of each dive, (mission,): the vehicle's own, or its place in its deployment."""
+    """Number of each dive, (mission,): the vehicle's own, or its index in its deployment."""
     counts = Counter[str]()
     found = []
     for row in rows:
@@ -177,10 +177,10 @@ def dive_numbers(rows: Sequence[DiveRow]) -> NDArray[np.int32]:
 def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
     """Flag of `SPLITS` of each row: blocks of consecutive dives of each deployment.
 
-    Neighbouring dives share water, trim and biofouling, so that a random draw would leak. Rows with
-    and rows without truth are divided each by itself: all parts have truth where there is enough.
-    Where each deployment is a single row, such as one run of a vehicle, the runs of each vehicle
-    are divided instead.
+    Neighbouring dives share water, trim and biofouling, so that a random split would leak. Rows
+    with and without truth are divided separately, so that all parts have truth where there is
+    enough. If each deployment is a single row, such as one run of a vehicle, the runs of each
+    vehicle are divided instead.
     """
     flags = np.full(len(rows), SPLITS.index("test"), np.int8)
     names = [row.deployment for row in rows]
@@ -197,7 +197,7 @@ def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
 
 
 def blocks(count: int) -> NDArray[np.int8]:
-    """Flags of `count` dives in order of time; of one it is test, of two train and test."""
+    """Flags of `count` dives in order of time; one dive is test, two are train and test."""
     test = max(1, round(SHARES[2] * count))
     validation = min(max(1, round(SHARES[1] * count)), max(count - test - 1, 0))
     parts = (count - test - validation, validation, test)
@@ -205,7 +205,7 @@ def blocks(count: int) -> NDArray[np.int8]:
 
 
 def _start(rows: Sequence[DiveRow]) -> dict[str, Any]:
-    """Time and place of the starts, (mission,); a row without a fix before it has no place."""
+    """Time and position of the starts, (mission,); the position is NaN without a fix."""
     fixes = [row.segment.start_fix or NOWHERE for row in rows]
     fix = "of the fix before the dive"
     return {
@@ -222,7 +222,7 @@ def _start(rows: Sequence[DiveRow]) -> dict[str, Any]:
 
 
 def _where_and_when(rows: Sequence[DiveRow], longest: int, period: float) -> dict[str, Any]:
-    """Time and place of the samples, (mission, time)."""
+    """Time and position of the samples, (mission, time)."""
     latitudes = [row.positions.latitude for row in rows]
     times = [
         unix_milliseconds(row.segment.start, sample_times(len(latitude), period))

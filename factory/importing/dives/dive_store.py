@@ -1,6 +1,6 @@
-"""Dives of all logs on one time grid as one dataset, with the report of what was done to them.
+"""Dive store: the dives of all logs on one time grid as a dataset, and the import report.
 
-Pieces: rows of a log that is not cut into dives, such as the runs of a propelled vehicle.
+Pieces are rows of a log that is not cut into dives, such as the runs of a propelled vehicle.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ WANTED = (
     "measured_pitch", "measured_roll", "measured_heading", "measured_pump", "measured_shift",
     "measured_rotation", "measured_density",
 )  # fmt: skip
-"""Channels whose absence the report names."""
+"""Channels whose absence the report lists."""
 
 
 def build(
@@ -72,16 +72,16 @@ def build(
     held: frozenset[str] = frozenset(),
     lacks: frozenset[str] = frozenset(),
 ) -> tuple[xr.Dataset, ImportReport]:
-    """One dataset of all logs, rows of each deployment in time order.
+    """Build one dataset of all logs, with the rows of each deployment in time order.
 
     Args:
-      logs: of one kind of vehicle.
+      logs: logs of one kind of vehicle.
       kind: the importer's name.
-      period: [s] between the samples of the store.
-      rules: how the dives are cut.
-      tally: counts what is done; what the reader counted is in it.
+      period: [s] sampling interval of the store.
+      rules: limits by which the logs are cut into dives.
+      tally: receives the counts; those of the reader are in it.
       files: names of the files, for the report.
-      held: channels that keep their last value between samples.
+      held: channels whose last value holds between samples.
       lacks: channels that no such vehicle has: their absence is not reported.
 
     Raises:
@@ -137,7 +137,7 @@ def build(
         FILES: " ".join(files),
         IMPORT_REPORT: json.dumps(report.to_dict()),
     }
-    if len(models) == 1:  # one vehicle stands for the whole store
+    if len(models) == 1:  # one vehicle file models the whole store
         attributes[VEHICLE_MJCF] = load_vehicle(next(iter(models))).xml
     if any(log.simulated for log in used):
         attributes[COMMENT] = f"The files say that they are simulated. {FRAMES}"
@@ -145,10 +145,10 @@ def build(
 
 
 def _tell_lacking(lacking: Mapping[str, Sequence[str]], tally: Tally, by_depth: bool) -> None:
-    """Say which names of the files are not read, and what is lacking.
+    """Report names in the files that are not read, and missing channels or fixes.
 
     Args:
-      lacking: deployments by what they lack: a channel, or GPS fixes.
+      lacking: names of deployments, by the channel (or GPS fixes) that they lack.
       by_depth: whether rows without fixes are split by depth.
     """
     tell_unread(tally)
@@ -169,10 +169,10 @@ def rows_of(
     tally: Tally,
     held: frozenset[str] = frozenset(),
 ) -> tuple[list[DiveRow], int]:
-    """The dives of one log, in time order, and how many samples of its depth there are.
+    """Rows of one log in time order, and the number of its depth samples.
 
     Raises:
-      InputError: it has neither pressure nor depth.
+      InputError: the log has neither pressure nor depth.
     """
     with naming(log):
         log, segments = _segmented(log, rules, tally)
@@ -189,10 +189,10 @@ def rows_of(
 def _segmented(
     log: DeploymentLog, rules: DiveRules, tally: Tally
 ) -> tuple[DeploymentLog, list[LogSegment]]:
-    """A log with depths below the surface, and its dives or rows in time order.
+    """Correct a log's depths to the surface; cut the log into dives or rows in time order.
 
     Raises:
-      InputError: it has neither pressure nor depth.
+      InputError: the log has neither pressure nor depth.
     """
     before = len(tally.doubts)
     log = zeroed(since_clock(with_depth(log, tally), rules, tally), rules, tally)
@@ -228,10 +228,10 @@ def _row_of(
     rules: DiveRules,
     tally: Tally,
 ) -> DiveRow:
-    """One dive of a log, as `_segmented` gives them.
+    """Make the row of one segment of a log that `_segmented` returned.
 
     Args:
-      after: [s] when the next one begins.
+      after: [s] start of the next row.
     """
     signals = on_grid(log, segment, period, rules, tally)
     numbers = _numbers(log, segment, after)
@@ -240,7 +240,7 @@ def _row_of(
     driven = numbers.get("thruster_fraction", 0.0)
     numbers["dac_north"], numbers["dac_east"] = averaged_current(
         signals, segment, period,
-        # rows that are not dives are of driven vehicles, whose depth rate says nothing
+        # a propelled vehicle's depth rate does not give its speed
         complete=whole and log.pieces is None, driven=driven,
     )  # fmt: skip
     standing(log, segment, tally)
@@ -266,9 +266,9 @@ def _row_of(
 def _report(
     rows: Sequence[DiveRow], kind: str, period: float, files: Sequence[str], tally: Tally
 ) -> ImportReport:
-    """Report of at least one dive, in the order of the store; a current that no dive has is taken
-    out of all rows."""
-    for axis in ("north", "east"):  # a store has no variable of NaN alone
+    """Report of at least one dive, in the order of the store; a current that no dive has is removed
+    from all rows."""
+    for axis in ("north", "east"):  # a store has no variable of only NaN
         if not any(np.isfinite(row.numbers.get(f"dac_{axis}", np.nan)) for row in rows):
             for row in rows:
                 row.numbers.pop(f"dac_{axis}", None)
@@ -291,7 +291,7 @@ def _report(
 
 
 def _outside(channel: Channel, segments: Sequence[LogSegment]) -> NDArray[np.bool_]:
-    """True for samples in no segment."""
+    """True for samples outside all segments."""
     inside = np.zeros(len(channel), bool)
     for segment in segments:
         inside |= (channel.time >= segment.start) & (channel.time <= segment.end)
@@ -307,7 +307,7 @@ def _numbers(log: DeploymentLog, segment: LogSegment, after: float) -> dict[str,
     middle = np.array([0.5 * (segment.start + segment.end)])
     if len(log.magnetic_variation):
         numbers["magnetic_variation"] = float(log.magnetic_variation.at(middle)[0])
-    # the vehicle computes the dive's current after it: the last value before the next dive
+    # the vehicle computes a dive's current after it: take the last before the next dive
     for axis in ("north", "east"):
         reported = log.channel(f"dac_{axis}").within(segment.end - _BEFORE_FIX, after)
         if len(reported):
@@ -319,4 +319,4 @@ def _numbers(log: DeploymentLog, segment: LogSegment, after: float) -> dict[str,
 
 
 _BEFORE_FIX = 1.0
-"""[s] A current stamped with the fix itself belongs to the dive before it."""
+"""[s] Tolerance by which a current stamped with the end fix belongs to the dive before it."""

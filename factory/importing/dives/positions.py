@@ -1,14 +1,13 @@
-"""Positions: where a vehicle was at each sample of a row, from what its log holds.
+"""Positions of a vehicle at each sample of a row, and the depth-averaged current of a dive.
 
-Its way through the water is reckoned from depth rate, pitch and heading; where these say nothing,
-the vehicle's own track is taken; where it logged none, it is taken to rest. The misclosure at the
-GPS fixes is spread linearly in time (`twin.logs.corrected_track`), so that every fix is met. A
-vehicle that
-is taken to rest moves on the straight line between its fixes, and is nowhere outside them.
-`twin flight` does better: it knows the vehicle.
+The track through the water is reckoned from depth rate, pitch and heading. Without these, the
+vehicle's own track is used; without that track, zero velocity through the water. The misclosure at
+the GPS fixes is distributed linearly in time (`twin.logs.corrected_track`), so that the track meets
+every fix. With zero velocity the track is the straight line between fixes, and unknown outside
+them. `twin flight` is more accurate: it uses a model of the vehicle.
 
-Depth-averaged current of a dive, from its two GPS fixes and its way through the water. Fixes and
-tracks of the log in metres from the row's start.
+The current is the displacement between two GPS fixes less that through the water, per time. Fixes
+and tracks of the log are in metres from the row's start.
 """
 
 from __future__ import annotations
@@ -28,24 +27,24 @@ from twin.records.logged import DRIVEN
 from twin.water.current.axes import HIGHEST_LATITUDE
 
 ATTACK = 3.0
-"""[degree] Angle between a glider's nose and its path, as glider people take it (OceanGliders)."""
+"""[degree] Angle between a glider's nose and its path, as OceanGliders recommend."""
 CURRENT_METHOD = (
     "(displacement over ground between the fixes - displacement through the water) / dive_duration;"
     " through the water at depth rate / tan(|pitch| + 3 degree) along the true heading, zero at the"
     " surface, bridged where |pitch| is below 10 degree. NaN without two fixes, pitch or heading,"
     " for dives that the log does not hold to their end, and under propulsion"
 )
-"""For the attributes of a store."""
+"""Comment on the current in a store's attributes."""
 _STEEP = 10.0
-"""[degree] Flatter, the glider is turning over: the speed is bridged."""
+"""[degree] Least pitch of a glide; in flatter stretches the speed is interpolated."""
 _WINDOW = 20.0
-"""[s] Pitch and depth rate are averaged over so long."""
+"""[s] Averaging time of pitch and depth rate."""
 _AFLOAT = 1.0
-"""[m] Above, it lies at the surface."""
+"""[m] Depth above which a glider lies at the surface."""
 _KNOWN = 0.9
-"""So much of the time under water must have original samples."""
+"""Least fraction of the time under water that has original samples."""
 _FEWEST = 10
-"""Samples of a glide without which there is no speed."""
+"""Fewest samples of a glide that give a speed."""
 
 
 def averaged_current(
@@ -56,18 +55,18 @@ def averaged_current(
     complete: bool = True,
     driven: float = 0.0,
 ) -> tuple[float, float]:
-    """North and east [m/s] of a row's depth-averaged current; NaN where it cannot be known.
+    """North and east [m/s] of a row's depth-averaged current; NaN where unknown.
 
     Args:
-      signals: of the row, on its grid.
-      period: [s] of the grid.
-      complete: whether the log holds the dive to its end.
-      driven: part of the time with the thruster on.
+      signals: signals of the row, on its grid.
+      period: [s] sampling interval of the grid.
+      complete: True if the log covers the dive to its end.
+      driven: fraction of the time with the thruster on.
     """
     velocity = through_water(signals, period, driven=driven)
     if velocity is None or not complete or not np.isfinite(segment.displacement).all():
         return NOWHERE
-    # the trapezoid between samples: the first and last are the fixes
+    # trapezoidal rule: the first and last sample are the fixes
     weight = np.full(len(velocity), period)
     weight[[0, -1]] *= 0.5
     north, east = (float(np.sum(weight * axis)) for axis in velocity.T)
@@ -80,12 +79,12 @@ def averaged_current(
 def through_water(
     signals: Mapping[str, Array], period: float, *, driven: float = 0.0
 ) -> Array | None:
-    """North and east [m/s] through the water by depth rate and pitch, (time, 2).
+    """North and east velocity [m/s] through the water by depth rate and pitch, (time, 2).
 
-    None where they do not say it: no such signal, no glide, a log with holes, or propulsion.
+    None without such signals, without a glide, for a log with gaps, or under propulsion.
 
     Args:
-      signals, period, driven: as `averaged_current`.
+      signals, period, driven: as in `averaged_current`.
     """
     names = ("measured_depth", "measured_pitch", "measured_heading", "measured_phase")
     if any(name not in signals for name in names) or driven > DRIVEN:
@@ -105,7 +104,7 @@ def through_water(
 
 
 def _bridged(degrees: Array) -> Array:
-    """Angles [degree] with holes closed, the short way round, the end values held outside."""
+    """Interpolate gaps of angles [degree] the short way round; hold the end values outside."""
     known = np.isfinite(degrees)
     index = np.arange(len(degrees))
     turned = np.degrees(np.unwrap(np.radians(degrees[known])))
@@ -121,7 +120,7 @@ def level_speed(depth: Array, pitch: Array, period: float) -> Array | None:
     """
     rate = np.gradient(_mean(depth, period), period)
     slope = _mean(pitch, period)
-    # it sinks nose down and rises nose up
+    # a glider sinks nose down and rises nose up
     good = (np.abs(slope) > _STEEP) & (rate * slope < 0.0) & (depth > _AFLOAT)
     if good.sum() < _FEWEST:
         return None
@@ -143,14 +142,14 @@ Array = NDArray[np.float64]
 
 
 class Positions(NamedTuple):
-    """Where a row was."""
+    """Positions of a row's samples."""
 
     latitude: Array
-    """[degree], (time,), NaN where unknown"""
+    """[degree] North, (time,); NaN where unknown."""
     longitude: Array
-    """[degree], (time,)"""
+    """[degree] East, (time,)."""
     method: str
-    """One of `twin.records.coordinates.METHODS`"""
+    """Method, one of `twin.records.coordinates.METHODS`."""
 
 
 def row_positions(
@@ -160,13 +159,13 @@ def row_positions(
     *,
     driven: float = 0.0,
 ) -> Positions:
-    """The positions of a row.
+    """Estimate the positions of a row's samples.
 
     Args:
-      signals: of the row, on its grid.
-      origin: latitude and longitude [degree] from which its metres count.
-      period: [s] of the grid.
-      driven: part of the time with the thruster on: then the depth rate says nothing of the speed.
+      signals: signals of the row, on its grid.
+      origin: latitude and longitude [degree] of the row's frame.
+      period: [s] sampling interval of the grid.
+      driven: fraction of the time with the thruster on: then depth rate does not give the speed.
     """
     from twin.logs.corrected_track import Drift, linear_track, track_velocity
     from twin.logs.track import Fixes
@@ -201,7 +200,7 @@ def row_positions(
 def put_fixes(
     log: DeploymentLog, segment: LogSegment, times: Array, period: float, signals: dict[str, Array]
 ) -> None:
-    """GPS [m] from the row's start at the samples nearest to its fixes; NaN elsewhere."""
+    """Add GPS positions [m] from the row's start at the samples nearest to its fixes."""
     origin = frame_origin(log, segment)
     if origin is None:
         return
@@ -217,7 +216,7 @@ def put_fixes(
 
 
 def frame_origin(log: DeploymentLog, segment: LogSegment) -> tuple[float, float] | None:
-    """Latitude and longitude [degree] from which a row counts its metres; None without a fix."""
+    """Latitude and longitude [degree] of the origin of a row's frame; None without a fix."""
     inside = segment.inside
     if len(inside):
         first = float(inside.latitude[0]), float(inside.longitude[0])
@@ -248,7 +247,7 @@ def put_true_track(
 def put_onboard(
     log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
 ) -> None:
-    """The vehicle's own track [m] from the row's start, before the end fix corrects it."""
+    """Add the vehicle's own track [m] from the row's start, before the end fix corrects it."""
     span = segment.start, segment.end - 1e-3
     north, east = log.channel("onboard_north"), log.channel("onboard_east")
     latitude, longitude = log.channel("latitude"), log.channel("longitude")
@@ -263,7 +262,7 @@ def put_onboard(
         north, east = (Channel(one.time, one.values - one.values[:1]) for one in (north, east))
     if len(north) < 2 or len(east) < 2:
         return
-    # a track goes on as far as its vehicle: between its positions on a line
+    # linear between positions, and held beyond the ends for the longest step
     longest = max(NEAR, float(np.diff(north.time).max()))
     known = (times >= north.time[0] - longest) & (times <= north.time[-1] + longest)
     known |= floating(north, log, segment, times)

@@ -1,4 +1,4 @@
-"""Signals of one dive: the channels of its log brought to a uniform time grid."""
+"""Regular times: the channels of one dive, brought to a uniform time grid."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 ANGLES = frozenset({"measured_heading", "commanded_heading", "true_heading"})
-"""[degree] On a circle: interpolated the short way round."""
+"""Angles [degree] on a circle, interpolated the short way round."""
 HELD = frozenset(
     {"commanded_shift", "commanded_rotation", "commanded_pump", "commanded_pitch",
      "commanded_heading", "commanded_segment", "measured_dvl_mode", "measured_pump_power",
      "measured_thruster_power"}
 )  # fmt: skip
-"""Set at once and kept: the last value holds."""
+"""Signals that are set at once and kept: the last value holds."""
 KNOWN_FROM = frozenset({"measured_current_north", "measured_current_east"})
-"""The last value holds; unknown before the first."""
+"""Signals whose last value holds, unknown before the first."""
 SPARSE = frozenset(
     {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
      "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
      "measured_dvl_heave", "measured_charge", "measured_voltage", "measured_battery_current",
      "measured_vacuum", "measured_altitude"}
 )  # fmt: skip
-"""Only where an original sample lies within half a period: the nearest one."""
+"""Signals that take the nearest original sample, if it lies within half a period."""
 WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})
-"""Interpolated near samples of the CTD alone."""
+"""Signals that are interpolated only near samples of the CTD."""
 DEPTHS = ("measured_depth", "measured_pressure")
-"""Without a hole in a store: bridged and marked."""
+"""Signals without gaps in a store: gaps are bridged and marked."""
 MEASURING = re.compile(r"measured_(pitch|roll|heading|\w+_rate|specific_force_\w)")
-"""Sensors that never report on change: without a sample nothing is known."""
+"""Signals of sensors that never report on change: unknown without a sample."""
 MOST_HOLES = 100_000
-"""Samples that any row's grid may have: six days of 5 s. Longer ones must hold samples"""
+"""Most samples of a row's grid without a check for gaps: six days at 5 s."""
 _MOST_HOLE = 10.0
-"""Samples of such a row's grid for each that the log has in it, at most"""
+"""Most grid samples for each logged sample in a longer row."""
 _GAP_FACTOR = 3.0
-"""A gap is longer than so many usual sample spacings."""
+"""Shortest gap, in usual sample spacings."""
 _TRUTH = ("true_surge", "true_sway", "true_heave")
 
 
 def not_empty(
     log: DeploymentLog, segments: Sequence[LogSegment], period: float, tally: Tally
 ) -> list[LogSegment]:
-    """The rows without those that are hardly anything but a hole, such as years by a wrong fix.
+    """Leave out long rows that are almost only a gap, such as years after a wrong fix.
 
     A row's grid takes memory for its length, whatever it holds, and all rows of a store are as long
     as its longest.
@@ -84,11 +84,11 @@ def on_grid(
 ) -> dict[str, Array]:
     """Signals of one row on a uniform grid from its start, the last sample nearest to its end.
 
-    A channel ends where its sensor, or the vehicle's computer, ends: what is not known is NaN, but
-    depth and pressure, which are bridged; `measured_gap` marks them.
+    A channel ends where its sensor, or the vehicle's computer, ends: unknown values are NaN. Depth
+    and pressure are bridged instead; `measured_gap` marks the gaps.
 
     Args:
-      period: [s] between the samples.
+      period: [s] sampling interval.
     """
     count = max(2, round(segment.duration / period) + 1)
     times = np.asarray(segment.start + period * np.arange(count), np.float64)
@@ -99,7 +99,7 @@ def on_grid(
         if values is not None and np.isfinite(values).any():
             signals[name] = values
     for name in ("true_north", "true_east"):
-        if name in signals:  # of a simulated log, from its own origin
+        if name in signals:  # a simulated log has its own origin
             signals[name] = signals[name] - signals[name][0]
     _fill_density(signals, tally)
     put_true_track(log, segment, times, signals)
@@ -108,7 +108,7 @@ def on_grid(
     signals["measured_gap"] = gap.astype(np.float64)
     stored, depth = log.channel("phase_stored"), signals.get("measured_depth")
     if len(stored):
-        signals["measured_phase"] = _close(stored, times, _step(log, period))
+        signals["measured_phase"] = _value_near(stored, times, _reach(log, period))
     elif depth is not None:
         found = phases(times - times[0], depth, rules.surface_depth)
         signals["measured_phase"] = float_at_fixes(found, depth, segment, period)
@@ -129,31 +129,31 @@ def _on_times(
     period: float,
     awake: Mask,
 ) -> Array | None:
-    """A channel at the times of a row's grid; None where it has no sample near.
+    """Put a channel on the times of a row's grid; None without a sample near.
 
     Args:
-      awake: when the vehicle's computer runs, (time,).
+      awake: True while the vehicle's computer runs, (time,).
     """
     gaps = name in VARIABLES and VARIABLES[name].gaps
     if log.gridded and (name in WATER or gaps):
-        return _close(channel, times, _step(log, period))
+        return _value_near(channel, times, _reach(log, period))
     if name in HELD | KNOWN_FROM:
         known = awake & ~_ended(name, channel, times)
         known |= _distance(channel, times) <= period
         if name in KNOWN_FROM:
             known &= times >= channel.time[0]
-        return np.where(known & (channel.time[0] <= times[-1]), _hold(channel, times), np.nan)
-    # the samples just outside belong to the row's ends, those of other dives do not
+        return np.where(known & (channel.time[0] <= times[-1]), _held_value(channel, times), np.nan)
+    # samples just outside belong to the row's ends, samples of other dives do not
     margin = max(period, _GAP_FACTOR * channel.spacing if len(channel) > 1 else 0.0)
     near = channel.within(times[0] - margin, times[-1] + margin)
     if not len(near):
         return None
     if name in SPARSE:
-        return _close(near, times, 0.5 * period)
+        return _value_near(near, times, 0.5 * period)
     if name in DEPTHS:
-        return _to_fixes(near, segment).at(times)
+        return _extend_to_fixes(near, segment).at(times)
     if name in log.held:
-        values = _hold(near, times)
+        values = _held_value(near, times)
     elif name in ANGLES:
         turned = np.degrees(np.unwrap(np.radians(near.values)))
         values = np.mod(np.interp(times, near.time, turned), 360.0)
@@ -165,25 +165,25 @@ def _on_times(
         known = _bridged(near, times)
     else:
         known = near.covers(times) | (_distance(near, times) <= period)
-        if near.on_change:  # nothing changes while nothing is written
+        if near.on_change:  # holds only while the computer writes
             known &= awake
         known |= floating(near, log, segment, times)
         reported = name.startswith(("measured_", "commanded_")) and not MEASURING.fullmatch(name)
-        if reported:  # maybe on change alone: it holds while the computer runs
+        if reported:  # may be reported on change: holds while the computer runs
             known |= (times >= channel.time[0]) & ~_ended(name, channel, times) & awake
     return np.where(known, values, np.nan)
 
 
 def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
-    """When a sensor that reports on change says nothing any more: for longer than ever before."""
-    if name in KNOWN_FROM or not name.startswith("measured_"):  # stands until the next one
+    """True once a sensor that reports on change has been silent for longer than ever before."""
+    if name in KNOWN_FROM or not name.startswith("measured_"):  # holds until the next value
         return np.zeros(len(times), bool)
     longest = float(np.diff(channel.time).max(initial=0.0))
     return times - channel.time[-1] > max(longest, NEAR)
 
 
-def _to_fixes(depth: Channel, segment: LogSegment) -> Channel:
-    """Depth or pressure that ends, or begins, deep: on a line to the fix there, at the surface."""
+def _extend_to_fixes(depth: Channel, segment: LogSegment) -> Channel:
+    """Extend a depth or pressure that begins or ends deep by a line to the fix at the surface."""
     time, values = depth.time, depth.values
     if segment.start_fix is not None and values[0] > DEEP and time[0] - segment.start > NEAR:
         time, values = np.append(segment.start, time), np.append(0.0, values)
@@ -193,24 +193,24 @@ def _to_fixes(depth: Channel, segment: LogSegment) -> Channel:
 
 
 def _distance(channel: Channel, times: Array) -> Array:
-    """[s] From each time to the channel's nearest sample."""
+    """[s] Time from each of `times` to the channel's nearest sample."""
     return np.abs(nearest(channel.time, times) - times)
 
 
-def _close(channel: Channel, times: Array, reach: float) -> Array:
-    """The nearest sample where it lies within `reach` [s], else NaN."""
+def _value_near(channel: Channel, times: Array, reach: float) -> Array:
+    """Value of the nearest sample within `reach` [s], else NaN."""
     at = nearest(channel.time, times)
     values = channel.values[np.searchsorted(channel.time, at)]
     return np.where(np.abs(at - times) <= reach, values, np.nan)
 
 
-def _step(log: DeploymentLog, period: float) -> float:
-    """[s] Half of the wider of two grids: that of the log and that of the store."""
+def _reach(log: DeploymentLog, period: float) -> float:
+    """[s] Half of the longer sampling interval: the log's or the store's."""
     return 0.5 * max(period, log.period or 0.0)
 
 
-def _hold(channel: Channel, times: Array) -> Array:
-    """The last sample at or before each time; the first one before it."""
+def _held_value(channel: Channel, times: Array) -> Array:
+    """Value of the last sample at or before each time; of the first sample before that."""
     index = np.searchsorted(channel.time, times, side="right") - 1
     return channel.values[np.maximum(index, 0)]
 
@@ -218,13 +218,13 @@ def _hold(channel: Channel, times: Array) -> Array:
 def _gaps(log: DeploymentLog, times: Array, period: float) -> Mask:
     """True where attitude or depth has no original sample near.
 
-    Near is half of what `_GAP_FACTOR` usual spacings are, and usual is what the vehicle does at
-    that time: one that samples every minute at depth has no gap there.
+    Near is within half of `_GAP_FACTOR` usual spacings. The usual spacing is that of the time: a
+    vehicle that samples every minute at depth has no gap there.
     """
     gap = np.zeros(len(times), bool)
     stored = log.channel("gap_stored")
     if len(stored):
-        return _close(stored, times, _step(log, period)) > 0.5
+        return _value_near(stored, times, _reach(log, period)) > 0.5
     margin = _LONGEST_REGULAR * _AROUND
     for names in (("measured_pitch",), ("measured_depth", "measured_pressure")):
         channel = _first_of(log, names)
@@ -240,18 +240,18 @@ def _gaps(log: DeploymentLog, times: Array, period: float) -> Mask:
 
 
 def _first_of(log: DeploymentLog, names: Sequence[str]) -> Channel:
-    """The first of some channels that the log has; empty where it has none."""
+    """First of the named channels that the log has; empty if it has none."""
     return next((one for name in names if len(one := log.channel(name))), EMPTY)
 
 
 _LONGEST_REGULAR = 300.0
-"""[s] A vehicle that samples more rarely is not followed through its turns."""
+"""[s] Longest usual spacing: rarer samples do not resolve a vehicle's turns."""
 _AROUND = 9
-"""Of so many spacings the usual one is taken."""
+"""Number of spacings whose median is the usual one."""
 
 
 def _bridged(channel: Channel, times: Array) -> Mask:
-    """Whether a time lies between samples that are near enough to be joined by a line."""
+    """True for times between samples that are near enough to be joined by a line."""
     distance = _distance(channel, times)
     if len(channel) < 2:
         return distance <= NEAR
@@ -263,11 +263,11 @@ def _bridged(channel: Channel, times: Array) -> Mask:
 
 
 _AT_SAMPLE = 1e-3
-"""[s] So near to a sample the value is the sample's own."""
+"""[s] Distance from a sample within which its value always holds."""
 
 
 def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
-    """Where the CTD was off, density comes from the row's own profile at the same depth."""
+    """Fill density where the CTD was off, from the row's own profile at the same depth."""
     density, depth = signals.get("measured_density"), signals.get("measured_depth")
     if density is None or depth is None:
         return
@@ -285,18 +285,18 @@ def _fill_density(signals: dict[str, Array], tally: Tally) -> None:
 
 
 _BEYOND = 25.0
-"""[m] A profile says nothing of the water that is further above or below it."""
+"""[m] Distance above and below a profile up to which it is used."""
 
 
 def _put_waypoint(
     log: DeploymentLog, segment: LogSegment, times: Array, signals: dict[str, Array]
 ) -> None:
-    """The waypoint [m] from the row's start, held; NaN before the first one."""
+    """Add the waypoint [m] from the row's start, held; NaN before the first one."""
     latitude, longitude = log.channel("waypoint_latitude"), log.channel("waypoint_longitude")
     origin = segment.start_fix or segment.end_fix
     if origin is None or not len(latitude) or latitude.time[0] > times[-1]:
         return
-    values = offset(_hold(latitude, times), _hold(longitude, times), *origin)
+    values = offset(_held_value(latitude, times), _held_value(longitude, times), *origin)
     known = (times >= latitude.time[0]) & running(log, segment, times)
     for axis, one in zip(("north", "east"), values, strict=True):
         signals[f"commanded_waypoint_{axis}"] = np.where(known, one, np.nan)
@@ -307,22 +307,22 @@ _ORIGINALS = {
     "measured_attitude_time": ("measured_pitch", "measured_heading"),
     "measured_ctd_time": ("measured_temperature",),
 }
-"""Raw times beside the grid, and the channels that they are of: the first that the log has."""
+"""Signals of original sample times, and their channels: the first that the log has is used."""
 
 
 def _put_times(log: DeploymentLog, times: Array, period: float, signals: dict[str, Array]) -> None:
-    """Times [s] from the row's start of the original samples nearest to those of the grid."""
+    """Add times [s] from the row's start of the original samples nearest to those of the grid."""
     for name, sources in _ORIGINALS.items():
         kept = log.channel(name.replace("_time", "_original"))
         channel = _first_of(log, sources)
         if len(kept):
-            signals[name] = _close(kept, times, _step(log, period)) - times[0]
+            signals[name] = _value_near(kept, times, _reach(log, period)) - times[0]
         elif len(channel):
             signals[name] = nearest(channel.time, times) - times[0]
 
 
 def _put_truth(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> None:
-    """Velocity through the water [m/s] in body axes, and current, near original truth samples."""
+    """Add true velocity [m/s] through the water in body axes, and current, near truth samples."""
 
     def near(channel: Channel) -> Mask:
         return _distance(channel, times) <= 0.5 * channel.spacing
@@ -344,7 +344,7 @@ def _put_truth(log: DeploymentLog, times: Array, signals: dict[str, Array]) -> N
 
 
 def to_body(ned: Array, roll: Array, pitch: Array, heading: Array) -> Array:
-    """Vectors (3, time) from north-east-down to forward-starboard-down axes; angles in rad, ZYX."""
+    """Rotate vectors (3, time) from NED to forward-starboard-down axes; angles in rad, ZYX."""
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     ch, sh = np.cos(heading), np.sin(heading)
     north, east, down = ned

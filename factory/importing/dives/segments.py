@@ -1,4 +1,4 @@
-"""Logs cut into dives from GPS fix to GPS fix, with the surface drift before each, and phases."""
+"""Segments: logs cut into dives from GPS fix to GPS fix, with surface drift and phases."""
 
 from __future__ import annotations
 
@@ -17,43 +17,43 @@ from twin.geodesy import offset
 Array = NDArray[np.float64]
 DESCENT, CLIMB, LEVEL, SURFACE = 1, 2, 3, 0
 PHASES = {SURFACE: "surface", DESCENT: "descent", CLIMB: "climb", LEVEL: "inflection_or_level"}
-"""Flags of `measured_phase`."""
+"""Flags of `measured_phase`, and their meanings."""
 NOWHERE = (float("nan"), float("nan"))
-"""A place, a displacement or a drift that nobody knows"""
+"""Unknown position, displacement or drift."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogSegment:
-    """One row: a dive between two fixes, or what there is of one."""
+    """Segment of a log, one row: a dive between two fixes, or the part of it in the log."""
 
     start: float
-    """[s] unix: last fix before the dive; first sample where there is none."""
+    """[s] Unix time of the last fix before the dive, else of the first sample."""
     end: float
-    """[s] unix: first fix after the dive; last sample where there is none."""
+    """[s] Unix time of the first fix after the dive, else of the last sample."""
     start_fix: tuple[float, float] | None
     """Latitude, longitude [degree]."""
     end_fix: tuple[float, float] | None
     displacement: tuple[float, float]
-    """[m] north, east over ground between the fixes; NaN without both."""
+    """[m] Displacement north and east over ground between the fixes; NaN without both."""
     surface_duration: float
-    """[s] at the surface before the row, between the fixes there; NaN where unknown."""
+    """[s] Time between the fixes at the surface before the row; NaN if unknown."""
     surface_drift: tuple[float, float]
-    """[m/s] north, east of that time."""
+    """[m/s] Drift north and east in that time."""
     inside: LoggedFixes = NO_FIXES
-    """Fixes within the row, where it is no dive: a vehicle at the surface has them all along."""
+    """Fixes within a row that is no dive: a vehicle at the surface has them all along."""
 
     @property
     def duration(self) -> float:
-        """[s] from start to end."""
+        """[s] Time from start to end."""
         return self.end - self.start
 
 
 def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> list[LogSegment]:
-    """The dives of a log, in time order.
+    """Cut a log into dives, in time order.
 
-    Consecutive fixes with a dive between them make a row, unless the log is silent for long in it:
-    nobody knows whether it surfaced. Before the first and after the last fix, and in logs without
-    fixes, rows are split at surfacings and at gaps.
+    Consecutive fixes with a dive between them make a row. A long silence splits it, as the vehicle
+    may have surfaced. Before the first and after the last fix, and in logs without fixes, rows are
+    split at surfacings and at gaps.
     """
 
     def is_dive(inside: Channel) -> bool:
@@ -116,7 +116,7 @@ def cut(log: DeploymentLog, depth: Channel, rules: DiveRules, tally: Tally) -> l
 def _between_holes(
     log: DeploymentLog, start: float, end: float, rules: DiveRules
 ) -> list[tuple[float, float]]:
-    """Start and end of what the log holds between two fixes, parted at its long silences."""
+    """Start and end of each part of a log between two fixes, split at its long silences."""
     names = ("measured_depth", "measured_pitch")
     known = [log.channel(name).within(start, end).time for name in names]
     times = np.unique(np.concatenate([[start, end], *known]))
@@ -127,10 +127,10 @@ def _between_holes(
 
 
 def longest_stretch(depth: Channel, deeper: float) -> float:
-    """[s] For how long at a stretch the samples are deeper; each stands for the time around it,
-    and for no more than `_STANDS_FOR` usual spacings.
+    """[s] Longest time at a stretch during which the samples are below `deeper`.
 
-    Fewer than `_SEVERAL` are noise where a dive would have more: a restarted sensor shows two.
+    Each sample stands for the time around it, at most `_STANDS_FOR` usual spacings. Fewer than
+    `_SEVERAL` samples are noise where a dive would have more: a restarted sensor shows two.
     """
     if not len(depth) or not (depth.values > deeper).any():
         return 0.0
@@ -145,15 +145,15 @@ def longest_stretch(depth: Channel, deeper: float) -> float:
 
 
 _STANDS_FOR = 3.0
-"""Usual spacings that one sample stands for at most."""
+"""Most usual spacings that one sample stands for."""
 _SEVERAL, _OFTEN = 3, 20.0
-"""Samples that a dive of a minute has at least where they usually come within so many seconds."""
+"""Fewest samples of a dive, if the usual spacing is below the second number [s]."""
 _DAY = 86400.0
-"""[s]"""
+"""[s] One day."""
 
 
 def _tell_holes(log: DeploymentLog, depth: Channel, tally: Tally) -> None:
-    """Say where a log pauses for more than a day: it may be two deployments."""
+    """Report where a log pauses for more than a day: it may be two deployments."""
     for k in np.flatnonzero(np.diff(depth.time) > _DAY):
         days = (depth.time[k + 1] - depth.time[k]) / _DAY
         day = np.datetime64(int(depth.time[k]), "s").astype("datetime64[D]")
@@ -173,27 +173,27 @@ def _segment(
     if first is not None:
         around = fixes.within(fixes.time[0] if previous_end is None else previous_end, span[0])
         holes = np.flatnonzero(np.diff(around.time) > rules.longest_gap)
-        if holes.size:  # a stay begins after the last hole: nobody knows what was in it
+        if holes.size:  # the vehicle may have dived in a gap: begin after the last one
             around = around.keep(np.arange(len(around)) > holes[-1])
         if len(around) > 1:
             waited = float(around.time[-1] - around.time[0])
             drift = surface_drift(around)
-    return _between(
+    return _make_segment(
         span, *(None if i is None else _place(fixes, i) for i in (first, last)),
         surface_duration=waited, surface_drift=drift,
     )  # fmt: skip
 
 
 Place = tuple[float, float]
-"""Latitude and longitude [degree]"""
+"""Latitude and longitude [degree]."""
 
 
 def _place(fixes: LoggedFixes, k: int) -> Place:
     return float(fixes.latitude[k]), float(fixes.longitude[k])
 
 
-def _between(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
-    """A row from start to end [s] between two places, with its `stay` at the surface before it."""
+def _make_segment(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
+    """Make a row of a span [s] between two positions; `stay` is the surface interval before it."""
     moved = NOWHERE
     if first is not None and last is not None:
         north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
@@ -204,11 +204,11 @@ def _between(span: Place, first: Place | None, last: Place | None, **stay: Any) 
 
 
 _DRIFT_TIME = 60.0
-"""[s] Over a shorter time the noise of two fixes exceeds a usual drift."""
+"""[s] Least time that gives a drift: over less, the noise of two fixes exceeds it."""
 
 
 def surface_drift(fixes: LoggedFixes) -> tuple[float, float]:
-    """North and east [m/s] by a straight line through the fixes; NaN for less than a minute."""
+    """Drift north and east [m/s] by a line through the fixes; NaN for less than a minute."""
     time = fixes.time - fixes.time[0]
     if time[-1] < _DRIFT_TIME:
         return NOWHERE
@@ -235,9 +235,9 @@ def split_without_fixes(depth: Channel, rules: DiveRules) -> list[tuple[float, f
 
 
 _RATE_WINDOW = 20.0
-"""[s] Vertical speed is taken over so long, far shorter than a dive's turns."""
+"""[s] Averaging time of the vertical speed, far shorter than a dive's turns."""
 _STILL = 0.03
-"""[m/s] A glider that sinks and rises slower is turning, level or hanging."""
+"""[m/s] Vertical speed below which a glider is turning, level or hanging."""
 
 
 def phases(time: Array, depth: Array, surface_depth: float) -> Array:
@@ -253,15 +253,15 @@ def phases(time: Array, depth: Array, surface_depth: float) -> Array:
 
 
 _AFLOAT = 3.0
-"""[m] Upright at the surface, a glider's pressure sensor is so deep at most."""
+"""[m] Greatest depth of the pressure sensor of a glider that is upright at the surface."""
 _DIVING = 0.5
-"""[m] Below the depth at the fix: waves are smaller, a dive is not."""
+"""[m] Change of the depth at the fix that shows a dive: waves are smaller."""
 _AT_REST = 10.0
-"""[s] Floating is told from diving by the depth's change over so long."""
+"""[s] Time over which the change of depth distinguishes floating from diving."""
 
 
 def float_at_fixes(phase: Array, depth: Array, segment: LogSegment, period: float) -> Array:
-    """Phases with 0 from the fix on until the depth leaves what it was there, at both ends.
+    """Set the phase to 0 from the fix at either end until the depth leaves its value there.
 
     A Seaglider hangs with its nose down while it has its fixes, its sensor 1 to 3 m under water.
     """
@@ -279,11 +279,11 @@ def float_at_fixes(phase: Array, depth: Array, segment: LogSegment, period: floa
 
 
 NEAR_END = 5.0
-"""[s] A fix so near to a row's end stands for it."""
+"""[s] Longest time between a row's end and the fix that stands for it."""
 
 
 def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegment]:
-    """The rows that the reader of a log has found, in time order, with their fixes.
+    """Rows that the reader of a log has found, in time order, with their fixes.
 
     Rows shorter than `rules.min_duration` are left out, counted.
     """
@@ -297,9 +297,9 @@ def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegmen
     for span in long:
         used |= (fixes.time >= span[0]) & (fixes.time <= span[1])
         inside = fixes.within(*span)
-        ends = [_near(inside, edge) for edge in span]
+        ends = [_place_near(inside, edge) for edge in span]
         rows.append(
-            _between(
+            _make_segment(
                 span, *ends, surface_duration=float("nan"), surface_drift=NOWHERE, inside=inside
             )
         )
@@ -307,8 +307,8 @@ def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegmen
     return rows
 
 
-def _near(fixes: LoggedFixes, time: float) -> Place | None:
-    """Place of the fix nearest to a row's end, where one is near."""
+def _place_near(fixes: LoggedFixes, time: float) -> Place | None:
+    """Position of the fix nearest to a row's end; None if none is near."""
     if not len(fixes):
         return None
     k = int(np.argmin(np.abs(fixes.time - time)))

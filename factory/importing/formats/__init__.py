@@ -1,1 +1,1 @@
-"""Formats: one folder for each kind of log, a base class, and the registry of all of them."""
+"""Formats: a reader for each kind of log, the class `Importer`, and the registry of all kinds."""

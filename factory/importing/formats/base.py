@@ -1,6 +1,6 @@
-"""Importer: what the import must know of one kind of log, and the function that reads it.
+"""Base of the formats: the class `Importer`, which describes one kind of log and names its reader.
 
-Registry of the importers, and which kind of log a file looks like.
+Here are also the registry of importers, and functions that recognise a file's kind.
 """
 
 from __future__ import annotations
@@ -32,70 +32,70 @@ TABLES = frozenset({".csv", ".gz", ".parquet", ".txt"})
 ARRAYS = frozenset({".nc", ".nc4", ".mat"})
 """Suffixes of netCDF and HDF5 files, which `factory.importing.netcdf` opens."""
 SHORTEST, LONGEST = 0.05, 120.0
-"""[s] Periods that a store of logs can have."""
+"""[s] Limits of a store's sampling interval."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """What the user says about logs that the files do not."""
+    """Options of the user that complete what the files state."""
 
     variation_deg: float | None = None
     """[degree] Magnetic variation, east positive; None takes the log's own."""
     cache: Path | None = None
     """Folder of cache files; only for importers with `takes_cache`."""
     mapping: Path | str | None = None
-    """What the columns are, as a file or by a shipped name; only for importers with
+    """Meaning of the columns, as a file or by a shipped name; only for importers with
     `takes_mapping`."""
     payload: tuple[PayloadSignal, ...] = ()
     """Columns that the user maps to signals of the payload."""
 
 
 Reader = Callable[[Sequence[Path], ReadOptions, Tally], "list[DeploymentLog]"]
-"""Reads files into one log for each deployment, counting what it does in the tally.
+"""Function that reads files into one log for each deployment and counts its actions in the tally.
 
-It raises `WrongFormat` for a file of another kind and `InputError` for one that it cannot use.
+It raises `WrongFormat` for a file of another kind, and `InputError` for a file that it cannot use.
 """
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Importer:
-    """One kind of log; help texts show all but `read`."""
+    """One kind of log; help texts show all fields but `read`."""
 
     name: str
-    """What the user types: `factory import NAME FILES`."""
+    """Name that the user types: `factory import NAME FILES`."""
     vehicle: str
-    """Whose logs these are."""
+    """Vehicle that writes these logs."""
     files: str
-    """The files, in a few words for help texts and documents."""
+    """Files, in a few words for help texts and documents."""
     channels: str
-    """What a store gets of them, in a few words for documents."""
+    """Channels that a store gets from the files, in a few words for documents."""
     suffixes: frozenset[str]
-    """Endings (lower case, with the dot) that a folder is searched for."""
+    """File endings (lower case, with the dot) that a folder is searched for."""
     marks: frozenset[str]
-    """Names of columns or variables that such files have and others do not; empty only where a
-    mapping says what they are."""
+    """Names of columns or variables that only such files have; empty only where a mapping gives
+    their meaning."""
     period: float
-    """[s] Default period of the store: about half the usual spacing of the logs."""
+    """[s] Default sampling interval of the store: about half the usual spacing of the logs."""
     read: Reader | str
-    """The reader, or its place `module:function`, which is imported when it reads."""
+    """Reader function, or its place `module:function`, which is imported when it reads."""
     name_words: frozenset[str] = frozenset()
     """Words between the dots of a file's name that make it a log whatever its ending."""
     beside: frozenset[str] = frozenset()
     """Names of files in a folder that belong to the logs there and are read with them."""
     first_bytes: tuple[bytes, ...] = ()
-    """How the vehicle's own binary files begin."""
+    """First bytes of the vehicle's own binary files."""
     extra: str | None = None
-    """Extra of this project, or `plugins/NAME`, with the packages which reading may need."""
+    """Extra of this project, or `plugins/NAME`, with packages that reading may need."""
     takes_cache: bool = False
-    """Whether the reader uses `ReadOptions.cache`."""
+    """True if the reader uses `ReadOptions.cache`."""
     takes_mapping: bool = False
-    """Whether the reader uses `ReadOptions.mapping`: its files have names of their own choice."""
+    """True if the reader uses `ReadOptions.mapping`: the column names are free."""
     held: frozenset[str] = frozenset()
-    """Channels that the logs give only when they change: between samples the last value holds."""
+    """Channels that are logged only on change: between samples the last value holds."""
     lacks: frozenset[str] = frozenset()
     """Channels that no such vehicle has: their absence is not reported."""
     samples: Mapping[str, Callable[[Path, Any], list[Path]]] | str | None = None
-    """Writers of `factory.samples` by layout, the usual one first, or their place `module:name`."""
+    """Writers of example logs by layout, the usual one first, or their place `module:name`."""
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_-]*", self.name):
@@ -120,35 +120,35 @@ class Importer:
             raise InputError(f"importer {self.name!r}: {why}")
 
     def accepts(self, path: Path) -> bool:
-        """Whether the file's name is that of such a log."""
+        """True if the file's name is that of such a log."""
         words = set(path.name.lower().split("."))
         return path.suffix.lower() in self.suffixes or bool(self.name_words & words)
 
 
 class WrongFormat(OtherKind):
-    """A file is not a log of the kind that is read; `names` are the columns or variables in it."""
+    """Error for a file of another kind of log; `names` are the columns or variables in it."""
 
     def __init__(
         self, path: Path, names: Iterable[str], kind: str | None = None, *, why: str = ""
     ) -> None:
         self.path, self.names = path, tuple(names)
         self.kind = kind
-        """What it is by its first bytes"""
+        """Kind of log that the file is, if known."""
         self.why = why
-        """What it lacks to be of the kind, in words"""
+        """Reason why it is of another kind, in words."""
         self.some = ", ".join(self.names[:5]) or "nothing"
-        """The first names"""
+        """First names, for the message."""
         super().__init__(f"{path.name} is of another format; it holds {self.some}")
 
 
 @contextlib.contextmanager
 def other_format(path: Path, names: Sequence[str]) -> Iterator[None]:
-    """Make of a file without a clock of the samples one of another format, by the names in it.
+    """Turn `NoClock` into `WrongFormat` with the names in the file: it is of another format.
 
     Raises:
-      WrongFormat: no variable of time goes on from sample to sample.
+      WrongFormat: no time variable advances from sample to sample.
     """
-    from factory.importing.sample_clock import NoClock  # it needs numpy, help does not
+    from factory.importing.sample_clock import NoClock  # deferred: help needs no numpy
 
     try:
         yield
@@ -161,11 +161,11 @@ IMPORTERS: Registry[Importer] = seams.IMPORTERS
 """Every kind of log that can be imported, by name."""
 
 register = IMPORTERS.add
-"""Add an importer of one's own."""
+"""Function that adds an importer to `IMPORTERS`."""
 
 
 def likely_kinds(names: Iterable[str]) -> list[str]:
-    """The importers with a mark among the names, those with most marks first."""
+    """Importers with a mark among the names, most marks first."""
     found = set(names)
     scores = {importer.name: len(importer.marks & found) for importer in IMPORTERS.values()}
     return sorted((name for name in scores if scores[name]), key=lambda name: -scores[name])
@@ -174,15 +174,15 @@ def likely_kinds(names: Iterable[str]) -> list[str]:
 def kind_that_takes(
     path: Path, names: Iterable[str], *, arrays: bool, others: Sequence[str] = ()
 ) -> str | None:
-    """The kind of log that a table or netCDF file looks like, whose reader takes it; None: no kind.
+    """Kind of log that a table or netCDF file looks like, if its reader accepts the file; else
+    None.
 
-    A reader that says what else is wrong with the file takes it where the file has names that only
-    its kind has.
+    If a reader fails for another reason, its kind is still chosen where the file has a mark of it.
 
     Args:
-      names: of its columns or variables.
-      arrays: whether it is netCDF or HDF5.
-      others: kinds that are not asked.
+      names: columns or variables of the file.
+      arrays: True if the file is netCDF or HDF5.
+      others: kinds that are skipped.
     """
     likely = likely_kinds(names)
     endings = ARRAYS if arrays else TABLES
@@ -198,9 +198,9 @@ def kind_that_takes(
 
 
 def takes(importer: Importer, path: Path) -> bool | None:
-    """Whether a kind's reader takes a file; None: the file may be of the kind, but cannot be read.
+    """Tell whether a kind's reader accepts a file; None if it fails for another reason.
 
-    A file of which the reader says that it is of another kind is not taken.
+    False means that the reader finds the file to be of another kind.
     """
     try:
         read = imported(importer.read) if isinstance(importer.read, str) else importer.read
@@ -212,7 +212,7 @@ def takes(importer: Importer, path: Path) -> bool | None:
 
 
 def _start(path: Path) -> bytes:
-    """First bytes of a file, or of what gzip packed into it."""
+    """First bytes of a file, unpacked if it is gzip."""
     with path.open("rb") as file:
         start = file.read(64)
     if start.startswith(b"\x1f\x8b"):
@@ -222,7 +222,7 @@ def _start(path: Path) -> bytes:
 
 
 def kinds_by_bytes(path: Path) -> list[str]:
-    """The kinds whose own binary files begin as this one does, packed by gzip or not."""
+    """Kinds whose own binary files begin with the same bytes as this file, gzip or not."""
     start = _start(path)
     return [one.name for one in IMPORTERS.values() if start.startswith(one.first_bytes)]
 
@@ -237,21 +237,21 @@ LOOKS: dict[str, tuple[bytes | str, ...]] = {
     "lrauv": ("EpochSeconds", "platform_pitch_angle", "latitude_fix", "time_fix",
               "platform_buoyancy_position", "platform_mass_position"),
 }  # fmt: skip
-"""First bytes and marks of the logs that plugins of this project read"""
+"""First bytes and marks of the logs that plugins of this project read."""
 
 
 class NeedsPlugin(OtherKind):
-    """A file looks like a kind of log whose plugin is not installed; the message names it."""
+    """Error for a file whose kind of log needs a missing plugin; the message names the plugin."""
 
 
 def check_plugin(path: Path, names: Iterable[str] = ()) -> None:
     """Refuse a file that looks like a kind of log whose plugin is not installed.
 
     Args:
-      names: of its columns or variables.
+      names: columns or variables of the file.
 
     Raises:
-      NeedsPlugin: it does.
+      NeedsPlugin: the file looks like such a kind.
     """
     start, found = _start(path), set(names)
     own = max(len(importer.marks & found) for importer in IMPORTERS.values())
@@ -262,7 +262,7 @@ def check_plugin(path: Path, names: Iterable[str] = ()) -> None:
 
 
 def sniff(path: str | Path) -> str | None:
-    """The kind of log that a file looks like, whose reader takes it; None when it looks like none.
+    """Kind of log that a file looks like, if its reader accepts the file; else None.
 
     Raises:
       InputError: the file cannot be read, or its plugin is not installed.
@@ -278,7 +278,7 @@ def sniff(path: str | Path) -> str | None:
     begins = kinds_by_bytes(path)
     if begins:
         return begins[0]
-    check_plugin(path)  # before it is read as a table
+    check_plugin(path)  # before the file is read as a table
     arrays = holds_arrays(path)
     names = variable_names(path) if arrays else column_names(path)
     check_plugin(path, names)
@@ -286,10 +286,10 @@ def sniff(path: str | Path) -> str | None:
 
 
 DBA = frozenset({".dba", ".asc"})
-"""Endings of a Slocum's data as text"""
+"""Endings of a Slocum's data as text."""
 
 DRIVEN = frozenset({"measured_pump", "measured_shift", "measured_rotation", "measured_density"})
-"""What gliders have and most other vehicles lack."""
+"""Channels that gliders have and most other vehicles lack."""
 
 SLOCUM = Importer(
     name="slocum",
@@ -312,7 +312,7 @@ SLOCUM = Importer(
     takes_cache=True,
     lacks=frozenset({"measured_rotation"}),
 )  # fmt: skip
-"""Teledyne's Slocum gliders."""
+"""Importer of Teledyne's Slocum gliders."""
 
 SEAGLIDER = Importer(
     name="seaglider",
@@ -331,7 +331,7 @@ SEAGLIDER = Importer(
     samples="factory.samples.gliders:SEAGLIDER",
     held=frozenset({"measured_shift", "measured_rotation"}),
 )  # fmt: skip
-"""Seagliders and their basestation."""
+"""Importer of Seagliders and their basestation."""
 
 SEAEXPLORER = Importer(
     name="seaexplorer",
@@ -348,7 +348,7 @@ SEAEXPLORER = Importer(
     read="factory.importing.formats.seaexplorer_reader:read_seaexplorer",
     samples="factory.samples.gliders:SEAEXPLORER",
 )
-"""Alseamar's SeaExplorer gliders."""
+"""Importer of Alseamar's SeaExplorer gliders."""
 
 OG1 = Importer(
     name="og1",
@@ -365,7 +365,7 @@ OG1 = Importer(
     read="factory.importing.formats.og1.og1_reader:read_og1",
     samples="factory.samples.archives:OG1",
 )  # fmt: skip
-"""The OceanGliders' common format."""
+"""Importer of the OceanGliders' common format."""
 
 NGDAC = Importer(
     name="ngdac",
@@ -384,7 +384,7 @@ NGDAC = Importer(
     samples="factory.samples.archives:NGDAC",
     lacks=frozenset({"measured_pump", "measured_shift", "measured_rotation"}),
 )  # fmt: skip
-"""Profile files of the U.S. IOOS National Glider DAC, and time series of pyglider."""
+"""Importer of profiles of the U.S. IOOS National Glider DAC, and time series of pyglider."""
 
 SPRAY = Importer(
     name="spray",
@@ -407,7 +407,7 @@ SPRAY = Importer(
          "measured_rotation"}
     ),
 )  # fmt: skip
-"""Binned files of Scripps' Spray gliders."""
+"""Importer of binned files of Scripps' Spray gliders."""
 
 CSV = Importer(
     name="csv",
@@ -423,4 +423,4 @@ CSV = Importer(
     takes_mapping=True,
     lacks=DRIVEN,
 )
-"""Tables of any vehicle, read by a mapping file that says what their columns are."""
+"""Importer of tables of any vehicle, with a mapping file that gives the meaning of columns."""

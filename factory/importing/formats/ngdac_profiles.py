@@ -1,6 +1,6 @@
-"""Profiles of NGDAC files: the place of each among the samples, and the current of its segment.
+"""NGDAC profiles: the profile of each sample, and the current that each profile reports.
 
-Fixes, track and actuators of such a file, and of pyglider's time series.
+Here are also fixes, track and actuators of NGDAC files and of pyglider's time series.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ Columns = dict[str, Array]
 Number = NDArray[np.intp]
 
 CURRENT = ("u", "v")
-"""[m/s] of the segment, eastward and northward"""
+"""[m/s] Current of the segment, eastward and northward."""
 STANDARD = {
     "pressure": "sea_water_pressure", "depth": "depth", "temperature": "sea_water_temperature",
     "salinity": "sea_water_practical_salinity",
     "conductivity": "sea_water_electrical_conductivity", "lat": "latitude", "lon": "longitude",
 }  # fmt: skip
-"""CF's standard names of variables that other assemblies call otherwise"""
+"""CF standard names of variables, by the names used here; other assemblies rename them."""
 _NONE = -np.inf
-"""Stands for NaN where profiles are compared, which differs from itself"""
+"""Value in place of NaN where profiles are compared, as NaN differs from itself."""
 
 
 def by_standard_name(variables: Mapping[str, Any], known: Collection[str]) -> dict[str, str]:
-    """Names of a file's variables by ours, of those that it calls otherwise; where several have
-    the standard name, known ones among them, none.
+    """Map the names used here to a file's other names, by CF standard name. A standard name that
+    several variables have is not mapped.
 
     Args:
-      known: names that are read anyway.
+      known: names that are read anyway, and not mapped.
     """
     found = {}
     for ours, standard in STANDARD.items():
@@ -53,11 +53,11 @@ def by_standard_name(variables: Mapping[str, Any], known: Collection[str]) -> di
 
 
 def profile_numbers(count: int, keys: Sequence[Array]) -> Number:
-    """Profile of each sample, counted from 0, by what is one value for all samples of a profile.
+    """Index of each sample's profile, from 0; samples of one profile agree in all `keys`.
 
     Args:
-      count: of samples.
-      keys: such values at the samples, (samples,) each.
+      count: number of samples.
+      keys: values that are constant within a profile, (samples,) each.
     """
     if not keys:
         return np.zeros(count, np.intp)
@@ -66,11 +66,11 @@ def profile_numbers(count: int, keys: Sequence[Array]) -> Number:
 
 
 def place_once(columns: Columns, pair: Sequence[str], when: Array, time: Array) -> None:
-    """Keep a profile's position at one sample of it, in place.
+    """Keep a profile's position at one of its samples only, in place.
 
     Args:
       columns: with the two of the pair at each sample.
-      when: [s] unix, time of the profile, (samples,); NaN: unknown, the middle of its samples.
+      when: [s] unix, time of the profile, (samples,); if NaN, the middle of its samples is used.
       time: [s] unix, of each sample.
     """
     values = [columns[name] for name in pair]
@@ -89,7 +89,7 @@ def currents_of(
     columns: Mapping[str, Array], number: Number, time: Array
 ) -> list[tuple[float, float, float]]:
     """End of each profile [s] unix, and its segment's current eastward and northward [m/s]; NaN
-    where it has none.
+    without a current.
 
     Args:
       columns: at the samples, `u` and `v` among them where the file has them.
@@ -113,13 +113,13 @@ def currents_of(
 def reported_currents(
     profiles: Sequence[tuple[float, float, float]], fixes: LoggedFixes
 ) -> dict[str, Channel]:
-    """Current that each profile reports, at its end and at the fixes up to the end of the next.
+    """Currents that the profiles report, at each profile's end and the fixes up to the next end.
 
-    The vehicle knows it when it has surfaced, where the row of its dive ends: with the profile's
-    last sample, or with a fix after that.
+    The vehicle knows a current once it has surfaced, where the row of its dive ends: with the
+    profile's last sample, or with a fix after that.
 
     Args:
-      profiles: as of `currents_of`, of all files.
+      profiles: as in `currents_of`, of all files.
     """
     end, east, north = (np.array(part, np.float64) for part in zip(*sorted(profiles), strict=True))
     time = np.union1d(end, fixes.time[fixes.time > end[0]])
@@ -129,13 +129,13 @@ def reported_currents(
 
 
 SERIES = "profile_index"
-"""Variable of a time series of a whole deployment; profile files have `profile_id`"""
+"""Variable of a time series of a whole deployment; profile files have `profile_id`."""
 
 MAGNETIC = ("m_heading", "Heading")
-"""Sensors of Slocums and SeaExplorers whose heading is magnetic"""
+"""Heading sensors of Slocums and SeaExplorers that are magnetic."""
 
 SLOCUM = "m_"
-"""How the names of a Slocum's sensors begin, whose angles are radian"""
+"""Prefix of the names of a Slocum's sensors, whose angles are in radian."""
 
 ACTUATORS = {
     "m_ballast_pumped": ("measured_pump", "cm3", "cm3", 1.0),
@@ -146,29 +146,29 @@ ACTUATORS = {
     # the mass turns to starboard for positive angles, ours to port
     "AngPos": ("measured_rotation", "degree", "degree", -1.0),
 }
-"""By the vehicle's sensor: channel of the store and its unit, the sensor's own unit where a file
-declares none, and the sign"""
+"""Channel of the store, its unit, the sensor's own unit where a file declares none, and the sign,
+by the vehicle's sensor."""
 
 RECKONS = "DeadReckoning"
-"""Sensor of a SeaExplorer: 1 where its position is reckoned, 0 at a GPS fix"""
+"""Sensor of a SeaExplorer: 1 where its position is dead-reckoned, 0 at a GPS fix."""
 
 SURFACE = 2.0
-"""[m] shallower a vehicle is at the surface, if its depth has no offset"""
+"""[m] Depth above which a vehicle is at the surface, if its depth has no offset."""
 
 UNDER_WATER = 5.0
-"""[m] deeper no vehicle has a fix, whatever the offset of its depth"""
+"""[m] Depth below which no vehicle has a fix, whatever the offset of its depth."""
 
 BENT = 0.05
-"""[m] from the straight line between its neighbours at which a position is one that bends it"""
+"""[m] Distance from the straight line between its neighbours at which a position bends a track."""
 
 MOST_BENT = 0.005
-"""Part of the positions under water that may bend where a track was drawn through fixes. Of
-pyglider's own examples none of the SeaExplorer's do, and 7 % of the Slocum's, which logs a position
-once a minute."""
+"""Largest fraction of positions under water that bend a track drawn through fixes. In pyglider's
+own examples, none of the SeaExplorer's do, and 7 % of the Slocum's, which logs a position once a
+minute."""
 
 
 def sensor_columns(variables: Mapping[str, Any]) -> dict[str, str]:
-    """Names of a file's variables by the sensor of `ACTUATORS`, or `RECKONS`, that they are of."""
+    """Names of a file's variables, by the sensor of `ACTUATORS` (or `RECKONS`) behind them."""
     found: dict[str, str] = {}
     for name, variable in variables.items():
         sensor = str(getattr(variable, "source", name))
@@ -183,7 +183,7 @@ def sensor_columns(variables: Mapping[str, Any]) -> dict[str, str]:
 def actuators(
     time: Array, columns: Mapping[str, Array], sensors: Mapping[str, str], tally: Tally
 ) -> dict[str, Channel]:
-    """Pump and masses; of two pumps the one that moves more."""
+    """Channels of pump and masses; of two pumps, the pump that moves more."""
     found: dict[str, tuple[float, str, Array]] = {}
     for sensor, name in sensors.items():
         values = columns.get(name)
@@ -205,16 +205,16 @@ def actuators(
 def fixes_of_track(
     track: LoggedFixes, depth: Array, tally: Tally, *, reckons: Array | None = None
 ) -> tuple[LoggedFixes, bool]:
-    """The fixes that a track goes through, and whether it is lines between them.
+    """Fixes that a track goes through, and True if the track is straight lines between them.
 
-    Where hardly a position under water bends the track it was drawn through the fixes: these are
-    the positions at the surface that bend it. Else the vehicle reckoned, and set the track to a fix
-    some time at the surface: the last position before each dive is taken for one.
+    If hardly a position under water bends the track, it was drawn through the fixes: these are the
+    positions at the surface that bend it. Otherwise the vehicle dead-reckoned, and set the track to
+    a fix while at the surface: the last position before each dive is taken as a fix.
 
     Args:
       depth: [m] at the positions of the track, (samples,).
-      reckons: above 0 where the vehicle says that it reckoned, 0 at a fix, (samples,): then that
-        alone says what is a fix.
+      reckons: above 0 where the vehicle dead-reckoned, 0 at a fix, (samples,); if it has both
+        values, it alone decides.
     """
     if len(track) < 3:
         return NO_FIXES, False
@@ -243,13 +243,13 @@ TRACKS = (
     ("precise_lat", "precise_lon"), ("lat", "lon"), ("latitude", "longitude"),
     ("profile_lat", "profile_lon"),
 )  # fmt: skip
-"""Positions, in order of preference; the last are one for a profile, the first one for a sample."""
+"""Names of positions, the preferred first: from one for each sample to one for a profile."""
 
 FIXES = ("m_gps_lat", "m_gps_lon", "m_gps_status")
 
 
 def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
-    """Select the vehicle's own GPS fixes, those with a status that is not valid counted."""
+    """Select the vehicle's own GPS fixes; those with an invalid status are counted."""
     if not all(n in columns and np.isfinite(columns[n]).any() for n in FIXES[:2]):
         return NO_FIXES
     status = columns.get(FIXES[2], np.full(len(time), np.nan))
@@ -257,7 +257,7 @@ def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedF
 
 
 def track_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
-    """The file's own track."""
+    """Track that the file holds."""
     there = [pair for pair in TRACKS if all(n in columns for n in pair)]
     best = next((p for p in there if np.isfinite(columns[p[0]]).any()), None)
     if best is None:

@@ -1,13 +1,13 @@
-"""Reader of IOOS NGDAC netCDF files: one profile per file, which together make a deployment; and
-of pyglider's time series, a deployment a file.
+"""NGDAC reader: netCDF profiles of the IOOS National Glider DAC, and pyglider's time series.
 
-CF's names and units. Positions are the data assembly's track, interpolated between surfacings; GPS
-fixes are known only where a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees
-or ddmm.mmm). The current of a segment, `u` and `v` at `time_uv`, stands in each of its profiles.
+All profile files of a deployment make one log; a time series is a whole deployment. Names and units
+are CF's. Positions are the data assembly's track, interpolated between surfacings. GPS fixes are
+known only if a file keeps the vehicle's own `m_gps_lat`, `m_gps_lon` (decimal degrees or ddmm.mmm).
+A segment's current, `u` and `v` at `time_uv`, is repeated in each of its profiles.
 
-The data assembly's ERDDAP serves many profiles in one table (`row`, `obs`, ragged arrays), in which
-`time`, `latitude` and `longitude` are the profile's, and `precise_time`, `precise_lat` and
-`precise_lon` the sample's.
+The data assembly's ERDDAP serves many profiles in one table (`row`, `obs`, ragged arrays). There,
+`time`, `latitude` and `longitude` are the profile's; `precise_time`, `precise_lat` and
+`precise_lon` are the sample's.
 """
 
 from __future__ import annotations
@@ -80,18 +80,18 @@ UNITS = {
     "conductivity": "S m-1", "u": "m s-1", "v": "m s-1",
     **{n: "degree" for pair in TRACKS for n in pair}, **SLOCUM_UNITS,
 }  # fmt: skip
-"""What variables are converted to by the units that a file declares; angles are judged together"""
+"""Units that variables are converted to, from the declared ones; angles are judged together."""
 CURRENT = ("u", "v", "time_uv")
 SCALARS = ("profile_id", "profile_time", "profile_lat", "profile_lon", "trajectory", *CURRENT)
-"""Of a profile."""
+"""Variables with one value for a profile."""
 MEASURED = ("pressure", "depth", *CTD)
-"""Variables at the samples"""
+"""Variables at the samples."""
 NEEDS = "such a file has time, and depth or pressure at the same samples"
 READ = (
     CLOCK, PRECISE, *MEASURED, *FIXES, *(n for pair in TRACKS for n in pair), *SCALARS,
     *(name for names in ANGLES.values() for name in names), *SLOCUM_SENSORS,
 )  # fmt: skip
-"""Variables that are read, beside those of the payload."""
+"""Variables that are read, besides the payload's."""
 _KIND = "NGDAC file"
 _BAD = (3.0, 4.0, 9.0)
 """QARTOD flags: suspect, bad, missing."""
@@ -101,24 +101,24 @@ class NgdacProfile(NamedTuple):
     """Samples and currents of one deployment in one file."""
 
     columns: Columns
-    """At `time`, unix seconds."""
+    """Values by name, at `time` in unix seconds."""
     currents: list[tuple[float, float, float]]
     """End of each profile [s] unix, and its segment's current eastward and northward [m/s]; NaN
     where it has none."""
     attributes: dict[str, dict[str, Any]]
     platform: str
-    """Model of the glider, where the file names it."""
+    """Model of the glider, if the file names it."""
     sensors: dict[str, str]
-    """Names of columns by the actuator's sensor that they are of."""
+    """Names of columns, by the actuator's sensor."""
     series: bool
-    """Whether it is a whole deployment."""
+    """True if the file holds a whole deployment."""
 
 
 def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each deployment (`trajectory`) among the profiles.
+    """Make one log for each deployment (`trajectory`) among the profiles.
 
     Raises:
-      WrongFormat: another kind of file.
+      WrongFormat: a file is of another kind.
       InputError: no file can be read.
     """
     extra = payload_names(options.payload)
@@ -138,7 +138,7 @@ def read_ngdac(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> lis
 
 
 def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> dict[str, NgdacProfile]:
-    """Read one file; profiles by deployment."""
+    """Read one file; return its profiles by deployment."""
     with open_netcdf(path) as file:
         file.set_auto_mask(True)
         variables = file.variables
@@ -169,7 +169,7 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> dict[str, Ngdac
         sampled = {n: columns[n] for n in MEASURED if n in columns and n not in single}
         note_unread(_KIND, names, (*wanted, *aliases.values(), *flags), tally)
         clocks = {
-            n: np.where(np.isnan(columns.get(n, seconds)), np.nan, seconds)  # flagged bad
+            n: np.where(np.isnan(columns.get(n, seconds)), np.nan, seconds)  # time flagged bad
             for n, seconds in geometry.clocks(CLOCK, tally).items()
         }
         with other_format(path, names):
@@ -200,11 +200,11 @@ def _profiles(path: Path, extra: Sequence[str], tally: Tally) -> dict[str, Ngdac
 
 
 _OF_PROFILE = frozenset({PRECISE, "profile_id", "profile_time", "trajectory", *CURRENT})
-"""Variables of which nothing is left once the profiles are known"""
+"""Variables that are dropped once the profiles are known."""
 
 
 def _unflagged(geometry: Geometry, name: str, tally: Tally) -> Array:
-    """Values without those that the file's own quality control calls bad, counted."""
+    """Remove values that the file's own quality control calls suspect or bad; count them."""
     values = geometry.column(name)
     if not geometry.reaches(f"{name}_qc"):
         return values
@@ -239,7 +239,7 @@ def _log(
         track = NO_FIXES if lines else track
     channels, variation = _attitude(name, time, columns, attributes, places, options, tally)
     channels |= actuators(time, columns, sensors, tally)
-    if depth is not None:  # the pressure is compared with it
+    if depth is not None:  # the pressure is compared with the depth
         depth = downward(depth, "depth", tally)
     channels |= pressure_channels(
         time, pressure, depth, "pressure", tally, depth_subject="depth", deployment=name,
@@ -273,7 +273,7 @@ def _attitude(
     options: ReadOptions,
     tally: Tally,
 ) -> tuple[dict[str, Channel], Channel]:
-    """Attitude in degree, true heading, and the variation that was added."""
+    """Attitude in degree with true heading, and the variation that was added."""
     channels: dict[str, Channel] = {}
     variation = EMPTY
     sources = {kind: [n for n in names if n in columns] for kind, names in ANGLES.items()}
@@ -283,7 +283,7 @@ def _attitude(
             values=columns[there[0]],
             unit=unit_in(attributes[there[0]]),
             subject=there[0],
-            # pyglider writes a Slocum's as they are, without a unit
+            # pyglider keeps a Slocum's radian, and declares no unit
             native="radian" if sensors[there[0]].startswith(SLOCUM) else "degree",
         )
         for kind, there in sources.items() if there

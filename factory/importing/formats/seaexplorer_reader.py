@@ -1,11 +1,11 @@
-"""Reader of SeaExplorer logs: navigation (gli) and payload (pld), with commas or semicolons.
+"""SeaExplorer reader: logs of navigation (gli) and payload (pld), with commas or semicolons.
 
-Native: degrees, magnetic heading with the declination beside it, depth in m, positions as NMEA
+Native: degrees, magnetic heading with a column of declination, depth in m, positions as NMEA
 ddmm.mmm, ballast in cm3 (+ = lighter), pitch mass in mm forward, roll mass in degree (+ rolls to
-starboard). A position is a GPS fix where the column DeadReckoning is 0, and in logs without it in
-state 116 (at the surface, transmitting); and when it differs from the row before: the log repeats
-the last one. Beam velocities of a payload's AD2CP
-are not a velocity through the water without the transform and a reference layer: they are left out.
+starboard). A position is a GPS fix if it differs from the row before, as the log repeats the last
+one, and the column DeadReckoning is 0. In logs without that column the state must be 116 (at the
+surface, transmitting). Beam velocities of a payload's AD2CP are left out: without their transform
+and a reference layer they are no velocity through the water.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 MM = 1e-3
-"""[m]"""
+"""[m] One millimetre."""
 AT_SURFACE = 116
-"""NavState of a glider at the surface that has its fixes."""
+"""NavState of a glider that is at the surface and has its fixes."""
 NO_VALUE = -999.0
-"""Commands and sensors below this are switched off (-9999)."""
+"""Commands and sensors at or below this are switched off (-9999)."""
 _NAVIGATION = (
     "NavState", "Heading", "Declination", "Pitch", "Roll", "Depth", "Lat", "Lon", "DeadReckoning",
     "DesiredH", "BallastCmd", "BallastPos", "LinCmd", "LinPos", "AngCmd", "AngPos", "Voltage", "Pa",
@@ -76,11 +76,11 @@ _DEPLOYMENT = re.compile(r"(sea\d+)[._-]?m?(\d+)", re.IGNORECASE)
 def read_seaexplorer(
     paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
-    """One log for each vehicle and mission among the files.
+    """Make one log for each vehicle and mission among the files.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: a payload log without its navigation log.
+      WrongFormat: a file is of another kind.
+      InputError: no navigation log is among the files.
     """
     logs: dict[str, dict[str, list[Columns]]] = {_NAVIGATION_LOG: {}, _PAYLOAD_LOG: {}}
     files: dict[str, list[str]] = {}
@@ -114,11 +114,11 @@ def read_seaexplorer(
 
 
 def _timed_table(path: Path, tally: Tally) -> tuple[str, Table, Columns]:
-    """What a file is, its table, and its numbers with their time.
+    """Kind of a file's log, its table, and its numbers with their time.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: it cannot be read, or is empty, or without times.
+      WrongFormat: the file is of another kind.
+      InputError: the file cannot be read, is empty, or has no times.
     """
     if "evt" in path.name.lower().split("."):
         raise OtherKind(f"{path.name} is the vehicle's list of events: texts, no measurements")
@@ -216,7 +216,7 @@ def _variation(
     variation_deg: float | None,
     tally: Tally,
 ) -> Channel:
-    """[degree] east positive. Before its first fix a glider writes 0: the next value holds."""
+    """Declination [degree], east positive; zeros before a glider's first fix are dropped."""
     if variation_deg is not None:
         if "Declination" in columns:
             leave_out(["Declination"], "the user gives the variation", tally)
@@ -236,7 +236,7 @@ def _variation(
 def _positions(
     time: Array, columns: Columns, tally: Tally
 ) -> tuple[LoggedFixes, dict[str, Channel]]:
-    """Fixes, and the on-board track where the vehicle reckons under water."""
+    """Fixes, and the on-board track if the vehicle dead-reckons under water."""
     if not all(name in columns for name in ("Lat", "Lon", "NavState")):
         return NO_FIXES, {}
     latitude, longitude = columns["Lat"], columns["Lon"]
@@ -255,9 +255,9 @@ def _positions(
     reckons = columns.get("DeadReckoning", np.full(len(time), np.nan))
     if (reckons == 0.0).any() and (reckons > 0.0).any():
         surfaced = np.where(np.isfinite(reckons), reckons == 0.0, surfaced)
-        # the first row of a log has none before it that it could repeat
+        # the first row of a log has no row before it to repeat
         moved[:1] = reckons[:1] == 0.0
-    else:  # a column that never changes is not kept
+    else:  # a column that never changes says nothing
         surfaced = surfaced & ~(reckons > 0.0)
     tally.add(
         "left out", "GPS fixes", good & surfaced & ~moved, "the last position again, no new fix"
@@ -276,7 +276,7 @@ def _payload(
     options: ReadOptions,
     tally: Tally,
 ) -> dict[str, Channel]:
-    """Temperature, salinity and density of the payload's CTD, and what else it carries."""
+    """Temperature, salinity and density of the payload's CTD, and its other signals."""
     if not pieces:
         return {}
     every = sorted({column for piece in pieces for column in piece if column != "time"})

@@ -1,6 +1,6 @@
-"""Reader of one basestation file (p*.nc): one dive, brought to the columns of the tables.
+"""Seaglider dive files: reads one basestation file (p*.nc) into the columns of the tables.
 
-Dive numbers of a Seaglider: what the table of its dives says of each, fixes among it.
+The row of a dive holds its numbers, its three fixes and its waypoint.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SAMPLES = {
     "eng_head": "head_mag_deg",
     "eng_vbdCC": "vbd_cc",
 }
-"""Variables of the file at `time`, and the tables' columns."""
+"""Variables of the file at `time`, and their columns in the tables."""
 UNITS = {
     "pressure": "dbar", "depth": "m", "eng_pitchAng": "degree", "eng_rollAng": "degree",
     "eng_head": "degree", "eng_vbdCC": "cm3", "temperature": "degree_Celsius",
@@ -57,8 +57,8 @@ UNITS = {
     **{f"ad2cp_inv_glider_{n}": "m s-1" for n in ("uttw", "vttw", "wttw", "uocn", "vocn")},
     "log_gps_lat": "degree", "log_gps_lon": "degree",
 }  # fmt: skip
-"""What variables are converted to by the units that a file declares. Those of the table of moves
-are not read: basestations call cm3 of the bladder cm."""
+"""Units that variables are converted to, from the declared ones. Variables of moves (`MOVES`) are
+not converted: basestations call cm3 of the bladder cm."""
 MOVES = {
     "gc_pitch_ctl": "gc_pitch_ctl_cm",
     "gc_vbd_ctl": "gc_vbd_ctl_cc",
@@ -81,23 +81,23 @@ ADCP = {
 }
 _FIXES = ("gps1", "gps2", "gpsE")
 WAYPOINT = "log_TGT_LATLONG"
-"""Where the glider was sent: latitude and longitude as ddmm.mmm in one text."""
+"""Commanded waypoint: latitude and longitude as ddmm.mmm in one text."""
 _CALIBRATION = ("log_C_ROLL_DIVE", "log_C_ROLL_CLIMB", "log_ROLL_CNV")
 _FIX_FLAGS = {fix: f"{fix.replace('gps', 'GPS')}_qc" for fix in _FIXES}
 _FIX_PARTS = {part: f"log_gps_{part}" for part in ("time", "lat", "lon")}
 DILUTION, FLAGS = "log_gps_hdop", "log_gps_qc"
-"""What the receiver and the basestation say of the three fixes, where a file has it"""
+"""Quality of the three fixes by the receiver and by the basestation, where a file has it."""
 READ = (
     "time", *SAMPLES, "gc_end_secs", *MOVES, *PUMPED, *RECKONED, *NUMBERS, *ADCP,
     *_CALIBRATION, "start_of_climb_time", "trajectory", WAYPOINT,
     *_FIX_PARTS.values(), *_FIX_FLAGS.values(), DILUTION, FLAGS, "ctd_time", "temperature",
     "temperature_qc", "salinity", "salinity_qc",
 )  # fmt: skip
-"""Variables that are read, beside those of the payload."""
+"""Variables that are read, besides the payload's."""
 _BAD_QC = frozenset("348")
 """Basestation flags: 3 probably bad, 4 bad, 8 interpolated."""
 _NO_FIX_QC = _BAD_QC | frozenset("69")
-"""And of a fix: 6 not sampled, 9 missing."""
+"""Flags of a bad fix; besides the above, 6 is not sampled and 9 missing."""
 
 
 @dataclasses.dataclass
@@ -106,16 +106,16 @@ class GliderPieces:
 
     name: str
     tables: dict[str, list[Columns]] = dataclasses.field(default_factory=dict)
-    """Pieces of samples, dives, moves (of the pump), adcp, and of ctd: temperature and salinity
-    with times of their own, which tables have in samples."""
+    """Chunks by kind: samples, dives, moves (of the pump), adcp and ctd. The ctd has temperature
+    and salinity with their own times; tables have both in samples."""
     payload: list[dict[str, Channel]] = dataclasses.field(default_factory=list)
-    """By the files' own names (netCDF); tables have it in samples."""
+    """Channels by the files' own names (netCDF); tables have the payload in samples."""
     units: dict[str, str] = dataclasses.field(default_factory=dict)
-    """Of the payload, as the files say."""
+    """Units of the payload, as the files declare."""
     files: list[str] = dataclasses.field(default_factory=list)
 
     def add(self, file: str, tables: Mapping[str, Sequence[Columns]]) -> None:
-        """Take in the pieces of a file."""
+        """Add the chunks of a file."""
         for kind, pieces in tables.items():
             self.tables.setdefault(kind, []).extend(pieces)
         if file not in self.files:
@@ -123,14 +123,14 @@ class GliderPieces:
 
 
 def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
-    """The file as the columns of the tables.
+    """Read a file into the columns of the tables.
 
     Args:
       payload: names that payloads may have.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: truncated, or without samples.
+      WrongFormat: the file is of another kind.
+      InputError: the file is truncated, or has no samples.
     """
     with open_netcdf(path) as file:
         variables = file.variables
@@ -141,7 +141,7 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
             time = as_array(variables["time"][:])
             if not time.size:
                 raise InputError(f"{path.name} holds a dive without samples")
-            measured = _known(variables, SAMPLES, tally)
+            measured = _known_columns(variables, SAMPLES, tally)
             for source, column in SAMPLES.items():
                 values = measured.get(column, time)
                 if len(values) != len(time):
@@ -159,11 +159,11 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
                 row |= voltage_and_charge(text_of(variables.get(words)), words)
             moves = {n: as_array(variables[n][:]) for n in PUMPED if n in variables}
             found.tables = {"samples": [samples], "dives": [row], "moves": [moves]}
-            adcp = _known(variables, ADCP, tally)
+            adcp = _known_columns(variables, ADCP, tally)
             found.tables["adcp"] = [adcp] if "u_ttw" in adcp and "time" in adcp else []
             ctd = _ctd(variables, path, tally)
             found.tables["ctd"] = [ctd] if ctd else []
-            carried = {n: _carried(variables, n) for n in payload if n in variables}
+            carried = {n: _payload_channel(variables, n) for n in payload if n in variables}
             found.payload = [carried]
             found.units = {n: unit_in(attributes_of(variables[n])) for n in carried}
             clocks = [str(_clock(variables, n)) for n in carried]
@@ -180,8 +180,8 @@ def read_dive(path: Path, payload: Sequence[str], tally: Tally) -> GliderPieces:
     return found
 
 
-def _known(variables: Any, names: Mapping[str, str], tally: Tally) -> Columns:
-    """Columns of the variables of these names that are of the quantity that they should be."""
+def _known_columns(variables: Any, names: Mapping[str, str], tally: Tally) -> Columns:
+    """Columns of the named variables, without those of another quantity than expected."""
     return {
         column: values
         for name, column in names.items()
@@ -190,15 +190,15 @@ def _known(variables: Any, names: Mapping[str, str], tally: Tally) -> Columns:
 
 
 def _clock(variables: Any, name: str) -> str | None:
-    """Name of the times of a variable: of the same dimension."""
+    """Name of the time variable along the dimension of a variable; None without one."""
     dimensions = variables[name].dimensions
     return next(
         (n for n, v in variables.items() if v.dimensions == dimensions and n.endswith("time")), None
     )
 
 
-def _carried(variables: Any, name: str) -> Channel:
-    """Samples of a payload's variable; empty where no times belong to it."""
+def _payload_channel(variables: Any, name: str) -> Channel:
+    """Samples of a payload's variable; empty if no times belong to it."""
     clock = _clock(variables, name)
     if clock is None or len(variables[name].dimensions) != 1:
         return EMPTY
@@ -209,7 +209,7 @@ def _carried(variables: Any, name: str) -> Channel:
 
 
 def _number_in(variable: Any, tally: Tally) -> Array:
-    """A number, (1,); older basestations write some letter by letter."""
+    """Number of a variable, (1,); older basestations write some numbers letter by letter."""
     if variable.dtype == str or variable.dtype.kind not in "fiu":
         with contextlib.suppress(ValueError):
             return np.array([float(text_of(variable))])
@@ -237,7 +237,7 @@ def _number(file: Any) -> float:
 
 
 def _moves(variables: Any, samples: Columns) -> None:
-    """Actuator states at the samples: those after the last move; and the battery's rotation."""
+    """Add the actuator states after the last move to the samples, and the battery's rotation."""
     if "gc_end_secs" not in variables:
         return
     time = samples["time"]
@@ -260,11 +260,11 @@ def _moves(variables: Any, samples: Columns) -> None:
 
 
 def _fixes(variables: Any, tally: Tally) -> Columns:
-    """The three fixes of the dive, in the order in which the file holds them."""
+    """Columns of the three fixes of the dive, in the order of the file."""
     row: Columns = {}
     if not set(_FIX_PARTS.values()) <= set(variables):
         return row
-    found = _known(
+    found = _known_columns(
         variables, {n: part for part, n in _FIX_PARTS.items()} | {DILUTION: "hdop"}, tally
     )
     if not set(_FIX_PARTS) <= set(found):
@@ -272,17 +272,17 @@ def _fixes(variables: Any, tally: Tally) -> Columns:
     for part, values in found.items():
         for fix, value in zip(_FIXES, values, strict=False):
             row[f"{fix}_{part}"] = np.array([value])
-    together = _letters(variables.get(FLAGS))
+    together = _flag_letters(variables.get(FLAGS))
     for k, fix in enumerate(_FIXES):
-        flags = _letters(variables.get(_FIX_FLAGS[fix]))[:1] + together[k : k + 1]
+        flags = _flag_letters(variables.get(_FIX_FLAGS[fix]))[:1] + together[k : k + 1]
         if f"{fix}_time" in row and _NO_FIX_QC & set(flags):
             row[f"{fix}_lat"] = np.array([np.nan])
             tally.add("removed", "GPS fixes", 1, "flagged bad by the basestation")
     return row
 
 
-def _letters(flags: Any) -> str:
-    """Flags, a letter each; empty without the variable."""
+def _flag_letters(flags: Any) -> str:
+    """Flags as a text, a letter each; empty without the variable."""
     if flags is None:
         return ""
     values = np.ma.filled(flags[...], b"0" if flags.dtype.kind == "S" else 0)
@@ -291,11 +291,11 @@ def _letters(flags: Any) -> str:
 
 
 def _waypoint(variables: Any) -> Columns:
-    """Latitude and longitude [degree] of the target; nothing where the file has none."""
+    """Latitude and longitude [degree] of the target; empty if the file has none."""
     parts = text_of(variables.get(WAYPOINT)).split(",")
     try:
         latitude, longitude = (degrees_minutes(np.array([float(part)])) for part in parts)
-    except ValueError:  # none, or of another form
+    except ValueError:  # no target, or another form
         return {}
     return {"waypoint_latitude": latitude, "waypoint_longitude": longitude}
 
@@ -306,7 +306,7 @@ def _ctd(variables: Any, path: Path, tally: Tally) -> Columns:
         return {}
     columns: Columns = {"time": as_array(variables["ctd_time"][:])}
     for source, column in (("temperature", "temp_c"), ("salinity", "sal_psu")):
-        values = _known(variables, {source: column}, tally).get(column)
+        values = _known_columns(variables, {source: column}, tally).get(column)
         if values is None:
             continue
         if len(values) != len(columns["time"]):

@@ -1,6 +1,6 @@
-"""Signals of a Seaglider: attitude, actuators, pressure and CTD of its samples.
+"""Seaglider log signals: attitude, actuators, pressure, CTD and batteries.
 
-Rotation of a Seaglider's battery from the counts of its roll axis, without C_ROLL and ROLL_CNV.
+The battery's rotation comes from the counts of its roll axis where C_ROLL and ROLL_CNV are missing.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from factory.importing.units import to_cm3
 from twin.errors import InputError
 
 ROLL_CNV = 0.02827
-"""[deg] per count: the value that basestations and vehicles' files give for most Seagliders."""
+"""[deg] Rotation per count that basestations and vehicles' files give for most Seagliders."""
 LEAST_SAMPLES = 20
-"""of a phase, from which its centre is taken"""
+"""Fewest samples of a descent or climb that give its centre."""
 PITCHED = 5.0
-"""[deg] of pitch from which a sample is of a dive or of a climb"""
+"""[deg] Pitch beyond which a sample belongs to a descent or a climb."""
 
 
 def rotation_from_counts(
     counts: Array, pitch_deg: Array, known: Array | None, subject: str, tally: Tally
 ) -> Array:
-    """Rotation [deg], + to port, (time,): `known` where it is, elsewhere from the counts.
+    """Rotation [deg], + to port, (time,): `known` where finite, elsewhere from the counts.
 
     Args:
-      counts: `gc_roll_ad`, (time,), zero or less where there was none.
+      counts: `gc_roll_ad`, (time,), zero or less where missing.
       pitch_deg: [deg], (time,). known: [deg] from files with the calibration, or None.
     """
     rotation = np.full(len(counts), np.nan) if known is None else known.copy()
@@ -58,16 +58,16 @@ Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 CM = 0.01
-"""[m]"""
+"""[m] One centimetre."""
 
 
 def signals_of(
     time: Array, samples: Columns, dives: Columns, variation: Channel, name: str, tally: Tally
 ) -> dict[str, Channel]:
-    """Attitude, actuators and pressure, clean, by the store's names.
+    """Clean channels of attitude, actuators and pressure, by the store's names.
 
     Raises:
-      InputError: a magnetic heading without a variation.
+      InputError: the heading is magnetic, and no variation is known.
     """
     channels: dict[str, Channel] = {}
 
@@ -152,7 +152,7 @@ def water_of(
 
 _CTD = ("temp_c", "sal_psu")
 _TURNS, _ROLLS = 500.0, 1.5
-"""[counts, degree] A roll mass that moves so far rolls the glider by more than this."""
+"""[counts, degree] A roll mass that moves over `_TURNS` rolls the glider by more than `_ROLLS`."""
 
 
 def _rolls_in_radian(roll: Array, counts: Array) -> bool:
@@ -182,11 +182,11 @@ def _shift(time: Array, samples: Columns, dives: Columns, tally: Tally) -> dict[
 def seaglider_batteries(
     dives: Mapping[str, Array], moves: Mapping[str, Array], tally: Tally
 ) -> dict[str, Channel]:
-    """Channels of a Seaglider: its counters at both ends of each dive, and its pump.
+    """Channels of charge, voltage and vacuum at the ends of each dive, and of pump power.
 
     Args:
       dives: numbers of each dive, (dives,) each: `START` and `END` [s], fuel gauges
-        `log_FG_AHR_10V` [A h] and the like, what the vehicle reckons (`10V_AH`), the lowest
+        `log_FG_AHR_10V` [A h] and the like, the vehicle's own estimate (`10V_AH`), the lowest
         voltage of each battery in the dive (`10V_V`), `log_INTERNAL_PRESSURE` [psi].
       moves: of the guidance and control table, (moves,) each; the pump runs after the pitch.
     """
@@ -222,26 +222,24 @@ def seaglider_batteries(
         time = np.concatenate([begin, begin + seconds[runs]])
         time, first = np.unique(time, return_index=True)
         power = np.append(power, np.zeros(len(begin)))[first]
-        if len(time):  # it stands before the first move
+        if len(time):  # off before the first move
             time, power = np.append(time[0] - 1.0, time), np.append(0.0, power)
         found["measured_pump_power"] = clean("measured_pump_power", time, power, tally)
     return found
 
 
 START, END = "gps2_time", "gpsE_time"
-"""Times of the last fix before a dive and the first after it"""
-START, END = "gps2_time", "gpsE_time"
-"""Times of the last fix before a dive and the first after it"""
+"""Columns of the times of the last fix before a dive and the first fix after it."""
 PUMPED = ("gc_st_secs", "gc_pitch_secs", "gc_vbd_secs", "gc_vbd_i", "gc_vbd_volts")
-"""Of a move: its begin and the seconds of pitch and pump [s]; current [A] and voltage [V]"""
+"""Columns of a move: its start [s], duration of pitch and pump [s], current [A] and voltage [V]."""
 GAUGES = ("log_FG_AHR_10V", "log_FG_AHR_24V", "log_FG_AHR_10Vo", "log_FG_AHR_24Vo")
-"""[A h] A Seaglider's fuel gauges before and after the dive"""
+"""[A h] Fuel gauges of a Seaglider before and after the dive."""
 RECKONED = ("log_10V_AH", "log_24V_AH")
-"""Texts of the lowest voltage [V] and the charge [A h] that the vehicle reckons it has taken"""
+"""Texts with the lowest voltage [V] and the charge used [A h] by the vehicle's own estimate."""
 
 
 def voltage_and_charge(words: str, name: str) -> dict[str, Array]:
-    """Columns of one of `RECKONED`; nothing where the text has another form."""
+    """Parse the text of one of `RECKONED` into columns; empty if it has another form."""
     try:
         volts, charge = (np.array([float(word)]) for word in words.split(","))
     except ValueError:
@@ -251,11 +249,11 @@ def voltage_and_charge(words: str, name: str) -> dict[str, Array]:
 
 
 PSI = 6894.757
-"""[Pa] in a pound-force per square inch (NIST SP 811)"""
+"""[Pa] One pound-force per square inch (NIST SP 811)."""
 
 
 def first_time(dives: Columns) -> Array:
-    """[s] unix time of each dive's first fix."""
+    """[s] Unix time of the last fix before each dive; if no dive has this fix, of another fix."""
     for name in ("gps2_time", "gps1_time", "gpsE_time"):
         if name in dives and np.isfinite(dives[name]).any():
             return dives[name]

@@ -1,10 +1,10 @@
-"""Reader of Seaglider logs, from basestation netCDF files and from tables made of them.
+"""Seaglider reader: one log for each glider, from basestation netCDF files or tables made of them.
 
-Native: degrees, magnetic heading, cm of pitch mass (+ lifts the nose), cm3 of bladder (+ =
-lighter), dbar; three GPS fixes a dive: GPS1 after the dive before, GPS2 before this one, GPSE
-after it. Both sources are brought to the columns of the tables, then to one log a glider.
+Native units: degrees, magnetic heading, cm of pitch mass (+ lifts the nose), cm3 of bladder (+ =
+lighter), dbar. A dive has three GPS fixes: GPS1 after the dive before, GPS2 before this dive, GPSE
+after it. Both sources are brought to the columns of the tables.
 
-Velocity and current that a Seaglider's on-board current profiler (ADCP) measured.
+`adcp_truth` gives velocity and current that the on-board current profiler (ADCP) measured.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from twin.bounded import LONGEST_NAME
 from twin.errors import InputError
 
 ADCP_DEPTH = 1.5
-"""[m] Shallower the inverse solution is the constraint that a drifting glider moves with the
-water, not a measurement."""
+"""[m] Depth above which the inverse solution is no measurement, but the constraint that a drifting
+glider moves with the water."""
 
 
 def adcp_truth(glider: str, pieces: Sequence[Columns], tally: Tally) -> dict[str, Channel]:
-    """Velocity through the water and current of the on-board ADCP's inverse solution [m/s]."""
+    """Velocity through the water and current [m/s], from the on-board ADCP's inverse solution."""
     if not pieces:
         return {}
     columns = stacked(pieces, _READ["adcp"][2:])
@@ -71,7 +71,7 @@ def adcp_truth(glider: str, pieces: Sequence[Columns], tally: Tally) -> dict[str
         for target, column, sign in (
             ("velocity_east", "u_ttw", 1.0),
             ("velocity_north", "v_ttw", 1.0),
-            ("velocity_down", "w_ttw", -1.0),  # w_ttw is upward: it is opposite to the depth rate
+            ("velocity_down", "w_ttw", -1.0),  # w_ttw is positive upward
             ("current_east", "u_ocn", 1.0),
             ("current_north", "v_ocn", 1.0),
         )
@@ -98,17 +98,17 @@ _READ = {
     ),
     "adcp": ("glider", "dive", "time", "depth_m", "u_ttw", "v_ttw", "w_ttw", "u_ocn", "v_ocn"),
 }  # fmt: skip
-"""Columns that each kind of table is read for."""
+"""Columns that are read, by kind of table."""
 
 
 def read_seaglider(
     paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
-    """One log for each glider among the files.
+    """Make one log for each glider among the files.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: a glider without samples.
+      WrongFormat: a file is of another kind.
+      InputError: a glider has no samples.
     """
     extra = payload_names(options.payload)
     gliders: dict[str, GliderPieces] = {}
@@ -143,11 +143,11 @@ def read_seaglider(
 
 
 def _kind_of(table: Table) -> str:
-    """A key of `_READ`, by the table's columns.
+    """Kind of a table, a key of `_READ`, by its columns.
 
     Raises:
-      WrongFormat: no Seaglider's.
-      InputError: it has no rows.
+      WrongFormat: the table is no Seaglider's.
+      InputError: the table has no rows.
     """
     names = set(table.columns)
     if {"u_ttw", "v_ttw", "w_ttw"} <= names:
@@ -169,7 +169,7 @@ def _kind_of(table: Table) -> str:
 def _table(
     table: Table, gliders: dict[str, GliderPieces], extra: Sequence[str], tally: Tally
 ) -> None:
-    """Sort a table's rows to the gliders that they are of."""
+    """Assign a table's rows to their gliders."""
     subject = table.path.name
     what = _kind_of(table)
     tally.add("read", subject, len(table), f"rows of {what}")
@@ -244,7 +244,7 @@ def _log(
 
 
 def per_dive(dives: Columns, name: str, *, at: str | None = None) -> Channel:
-    """A number of each dive at the dive's fix."""
+    """Channel with a number of each dive, at the time of the dive's fix."""
     if name not in dives:
         return EMPTY
     known = at is not None and np.isfinite(dives.get(at, np.zeros(0))).any()
@@ -255,7 +255,7 @@ def per_dive(dives: Columns, name: str, *, at: str | None = None) -> Channel:
 
 
 def dive_fixes(dives: Columns, name: str, tally: Tally) -> LoggedFixes:
-    """The three fixes of each dive."""
+    """Three fixes of each dive, in time order."""
     parts: list[tuple[Array, Array, Array]] = []
     for fix in ("gps1", "gps2", "gpsE"):
         if all(f"{fix}_{part}" in dives for part in ("time", "lat", "lon")):
@@ -270,4 +270,4 @@ def dive_fixes(dives: Columns, name: str, tally: Tally) -> LoggedFixes:
     fixes = LoggedFixes.finite(time, latitude, longitude)
     lacking = len(time) - len(fixes)
     tally.add("missing", f"{name} GPS fixes", lacking, "fixes without time or position")
-    return fixes.once()  # the fix after a dive is also the first one of the next
+    return fixes.once()  # the fix after a dive is also the first fix of the next dive

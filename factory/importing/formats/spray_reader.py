@@ -1,13 +1,13 @@
-"""Reader of Spray's binned files: profiles of several missions, in bins of depth.
+"""Spray reader: binned profiles of several missions, in bins of depth.
 
-A file keeps of each dive where and when its middle was (`lat_uv`, `lon_uv`, `time_uv`), and of its
-profile, taken on the climb, the same (`lat`, `lon`, `time`): by the files' own comments the latter
-is three quarters of the way between the fixes. So the fixes lie twice the difference of the two
-before and after the middle of the dive. Bins have no times: the glider is taken to go down and up
-evenly, with its turn in the middle of the dive.
+A file keeps the middle of each dive in place and time (`lat_uv`, `lon_uv`, `time_uv`), and that of
+its profile, taken on the climb (`lat`, `lon`, `time`). By the files' own comments, the latter is
+three quarters of the path between the fixes. So the fixes lie twice their difference before and
+after the middle of the dive. Bins have no times: the glider is assumed to sink and rise evenly, and
+to turn in the middle of the dive.
 
-OG1.0 files of the Spray data center have the samples of the climb in a row each, and the times of
-dive and profile are repeated for them.
+OG1.0 files of the Spray data center have one row for each sample of the climb. They repeat the
+times of dive and profile in these rows.
 """
 
 from __future__ import annotations
@@ -47,52 +47,52 @@ from twin.errors import InputError
 Array = NDArray[np.float64]
 
 PLACES = ("time", "lat", "lon", "time_uv", "lat_uv", "lon_uv")
-"""Middles of a profile and of its dive, (profile,) each"""
+"""Time and position of the middle of a profile and of its dive, (profile,) each."""
 CURRENTS = {"dac_east": "u_depth_mean", "dac_north": "v_depth_mean"}
-"""[m/s] mean over the depths of a dive, (profile,)"""
+"""[m/s] Current averaged over the depths of a dive, (profile,)."""
 WATER = ("temperature", "salinity")
-"""(depth, profile) or (profile, depth)"""
+"""Variables of the water, (depth, profile) or (profile, depth)."""
 UNITS = {
     "depth": "m", "temperature": "degree_Celsius", "salinity": PRACTICAL,
     **dict.fromkeys(("lat", "lon", "lat_uv", "lon_uv"), "degree"),
     **dict.fromkeys(CURRENTS.values(), "m s-1"),
 }  # fmt: skip
-"""What variables are converted to by the units that a file declares"""
+"""Units that variables are converted to, from the declared ones."""
 OWNERS = ("mission", "trajectory_index")
-"""Number of a profile's mission; the first that is there"""
+"""Variables with the number of a profile's mission; the first in the file is used."""
 READ = ("depth", *PLACES, *CURRENTS.values(), *WATER, *OWNERS, "trajectory", "profile")
 ROW = "n_measurements"
-"""Dimension of OG1.0, in small letters as its names are compared here"""
+"""Dimension of OG1.0, in small letters: its names are compared in small letters here."""
 NUMBER = "profile_index"
-"""Number of the profile of each row of OG1.0"""
+"""Variable with the profile's number in each row of OG1.0."""
 IN_ROWS = {
     "time": "time_profile", "lat": "latitude_profile", "lon": "longitude_profile",
     "time_uv": "time_uv", "lat_uv": "latitude_uv", "lon_uv": "longitude_uv",
     "u_depth_mean": "wcur_x", "v_depth_mean": "wcur_y",
     "depth": "depth", "temperature": "temp", "salinity": "psal",
 }  # fmt: skip
-"""Names of OG1.0, in small letters, by those of binned files"""
+"""Names of OG1.0, in small letters, by the names of binned files."""
 _BAD = (3.0, 4.0, 9.0)
-"""Flags: probably bad, bad, missing"""
+"""Quality flags: probably bad, bad, missing."""
 LONGEST = 86400.0
-"""[s] No dive of a glider is longer"""
+"""[s] Longest dive of a glider."""
 _KIND = "Spray's binned file"
 
 
 class SprayProfiles(NamedTuple):
-    """One file."""
+    """Profiles of one file."""
 
     numbers: dict[str, Array]
-    """(profile,) each"""
+    """Numbers by name, (profile,) each."""
     depth: Array
-    """[m] of the bins, down, (profile, bin); NaN behind the last"""
+    """[m] Depth of the bins, down, (profile, bin); NaN behind the last bin."""
     water: dict[str, Array]
-    """(profile, bin) each"""
+    """Temperature and salinity, (profile, bin) each."""
     deployment: str | None = None
-    """Name, where the file is one deployment"""
+    """Name of the deployment, if the file holds only one."""
 
     def keep(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> SprayProfiles:
-        """The profiles where a mask is true, or at these indices."""
+        """Profiles where a mask is true, or at these indices."""
         numbers, water = (
             {n: v[index] for n, v in one.items()} for one in (self.numbers, self.water)
         )
@@ -100,11 +100,11 @@ class SprayProfiles(NamedTuple):
 
 
 def read_spray(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each mission in each file.
+    """Make one log for each mission in each file.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: a file is damaged, or no profile of it has a place and a time.
+      WrongFormat: a file is of another kind.
+      InputError: a file is damaged, or none of its profiles has a position and a time.
     """
     if options.payload:
         raise InputError("a Spray's bins have no times of their own: leave --payload out")
@@ -144,8 +144,8 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
                 f"{path.name}: {', '.join(lacking)}: no places or times by their units"
             )
         for name in ("time", "time_uv"):
-            said = attributes_of(variables[name])
-            numbers[name] = seconds_of(numbers[name], said, f"{path.name} {name}", tally)
+            attributes = attributes_of(variables[name])
+            numbers[name] = seconds_of(numbers[name], attributes, f"{path.name} {name}", tally)
         bins = known("depth")
         if not bins:
             raise InputError(f"{path.name}: depth is no length by its unit")
@@ -171,10 +171,10 @@ def _file(path: Path, tally: Tally) -> SprayProfiles:
 
 
 def _rows(file: Any, path: Path, ours: Mapping[str, str], tally: Tally) -> SprayProfiles:
-    """An OG1.0 file, whose rows are samples of the climb: a profile's have one number.
+    """Read an OG1.0 file, whose rows are samples of the climb with the number of their profile.
 
     Args:
-      ours: names of the file, by the same in small letters.
+      ours: names of the file, by their small letters.
     """
     variables = file.variables
 
@@ -224,7 +224,7 @@ _OF_ROWS = frozenset(
 
 
 def _usable(found: SprayProfiles, path: Path, tally: Tally) -> SprayProfiles:
-    """The profiles with a place and a time."""
+    """Profiles with a position and a time."""
     numbers = found.numbers
     half = 2.0 * (numbers["time"] - numbers["time_uv"])
     usable = np.isfinite(np.stack([numbers[name] for name in (*PLACES, "owner")])).all(axis=0)
@@ -279,7 +279,7 @@ def _log(
             samples.append((time, part[way] * deep[down[-1]], of, np.append(-1, down)[way]))
     if not samples:
         raise InputError(f"{file}: no profile of {name} has temperature or salinity")
-    time, depth, of, bin_ = _rising(*(np.concatenate(each) for each in zip(*samples, strict=True)))
+    time, depth, of, bin_ = _sorted(*(np.concatenate(each) for each in zip(*samples, strict=True)))
     channels = {"measured_depth": clean("measured_depth", time, depth, tally, subject=file)}
     up = (of >= 0) & (depth > 0.0)
     water = {key: v[of[up].astype(int), bin_[up].astype(int)] for key, v in found.water.items()}
@@ -305,7 +305,7 @@ def _log(
     )
 
 
-def _rising(time: Array, *columns: Array) -> tuple[Array, ...]:
-    """Sorted by time, each time once."""
+def _sorted(time: Array, *columns: Array) -> tuple[Array, ...]:
+    """Sort columns by time; keep each time once."""
     time, first = np.unique(time, return_index=True)
     return (time, *(column[first] for column in columns))

@@ -82,20 +82,6 @@ def test_both_engines_fly_it_alike(kind):
     assert max(changes) > 1.0
 
 
-def test_a_lost_port_wing_rolls_it_to_port_in_climbs_and_starboard_is_its_mirror():
-    rolls = {}
-    for side in ("port", "starboard"):
-        fault = FAULTS["wing_lost"](start=0.0, side=side)
-        flown = twin.simulate(scenario("slocum-200", fault, duration=1800.0))
-        deep = flown["true_depth"] > 20.0
-        climbing = deep & (flown["true_velocity_down"] < -0.05)
-        diving = deep & (flown["true_velocity_down"] > 0.05)
-        rolls[side] = np.median(flown["true_roll"][climbing]), np.median(flown["true_roll"][diving])
-    assert abs(rolls["port"][0]) > 3.0
-    assert abs(rolls["port"][0] - rolls["port"][1]) > 3.0  # as both gliders of the source
-    assert rolls["starboard"] == pytest.approx([-roll for roll in rolls["port"]], abs=0.2)
-
-
 def test_water_taken_sinks_it_by_its_weight():
     sound = healthy(scenario("glider"))
     changed = condition_at([FAULTS["water_taken"](per_day=0.5)], sound, 86400.0)

@@ -1,13 +1,12 @@
 """Schema: the names, units and meanings of every variable that a store of missions holds.
 
-Three groups are told apart by prefix and by the attribute `signal_group`: `true_*` is what
-happened, `measured_*` what the sensors said, `commanded_*` what was asked for. Angles are degrees
-in stores, radians in code.
+Prefix and attribute `signal_group` mark three groups: `true_*` (the simulated truth), `measured_*`
+(sensor outputs) and `commanded_*` (setpoints). Angles are degrees in stores, radians in code.
 
-The signals that the twin simulates or an import brings stand in `signals.csv`, a row each, in the
-order of storage. Standard names are CF's where one exists; `gaps` marks what may be NaN inside a
-mission; `held_by` says where it is not of every simulated mission. Sensors, parts and stores of
-others declare more.
+`signals.csv` has one row for each signal that the twin simulates or an import reads, in storage
+order. Standard names are CF's where one exists. `gaps` marks signals that may be NaN inside a
+mission. `held_by` is empty for a signal of every simulated mission, else it names the stores that
+have the signal. Sensors, parts and stores from other programs declare further variables.
 """
 
 from __future__ import annotations
@@ -24,35 +23,35 @@ SCHEMA_VERSION = 1
 MISSION, TIME = "mission", "time"
 
 GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
-"""Attribute `signal_group` by the prefix of a name"""
+"""Attribute `signal_group` for each prefix of a variable's name"""
 _UNIT_DECIMALS = {"degree": 4, "rad s-1": 7, "m s-1": 6, "m s-2": 5, "cm3": 3, "kg": 6,
                   "kg m-3": 4, "dbar": 5, "S m-1": 7}  # fmt: skip
-"""1e-4 degree is 2e-6 rad, 1e-6 m/s drifts 1 cm in 3 h."""
+"""Decimals kept for each unit: 1e-4 degree is 2e-6 rad; an error of 1e-6 m/s drifts 1 cm in 3 h."""
 _HORIZONTAL_DECIMALS, _DEPTH_DECIMALS, _BATTERY_DECIMALS = 3, 5, 7
-"""[m]: tracks to 1 mm; depth finer, since its rate is taken over half a second; 1e-7 m of battery
-moves pitch by 1e-4 degree."""
+"""Decimals of metres. Tracks keep 1 mm. Depth keeps more, since it is differentiated over 0.5 s.
+A battery shift of 1e-7 m moves pitch by 1e-4 degree."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Variable:
-    """One stored signal."""
+    """Stored signal."""
 
     name: str
     units: str
-    """As CF (UDUNITS) writes it; "1" is dimensionless."""
+    """Unit in CF's (UDUNITS) spelling; "1" is dimensionless."""
     long_name: str
-    """A short noun phrase"""
+    """Meaning, a short noun phrase"""
     standard_name: str | None = None
     limits: tuple[float, float] | None = None
-    """Lowest and highest possible value; None: those of the table of limits, by unit and name."""
+    """Lowest and highest possible value; None takes the row of `limits.TABLE` for unit and name."""
     gaps: bool = False
-    """Whether it may be NaN inside a mission: no fix, no lock, no setpoint."""
+    """True if values may be NaN inside a mission: no fix, no lock, no setpoint."""
     comment: str = ""
-    """Conventions, and where it is NaN."""
+    """Conventions, and the circumstances in which values are NaN."""
 
     @property
     def decimals(self) -> int | None:
-        """Decimals that bulk stores keep, far below any sensor; None keeps full float32."""
+        """Decimals that bulk stores keep, far finer than any sensor; None keeps full float32."""
         if self.units != "m":
             return _UNIT_DECIMALS.get(self.units)
         if self.name.endswith(("north", "east")):
@@ -81,13 +80,13 @@ class Variable:
         return {name: value for name, value in attributes.items() if value is not None}
 
     def stored_attributes(self) -> dict[str, str | int]:
-        """Attributes in bulk stores, which keep so many decimals."""
+        """CF attributes, plus `least_significant_digit` for the decimals that bulk stores keep."""
         kept = {} if self.decimals is None else {"least_significant_digit": self.decimals}
         return {**self.attributes(), **kept}
 
 
 def _read_signals() -> tuple[dict[str, Variable], dict[str, str]]:
-    """The rows of `signals.csv` by name, and what each says in `held_by`."""
+    """Variables in `signals.csv` by name, and the column `held_by` by name."""
     found: dict[str, Variable] = {}
     held: dict[str, str] = {}
     with Path(__file__).with_name("signals.csv").open(encoding="utf-8", newline="") as file:
@@ -101,22 +100,22 @@ def _read_signals() -> tuple[dict[str, Variable], dict[str, str]]:
 VARIABLES, _HELD_BY = _read_signals()
 """Every variable by name, in storage order."""
 SIGNALS = tuple(VARIABLES.values())
-"""Those of the table"""
+"""Variables of `signals.csv`, without later declared ones"""
 LOGGED_ONLY = frozenset(name for name, held in _HELD_BY.items() if held == "logs")
 """Variables that only stores of real logs hold; the twin does not simulate them."""
 HYDROGRAPHY = frozenset(name for name, held in _HELD_BY.items() if held == "hydrography")
 """Variables of simulated missions in water whose temperature and salinity are known."""
 WITH_FLOOR = tuple(name for name, held in _HELD_BY.items() if held == "floor")
-"""Variables of simulated missions that have a sea floor; contact also of those with obstacles."""
+"""Variables of simulated missions with a sea floor; contact is also stored with obstacles alone."""
 SIMULATED = tuple(name for name, held in _HELD_BY.items() if not held)
 """Variables of every simulated mission, in storage order."""
 
 _STORED: set[str] = set()
-"""Names that this process knows from a store alone"""
+"""Names of variables that only a store has declared in this process"""
 
 
 def variable(name: str) -> Variable:
-    """The variable of that name; raises UnknownName (an InputError and a KeyError) otherwise."""
+    """Return the variable `name`; raises UnknownName (an InputError and a KeyError) otherwise."""
     try:
         return VARIABLES[name]
     except KeyError:
@@ -124,17 +123,17 @@ def variable(name: str) -> Variable:
 
 
 def variables(*names: str) -> tuple[Variable, ...]:
-    """The variables of these names; raises as `variable`."""
+    """Return the variables `names`; raises as `variable`."""
     return tuple(variable(name) for name in names)
 
 
 def declare(entry: Variable) -> None:
     """Add a variable to `VARIABLES`, as sensors and parts of your own do.
 
+    A declaration replaces the one that a store made (`declare_stored`).
+
     Raises:
-      InputError: the name has no group, or is declared with another meaning already. What only
-        a store said of the name gives way.
-    """
+      InputError: the name has no group, or is declared with another meaning already."""
     if entry.name.split("_", 1)[0] not in GROUPS:
         raise InputError(
             f"variable {entry.name!r} must begin with {', '.join(f'{g}_' for g in GROUPS)}"
@@ -148,7 +147,7 @@ def declare(entry: Variable) -> None:
 
 
 def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
-    """Declare a signal that a store holds and this process does not know, as the store says."""
+    """Declare a signal that this process does not know, with the attributes that its store has."""
     if name in VARIABLES or "units" not in attributes or name.split("_", 1)[0] not in GROUPS:
         return
     known = "valid_min" in attributes and "valid_max" in attributes

@@ -1,8 +1,8 @@
-"""Limits: the values that a variable can have, whatever the vehicle and the mission.
+"""Limits: lowest and highest possible value of every variable, for any vehicle and mission.
 
-They are wide: what lies outside is damage, a sentinel, a wrong unit, or a simulation that has run
-away. One row is one quantity; a variable has the first row whose unit is its own and whose ending
-its name has.
+A value outside these wide limits is damage, a sentinel, a wrong unit or an unstable simulation.
+Each row of `TABLE` is one quantity. The limits of a variable are the first row with the variable's
+unit whose `ending` ends the variable's name.
 """
 
 from __future__ import annotations
@@ -18,58 +18,58 @@ Array = NDArray[np.float64]
 
 
 class LimitedQuantity(NamedTuple):
-    """The limits of every variable of a unit whose name ends so."""
+    """Limits of every variable with this unit and this ending of its name."""
 
     units: str
     ending: str
     recorded: tuple[float, float]
-    """Of any channel that a store holds: what a sensor can say, noise and saturation included."""
+    """Limits of any stored channel: a sensor's range, with noise and saturation."""
     simulated: tuple[float, float] | None = None
-    """Of the truth and the commands of a simulation, where these must be closer: a simulation has
-    no noise and no full scale, and one that runs away must be told before its numbers overflow.
-    """
+    """Narrower limits of simulated truth and commands, which have no noise and no full scale.
+
+    An unstable simulation must be detected before its numbers overflow."""
 
 
 TABLE: tuple[LimitedQuantity, ...] = (
-    # the deepest sea has 10 935 m; waves and pressure offsets lift a vehicle out of it
+    # the deepest sea floor is at 10 935 m; waves and pressure offsets make depths negative
     LimitedQuantity("m", "depth", (-20.0, 12_000.0)),
     LimitedQuantity("m", "altitude", (-20.0, 12_000.0)),
-    # half a hull
+    # half a hull's length
     LimitedQuantity("m", "shift", (-1.0, 1.0)),
-    # a quarter of the way round the Earth; 1000 km in one simulated mission
+    # a quarter of the Earth's circumference; 1000 km in one simulated mission
     LimitedQuantity("m", "", (-1e7, 1e7), (-1e6, 1e6)),
     # a year
     LimitedQuantity("s", "", (-3.2e7, 3.2e7)),
-    # no glider swims 5 m/s; a Doppler log's single ping may say so
+    # no glider reaches 5 m/s; a single ping of a Doppler log may exceed it
     LimitedQuantity("m s-1", "", (-10.0, 10.0), (-5.0, 5.0)),
-    # small gyroscopes end at 2000 degree/s
+    # full scale of small gyroscopes: 2000 degree/s
     LimitedQuantity("rad s-1", "", (-35.0, 35.0), (-10.0, 10.0)),
-    # small accelerometers end at 16 times gravity
+    # full scale of small accelerometers: 16 times gravity
     LimitedQuantity("m s-2", "", (-160.0, 160.0), (-100.0, 100.0)),
-    # other programs count headings from -180; ours from 0
+    # other programs store headings from -180; this one from 0
     LimitedQuantity("degree", "heading", (-180.0, 360.0), (0.0, 360.0)),
     LimitedQuantity("degree", "pitch", (-90.0, 90.0)),
     LimitedQuantity("degree", "roll", (-180.0, 180.0)),
     LimitedQuantity("degree", "fin", (-90.0, 90.0)),
-    # a turn either way
+    # a full turn in either direction
     LimitedQuantity("degree", "", (-360.0, 360.0), (-180.0, 360.0)),
     # small gliders pump less than a litre, flying wings some tens of litres
     LimitedQuantity("cm3", "", (-50_000.0, 50_000.0)),
     LimitedQuantity("kg", "", (-100.0, 100.0)),
-    # fresh water at the surface to brine at the deepest bottom, and air in a cell
+    # fresh water at the surface to brine at the deepest sea floor; a cell may also hold air
     LimitedQuantity("kg m-3", "", (900.0, 1100.0)),
     LimitedQuantity("dbar", "", (-20.0, 12_000.0)),
-    # freezing brine to a deck in the sun
+    # freezing brine to a sunlit deck
     LimitedQuantity("degree_Celsius", "", (-5.0, 45.0)),
-    # a counter may count what is left; the largest vehicles carry some thousand
+    # a counter may count the remaining charge; the largest vehicles carry some thousand A h
     LimitedQuantity("A h", "", (-1e4, 1e5)),
     LimitedQuantity("V", "", (0.0, 500.0)),
-    # charged on deck
+    # negative while the battery charges on deck
     LimitedQuantity("A", "", (-100.0, 500.0)),
     LimitedQuantity("W", "", (0.0, 1e4)),
-    # an overpressure of a warm hull to none inside
+    # overpressure in a warm hull to a vacuum inside
     LimitedQuantity("Pa", "", (-5e4, 101_325.0)),
-    # fresh water to brine, warm
+    # fresh water to warm brine
     LimitedQuantity("S m-1", "", (-0.1, 10.0)),
     LimitedQuantity("1", "immersion", (-1e-6, 1.0 + 1e-6)),
     LimitedQuantity("1", "contact", (0.0, 1.0)),
@@ -77,20 +77,20 @@ TABLE: tuple[LimitedQuantity, ...] = (
     LimitedQuantity("1", "salinity", (0.0, 50.0)),
     LimitedQuantity("1", "phase", (0.0, 3.0)),
     LimitedQuantity("1", "gap", (0.0, 1.0)),
-    # numbers of segments, -1 before the first
+    # segment numbers; -1 before the first segment
     LimitedQuantity("1", "", (-1.0, 1000.0)),
 )
 
 
 def quantity(name: str) -> LimitedQuantity:
-    """The row of a variable of the schema.
+    """Return the row of limits for a variable of the schema.
 
     Raises:
       KeyError: no such variable, with the nearest name.
-      LookupError: its unit has no limits yet.
+      LookupError: the variable's unit has no limits yet.
     """
     found = variable(name)
-    if found.limits is not None:  # a signal that a sensor brought, with limits of its own
+    if found.limits is not None:  # the sensor that declared the signal gave the limits
         return LimitedQuantity(found.units, name, found.limits)
     units = found.units
     for row in TABLE:
@@ -100,19 +100,19 @@ def quantity(name: str) -> LimitedQuantity:
 
 
 PRESSURE_RATIO = 0.98, 1.08
-"""[dbar/m] pressure over depth anywhere in the ocean, TEOS-10 to 11 km"""
+"""[dbar/m] Lowest and highest ratio of pressure to depth in any ocean, TEOS-10 to 11 km"""
 RATIO_DEPTH = 20.0
-"""[m] shallower the ratio is one of small numbers"""
+"""[m] Least depth at which that ratio is checked; shallower, pressure offsets dominate."""
 FASTEST_DEPTH = 5.0
-"""[m/s] no glider sinks or climbs so fast"""
+"""[m/s] Highest vertical speed of a glider; a faster change of depth is a fault."""
 
 
 def depth_faults(depth: Array, pressure: Array | None, period: float) -> list[tuple[str, str]]:
-    """Find what no vehicle's depth does and no ocean's pressure is: a fault, and what was found.
+    """Find impossible depth changes and pressures: for each fault its text and the value found.
 
     Args:
-      depth: [m], on a grid of `period` [s], NaN where there is none, (samples,).
-      pressure: [dbar], (samples,).
+      depth: [m], every `period` [s], NaN where it is unknown, (samples,).
+      pressure: [dbar], (samples,); None skips the check of the ratio.
     """
     found = []
     rate = np.abs(np.diff(depth)) / period
@@ -133,12 +133,12 @@ def depth_faults(depth: Array, pressure: Array | None, period: float) -> list[tu
 
 
 def recorded_limits(name: str) -> tuple[float, float]:
-    """Lowest and highest value of a variable in any store, in its unit."""
+    """Return the lowest and highest value of a variable in any store, in the variable's unit."""
     return quantity(name).recorded
 
 
 def simulated_limits(name: str) -> tuple[float, float]:
-    """As `recorded_limits`, of a simulated mission: truth and commands have closer ones."""
+    """Return `recorded_limits`, or narrower limits for the truth and commands of a simulation."""
     row = quantity(name)
     if name.startswith("measured_") or row.simulated is None:
         return row.recorded

@@ -1,4 +1,4 @@
-"""How records reach a disk or an object store: whole or not at all, checksummed, in shards."""
+"""Storage: atomic writes of records to a disk or an object store, with checksums and shards."""
 
 from typing import TYPE_CHECKING
 

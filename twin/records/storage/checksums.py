@@ -1,15 +1,15 @@
-"""Checksums: a list of every file of a folder with its size and SHA-256, so that damage is found.
+"""Checksums: a list of a folder's files with sizes and SHA-256, which shows damage.
 
-A plain folder has the list as `checksums.json`. In a zarr store it is the attributes of a group of
-that name, `checksums/zarr.json`: zarr warns of every entry of a group, hidden ones too, that is no
-part of a hierarchy. Both say the same:
+A plain folder keeps the list as `checksums.json`. A zarr store keeps the list as attributes of a
+group, `checksums/zarr.json`, because zarr warns of every file that is no part of the hierarchy.
+Both have the same content:
 
     {"files": {"time/zarr.json": {"bytes": 512, "sha256": "..."}}, "digest": "..."}
 
-`digest` is the SHA-256 of the canonical text of `files`. The list is compared with the only text
-that its content can have, so that a changed byte is found anywhere in it too.
+`digest` is the SHA-256 of the canonical text of `files`. A list has only one possible text, so a
+changed byte in the list is found too.
 
-Content: hashes of stores, by which runs and calibrations know what they were made from.
+Hashes of stores (`store_hash`, `content_hash`) identify the data of runs and calibrations.
 """
 
 from __future__ import annotations
@@ -36,67 +36,67 @@ from twin.records.storage.store_path import (
 )
 
 LIST = "checksums.json"
-"""The list of a plain folder."""
+"""File with the list of a plain folder"""
 ZARR_METADATA = "zarr.json"
 ZARR_LIST = f"checksums/{ZARR_METADATA}"
-"""The list of a zarr store."""
+"""File with the list of a zarr store"""
 
 MOST_LIST = 2**30
-"""[byte] of a list; a store of a million missions has one of some megabytes"""
+"""[byte] Largest list that is read; the list of a million missions has some megabytes."""
 FILES_AT_ONCE = 1000
-"""That wait for the threads that read them"""
+"""Number of files that are queued for the reading threads at a time"""
 
 
 class Damage(NamedTuple):
-    """One file that is not what the list says."""
+    """File that differs from the list."""
 
     path: str
-    """relative to the folder, with slashes"""
+    """Path relative to the folder, with slashes"""
     what: Literal["changed", "missing", "unknown", "unreadable"]
-    """`unknown` are files that the list does not name"""
+    """Type of damage; `unknown` is a file that the list does not name"""
     detail: str = ""
 
     def __str__(self) -> str:
-        """In words, for people."""
+        """Describe the damage in words."""
         return f"{self.path} is {self.what}{f': {self.detail}' if self.detail else ''}"
 
 
 def has_checksums(folder: str | StorePath) -> bool:
-    """Whether a folder has a list; nothing of it is read."""
-    return _list_of(files_at(folder)) is not None
+    """Return whether a folder has a list, without reading it."""
+    return _list_key(files_at(folder)) is not None
 
 
 def is_listed(folder: str | StorePath) -> bool:
-    """Whether a folder has a list that names every file in it: nothing there is a user's own."""
+    """Return whether a folder's list names every file in it, so that no file is the user's own."""
     try:
         sums = read_checksums(folder)
     except StoreError:
         return False
-    return all(name in sums for name in _names(files_at(folder)))
+    return all(name in sums for name in _file_keys(files_at(folder)))
 
 
 def write_checksums(folder: str | Path) -> Path:
-    """Write the list of all files that a folder holds now; returns its path.
+    """Write the list of all files in a folder; returns the path of the list.
 
     Raises:
-      OSError: a file cannot be read, or the list not be written.
+      OSError: a file cannot be read, or the list cannot be written.
     """
     root = Path(folder)
     target = root / (ZARR_LIST if (root / ZARR_METADATA).is_file() else LIST)
-    sums = {name: file_sum(root / name) for name in _names(Files(root))}
+    sums = {name: file_sum(root / name) for name in _file_keys(Files(root))}
     target.parent.mkdir(exist_ok=True)
     write_whole(target, list_text(sums, zarr=target.name == ZARR_METADATA))
     return target
 
 
 def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
-    """The list of a folder, by paths relative to it.
+    """Read the list of a folder, by paths relative to the folder.
 
     Raises:
-      StoreError: there is none, or it is damaged itself.
+      StoreError: the folder has no list, or the list is damaged.
     """
     files = files_at(folder)
-    key = _list_of(files)
+    key = _list_key(files)
     if key is None:
         raise StoreError(f"{folder} has no list of checksums ({LIST} or {ZARR_LIST})")
     place = f"{files.name}/{key}"
@@ -119,14 +119,14 @@ def read_checksums(folder: str | StorePath) -> dict[str, FileSum]:
 
 
 def check_readable(folder: str | StorePath) -> None:
-    """Raise before a file, or a file of a store, is opened that no reader comes to the end of.
+    """Refuse a file or store with an endless or oversized file, before a reader opens it.
 
-    Each must be a regular file. A large one must have the size that the list says, where it names
-    it, or else no more bytes than the values of all arrays; smaller ones, which cannot fill a
-    memory, are left to whoever reads them. Objects of a storage are what it lists.
+    Each file must be regular. A large file must not exceed its size in the list; without an entry
+    in the list, it must not exceed the values of all arrays. Files up to FREE_BYTES cannot fill
+    the memory and are not checked. Stores in an object storage are not checked.
 
     Raises:
-      StoreError: names the first file that is not so.
+      StoreError: names the first file that breaks these rules.
     """
     place = store_path(folder)
     if not isinstance(place, Path):
@@ -140,7 +140,7 @@ def check_readable(folder: str | StorePath) -> None:
             return
         sums = read_checksums(place) if has_checksums(place) else {}
         for name, size in large.items():
-            most = sums[name].bytes if name in sums else _declared(place)
+            most = sums[name].bytes if name in sums else _declared_bytes(place)
             if size > most:
                 raise StoreError(
                     f"{folder} is damaged: its file {name} has {size} bytes, and "
@@ -153,25 +153,25 @@ def check_readable(folder: str | StorePath) -> None:
         ) from error
 
 
-def _declared(store: Path) -> int:
-    """Bytes that the arrays of a zarr store have in memory; nothing of them is read."""
+def _declared_bytes(store: Path) -> int:
+    """Bytes that the arrays of a zarr store would take in memory; reads metadata only."""
     import zarr
 
     try:
         return sum(array.nbytes for _, array in zarr.open_group(store, mode="r").arrays())
-    except Exception:  # no group at all: then nothing in it is an array
+    except Exception:  # no zarr group, so no arrays
         return FREE_BYTES
 
 
 def damaged_files(
     folder: str | StorePath, only: Iterable[str] | None = None, *, workers: int = 1
 ) -> Iterator[Damage]:
-    """Every file of a folder that is not what its list says, in the order of the list.
+    """Find every file of a folder that differs from the folder's list, in the order of the list.
 
     Args:
-      workers: files that are read at a time, in threads: hashing lets others run.
-      only: files, or folders with all that is in them, relative to the folder; None: everything,
-        which also finds files that the list does not name.
+      workers: number of threads that read files; hashing releases Python's lock.
+      only: paths of files or subfolders to check, relative to the folder; None checks everything
+        and also finds files that the list does not name.
 
     Raises:
       StoreError: the folder has no list.
@@ -180,7 +180,7 @@ def damaged_files(
     try:
         sums = read_checksums(folder)
     except StoreError as error:
-        key = _list_of(files)
+        key = _list_key(files)
         if key is None:
             raise
         yield Damage(key, "changed", str(error))
@@ -192,7 +192,7 @@ def damaged_files(
             found = files.size(name)
             if found is None:
                 return Damage(name, "missing")
-            if found != size:  # what was cut need not be read
+            if found != size:  # a truncated file need not be read
                 return Damage(name, "changed", f"{found} bytes instead of {size}")
             if files.sum(name) != expected:
                 return Damage(name, "changed", "its SHA-256 is another one")
@@ -206,21 +206,21 @@ def damaged_files(
         for first in range(0, len(asked), FILES_AT_ONCE):
             yield from filter(None, pool.map(compare, asked[first : first + FILES_AT_ONCE]))
     if chosen is None:
-        yield from (Damage(name, "unknown") for name in _names(files) if name not in sums)
+        yield from (Damage(name, "unknown") for name in _file_keys(files) if name not in sums)
 
 
-def _list_of(files: Files) -> str | None:
-    """Which list a folder has."""
+def _list_key(files: Files) -> str | None:
+    """Key of the list that a folder has; None without a list."""
     return next((key for key in (ZARR_LIST, LIST) if files.exists(key)), None)
 
 
-def _names(files: Files) -> Iterator[str]:
-    """All files but the list itself."""
+def _file_keys(files: Files) -> Iterator[str]:
+    """Keys of all files except the list itself."""
     return (key for key in files.all_keys() if key not in (LIST, ZARR_LIST))
 
 
 def list_text(sums: Mapping[str, FileSum], *, zarr: bool) -> bytes:
-    """The only text that a list of these sums can have."""
+    """Return the canonical text of a list: equal sums always give equal bytes."""
     files = {name: {"bytes": one.bytes, "sha256": one.sha256} for name, one in sums.items()}
     digest = hashlib.sha256(_json(files)).hexdigest()
     table = {"digest": digest, "files": files}
@@ -232,9 +232,9 @@ def _json(value: Mapping[str, Any]) -> bytes:
 
 
 def array_checksums(store: Path) -> dict[str, str]:
-    """SHA-256 over type, shape and values of each array of a zarr store, by name.
+    """Return the SHA-256 over type, shape and values of each array of a zarr store, by name.
 
-    Values count, not files: another version of the compression leaves the checksums as they are.
+    The checksums do not depend on the files, so another compression leaves them unchanged.
     """
     import numpy as np
     import xarray as xr
@@ -250,15 +250,15 @@ def array_checksums(store: Path) -> dict[str, str]:
 
 
 def store_hash(store: str | StorePath) -> str:
-    """SHA-256 over the names and bytes of all files of a store that are not hidden."""
+    """Return the SHA-256 over the names and bytes of all files of a store, except hidden ones."""
     return _hash({"": files_at(store)})
 
 
 def content_hash(store: str | StorePath, names: Iterable[str]) -> str:
-    """SHA-256 over names and bytes of the files of these arrays: what a training learned from.
+    """Return the SHA-256 over names and bytes of the arrays that a training reads.
 
-    The store's own attributes are left out: they say when it was made, and the same recipe makes
-    the same arrays again.
+    The store's own attributes are left out: they contain the creation time, and stores of one
+    recipe have the same arrays.
     """
     root = store_path(store)
     wanted = sorted({TIME, N_SAMPLES, SPLIT, *names})
@@ -266,8 +266,8 @@ def content_hash(store: str | StorePath, names: Iterable[str]) -> str:
 
 
 def _hash(places: Mapping[str, Files]) -> str:
-    """SHA-256 over keys and bytes of the files of places by prefix, in the order of paths, without
-    the hidden ones: what a killed writer left is no content."""
+    """SHA-256 over keys and bytes of the files in each place, in the order of paths; without
+    hidden files, which a killed writer may have left."""
     digest = hashlib.sha256()
     for prefix, files in places.items():
         keys = (key for key in files.all_keys() if not key.rpartition("/")[2].startswith("."))

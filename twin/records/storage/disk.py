@@ -1,8 +1,8 @@
-"""Disk: bytes that survive a power cut, and renames that happen in one step.
+"""Disk: writes that survive a power cut, atomic renames, locks and temporary files.
 
-A file is on the disk when it was synced, and it has its name there when its folder was synced. So
-whoever renames syncs the content first and the folder afterwards: a power loss then leaves the old
-name or the new content, never a name with half of it.
+`sync` of a file puts its content on the disk; `sync` of its folder puts its name there. A rename
+syncs the content first and the folder afterwards. So a power loss leaves the complete old content
+or the complete new content under the name.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 WRITING = ".writing-"
-"""In the name of what is not whole yet: `.NAME.writing-TOKEN`, beside NAME."""
+"""Part of the temporary name `.NAME.writing-TOKEN` beside NAME, for incomplete content"""
 
 RENAME_EXCHANGE = 2
-"""Flag of renameat2(2): both names change hands at once."""
+"""Flag of renameat2(2) that exchanges two names in one step"""
 AT_FDCWD = -100
-"""renameat2(2): paths are relative to the working folder."""
+"""Value for renameat2(2): paths are relative to the working folder."""
 SYNCS_AT_ONCE = 16
 NO_SYNC = frozenset({errno.EINVAL, errno.ENOTSUP, errno.ENOSYS})
-"""What file systems that cannot sync a folder say."""
+"""Errors of file systems that cannot sync a folder"""
 NO_EXCHANGE = frozenset({errno.EINVAL, errno.ENOTSUP, errno.ENOSYS, errno.EPERM})
-"""What kernels and file systems that cannot exchange names say: NFS, FUSE, Linux before 3.15."""
+"""Errors of systems that cannot exchange names: NFS, FUSE, Linux before 3.15"""
 
 
 def sync(path: Path) -> None:
-    """Return when a file's content, or the names in a folder, are on the disk; raises OSError."""
+    """Flush a file's content, or the names in a folder, to the disk; raises OSError."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -42,7 +42,7 @@ def sync(path: Path) -> None:
 
 
 def sync_all(paths: Iterable[Path]) -> None:
-    """`sync` many at once, which a disk takes together: 150 files 0.04 s instead of 1.3 s."""
+    """Sync many paths in parallel: 150 files take 0.04 s instead of 1.3 s."""
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(SYNCS_AT_ONCE) as threads:
@@ -50,13 +50,13 @@ def sync_all(paths: Iterable[Path]) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """Return when a folder is on the disk with everything in it; raises OSError."""
+    """Flush a folder and everything in it to the disk; raises OSError."""
     sync_all([*files_below(folder), *(Path(place) for place, _, _ in os.walk(folder))])
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Every entry of a folder and of its folders that is not a folder, in the order of their names;
-    raises OSError where a folder cannot be read."""
+    """Yield every entry below a folder that is not a folder, sorted by name in each folder; raises
+    OSError if a folder cannot be read."""
     with os.scandir(folder) as entries:
         found = sorted(entries, key=lambda entry: entry.name)
     for entry in found:
@@ -67,12 +67,12 @@ def files_below(folder: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, data: bytes, *, safe: bool = True) -> None:
-    """Write a small file so that it is there with all of `data`, or as it was; raises OSError.
+    """Write a small file atomically; raises OSError.
 
-    A kill leaves `.NAME.writing-TOKEN` beside it, which nobody reads and `sweep` removes.
+    A kill leaves `.NAME.writing-TOKEN` beside the file, which `sweep` removes.
 
     Args:
-      safe: whether it is safe from a loss of power when this returns.
+      safe: whether the file must survive a loss of power once this returns.
     """
     temporary = temporary_name(path)
     try:
@@ -88,17 +88,17 @@ def write_whole(path: Path, data: bytes, *, safe: bool = True) -> None:
 
 
 def temporary_name(path: Path) -> Path:
-    """An unused name beside `path`, for a file or folder that will be renamed to it."""
+    """Make up an unused name beside `path`, for a file or folder to be renamed to `path`."""
     return path.with_name(f".{path.name}{WRITING}{os.urandom(4).hex()}")
 
 
 def is_temporary(one: Path, path: Path) -> bool:
-    """Whether `one` has a name that a writer of `path` gives to what it has beside it."""
+    """Return whether `one` is a temporary file or folder of a writer of `path`."""
     return one.parent == path.parent and one.name.startswith(f".{path.name}{WRITING}")
 
 
 def temporaries(path: Path) -> list[Path]:
-    """What writers of `path` have, or left, beside it."""
+    """List the temporary files and folders that writers of `path` have or left beside it."""
     missing = contextlib.suppress(FileNotFoundError, NotADirectoryError)
     with missing, os.scandir(path.parent) as entries:
         return [Path(e.path) for e in entries if is_temporary(Path(e.path), path)]
@@ -106,11 +106,11 @@ def temporaries(path: Path) -> list[Path]:
 
 
 def lock(descriptor: int, *, shared: bool = False, otherwise: bool = True) -> bool:
-    """Hold an open file or folder while this process lives; False when another one holds it.
+    """Lock an open file or folder while this process lives; False if another process has the lock.
 
     Args:
-      shared: together with others that share it.
-      otherwise: answer where the file system has no locks.
+      shared: take a shared lock, which several processes can have.
+      otherwise: result if the file system has no locks.
     """
     try:
         fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
@@ -121,8 +121,8 @@ def lock(descriptor: int, *, shared: bool = False, otherwise: bool = True) -> bo
 
 @contextlib.contextmanager
 def dead(path: Path) -> Iterator[bool]:
-    """Whether the process that wrote a temporary file or folder is gone; nobody else finds so
-    until the context ends."""
+    """Yield whether the writer of a temporary file or folder is dead, and hold its lock meanwhile,
+    so that no other process gets True."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
     except OSError:
@@ -135,7 +135,7 @@ def dead(path: Path) -> Iterator[bool]:
 
 
 def remove(path: Path) -> None:
-    """Remove a file or a folder with all that is in it, as far as the disk lets it."""
+    """Remove a file, or a folder with its content, as far as the disk allows."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
         return
@@ -144,7 +144,7 @@ def remove(path: Path) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what processes that are gone left half-written in a folder and its folders."""
+    """Remove the temporary files and folders of dead processes anywhere below a folder."""
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
             if name.startswith(".") and WRITING in name:
@@ -154,15 +154,15 @@ def sweep(folder: Path) -> None:
 
 
 def exchange(one: Path, other: Path) -> bool:
-    """Let two entries of one file system change names, at once; False where that cannot be done.
+    """Exchange the names of two entries of one file system in one step; False if not supported.
 
     Raises:
-      OSError: one of them is not there, or the disk refuses.
+      OSError: one of the entries is missing, or the disk refuses.
     """
     import ctypes
 
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
-    if rename is None:  # a C library without it
+    if rename is None:  # the C library lacks renameat2
         return False
     names = os.fsencode(one), os.fsencode(other)
     if rename(AT_FDCWD, names[0], AT_FDCWD, names[1], RENAME_EXCHANGE) == 0:

@@ -1,10 +1,10 @@
-"""Object storage: obstore's view of an address, who asks, and what its errors mean.
+"""Object storage: read and write objects below addresses such as s3://bucket/missions.zarr.
 
-Who may read and write, and where the storage is, say the environment variables that the storage's
-own tools read: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_ENDPOINT_URL and so on.
-Profiles of ~/.aws are read by boto3, as Amazon's own tools read them.
+obstore does the requests. Credentials and endpoint come from the environment variables of the
+storage's own tools: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, AWS_ENDPOINT_URL etc.
+boto3 reads profiles in ~/.aws, as Amazon's own tools do.
 
-Object files: those of an object storage, such as s3://bucket/missions.zarr, through obstore.
+`ObjectFiles` has the interface of `Files`; `explained` translates obstore's errors.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from twin.extras import require
 from twin.records.storage.store_path import Files, FileSum, Url
 
 PATIENT = {"max_retries": 8, "retry_timeout": datetime.timedelta(seconds=60)}
-"""Times that a request is repeated when the storage does not answer or says that it is busy, and
-time after which it is not repeated"""
+"""Retries of a request if the storage is busy or does not answer: their number, and the time after
+which none is made"""
 FIRST = {"max_retries": 2, "retry_timeout": datetime.timedelta(seconds=8)}
-"""Those of a process's first request: an address that leads nowhere is told soon. One try takes
-up to 5 s to connect and up to 30 s until there is an answer"""
+"""Retries of a process's first request: fewer, so that a wrong address soon raises an error. One
+try takes up to 5 s to connect and up to 30 s for an answer."""
 KEY, PROFILE = "AWS_ACCESS_KEY_ID", "AWS_PROFILE"
 CREDENTIALS_FILE = "AWS_SHARED_CREDENTIALS_FILE"
 UNSIGNED = "AWS_SKIP_SIGNATURE"
@@ -39,24 +39,24 @@ WHO = {
     "gs": "set GOOGLE_APPLICATION_CREDENTIALS to the path of a service account's key",
     "az": "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
 }
-"""How a user says who asks, by scheme"""
+"""Advice on how to set credentials, by scheme"""
 METADATA_SERVICES = ("169.254.169.254", "metadata.google.internal")
-"""Where machines of a cloud get credentials when the environment has none"""
+"""Hosts that give credentials to a cloud's machines; obstore asks them if it has no credentials."""
 ALLOW_HTTP = {"s3": "AWS_ALLOW_HTTP", "gs": "GOOGLE_ALLOW_HTTP", "az": "AZURE_ALLOW_HTTP"}
 NO_BUCKET = ("NoSuchBucket", "ContainerNotFound", "The specified bucket does not exist")
 FORBIDDEN = ("401 Unauthorized", "403 Forbidden")
 REFUSED = "the storage refuses what these credentials ask for"
 LISTED = 1000
-"""Keys that a storage tells at a time"""
+"""Keys in each answer of a storage's listing"""
 PUT_AT_ONCE = 16
-"""Files that are put at a time: each waits for the network"""
+"""Number of files that are uploaded at a time, since each waits for the network"""
 UNREACHED = ("error sending request", "operation timed out", "connection closed")
 
 
 def explained(error: Exception, place: str) -> OSError:
-    """What obstore raised of an address as an OSError that says what to do.
+    """Translate an error of obstore to an OSError with advice.
 
-    A FileNotFoundError only where the bucket is there and the object is not.
+    A FileNotFoundError means that the bucket exists and the object does not.
     """
     whole = str(error)
     reason = " ".join((whole.splitlines() or [type(error).__name__])[0].split())
@@ -84,12 +84,12 @@ _NOISE = re.compile(
     r"^Generic \w+ error: |Error performing (?:list request: Error performing )?(?=[A-Z]+ )"
     r"| in [\d.]+[nµm]?s\b|, max_retries: \d+, retry_timeout: \d+s"
 )
-"""What obstore says that helps nobody here"""
+"""Parts of obstore's messages that do not help a user"""
 
 
 @functools.cache
 def _meet(root: Url) -> None:
-    """Ask a bucket once in each process, so that later requests may be patient; OSError."""
+    """Ask a bucket once in each process, so that a wrong address fails soon; raises OSError."""
     import obstore
     from obstore.exceptions import BaseError
 
@@ -97,7 +97,7 @@ def _meet(root: Url) -> None:
         next(iter(obstore.list(_open(root, FIRST), chunk_size=1)), None)
     except (BaseError, OSError) as error:
         told = explained(error, str(root))
-        if not str(told.strerror).startswith(REFUSED):  # who may not list may perhaps read
+        if not str(told.strerror).startswith(REFUSED):  # may lack listing rights, not reading
             raise told from error
 
 
@@ -110,7 +110,7 @@ def _open(url: Url, retry: Any) -> Any:
     options: dict[str, Any] = {}
     if (
         scheme == "s3"
-        and not {KEY, UNSIGNED} & os.environ.keys()  # a key of the environment goes before profiles
+        and not {KEY, UNSIGNED} & os.environ.keys()  # a key in the environment precedes profiles
         and (name is not None or Path(path).expanduser().is_file())
     ):
         options = _read_profile(name, path)
@@ -123,10 +123,10 @@ def _open(url: Url, retry: Any) -> Any:
 
 @functools.cache
 def _read_profile(name: str | None, path: str) -> dict[str, Any]:
-    """Options of `from_url` by a profile in ~/.aws: what gives its credentials, and its endpoint.
+    """Options of `from_url` from a profile in ~/.aws: its credential provider and its endpoint.
 
     Raises:
-      InputError: boto3 is not installed, or there is no such profile.
+      InputError: boto3 is not installed, or the profile gives no credentials.
     """
     what = f"{PROFILE}={name}" if name else f"the profile in {path}"
     require("boto3", extra="aws", purpose=what)
@@ -150,7 +150,7 @@ def _read_profile(name: str | None, path: str) -> dict[str, Any]:
 
 
 class ObjectFiles(Files):
-    """Objects whose keys begin alike. A process that was forked after the first use cannot use it:
+    """Objects below an address. A process forked after the first use cannot use the instance, as
     obstore has threads."""
 
     def __init__(self, url: Url):
@@ -164,35 +164,35 @@ class ObjectFiles(Files):
 
     @functools.cached_property
     def _objects(self) -> Any:
-        """obstore's view of the place.
+        """obstore's object for the address.
 
         Raises:
           InputError: the address or its configuration cannot be used, or boto3 is missing.
-          OSError: no such storage or bucket answers.
+          OSError: the storage does not answer, or has no such bucket.
         """
         _meet(Url(*self.url.parts[:2]))
         return _open(self.url, PATIENT)
 
     @property
     def name(self) -> str:
-        """Its address."""
+        """The address."""
         return str(self.url)
 
     def read(self, key: str) -> bytes:
-        """All of an object."""
-        with self._told(key):
+        """Read an object."""
+        with self._translate_errors(key):
             return bytes(self._obstore.get(self._objects, key).bytes())
 
     def write(self, key: str, data: bytes, *, safe: bool = False) -> None:
-        """Put an object, which is there whole from then on, and which the storage keeps."""
-        with self._told(key):
+        """Write an object; it is complete and safe when this returns, whatever `safe` is."""
+        with self._translate_errors(key):
             self._obstore.put(self._objects, key, data)
 
     def take(self, files: Mapping[str, Path]) -> None:
-        """Put the content of files, some at a time, in parts where one is large."""
+        """Upload files of this machine, several at a time, and remove them."""
 
         def put(key: str) -> None:
-            with self._told(key):
+            with self._translate_errors(key):
                 self._obstore.put(self._objects, key, files[key])
             files[key].unlink()
 
@@ -202,59 +202,59 @@ class ObjectFiles(Files):
                 pass
 
     def size(self, key: str) -> int | None:
-        """Size of an object."""
+        """Size [byte] of an object; None if there is none."""
         try:
-            with self._told(key):
+            with self._translate_errors(key):
                 return int(self._obstore.head(self._objects, key)["size"])
         except FileNotFoundError:
             return None
 
     def exists(self, key: str) -> bool:
-        """Whether there is such an object."""
+        """Return whether an object has this key."""
         return self.size(key) is not None
 
     def sum(self, key: str) -> FileSum:
         """Size and hash of an object."""
         digest, size = hashlib.sha256(), 0
-        with self._told(key):
+        with self._translate_errors(key):
             for piece in self._obstore.get(self._objects, key):
                 digest.update(piece)
                 size += len(piece)
         return FileSum(size, digest.hexdigest())
 
     def sizes(self) -> Iterator[tuple[str, int]]:
-        """All objects."""
-        with self._told(""):
+        """Key and size [byte] of every object."""
+        with self._translate_errors(""):
             for some in self._obstore.list(self._objects, chunk_size=LISTED):
                 for one in some:
                     yield str(one["path"]), int(one["size"])
 
     def folders(self) -> list[str]:
-        """First parts of longer keys."""
-        with self._told(""):
+        """First parts of the keys that have more than one part, sorted."""
+        with self._translate_errors(""):
             found = self._obstore.list_with_delimiter(self._objects)["common_prefixes"]
         return sorted(str(name).rstrip("/") for name in found)
 
     def zarr_store(self) -> Any:
-        """zarr's own view of an object storage."""
+        """Return a store object that zarr and xarray open to read."""
         from zarr.storage import ObjectStore
 
         return ObjectStore(self._objects, read_only=True)
 
     def remove(self, key: str) -> None:
-        """Delete an object."""
-        with contextlib.suppress(FileNotFoundError), self._told(key):
+        """Delete an object if there is one."""
+        with contextlib.suppress(FileNotFoundError), self._translate_errors(key):
             self._obstore.delete(self._objects, key)
 
     def remove_all(self) -> None:
-        """Delete every object."""
+        """Delete every object as far as the storage allows."""
         for key in list(self.all_keys()):
             with contextlib.suppress(OSError):
                 self.remove(key)
 
     @contextlib.contextmanager
-    def _told(self, key: str) -> Iterator[None]:
-        """Make an OSError that names the object of what obstore raises."""
+    def _translate_errors(self, key: str) -> Iterator[None]:
+        """Translate obstore's errors to an OSError that names the object."""
         from obstore.exceptions import BaseError
 
         place = f"{self.url}/{key}" if key else str(self.url)
@@ -262,5 +262,5 @@ class ObjectFiles(Files):
             yield
         except (BaseError, OSError) as error:
             if isinstance(error, OSError) and error.errno is not None:
-                raise  # of this machine's disk, or explained already
+                raise  # comes from this machine's disk, or is translated already
             raise explained(error, place) from error

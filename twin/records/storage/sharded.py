@@ -1,9 +1,9 @@
-"""Sharded: a store of simulated missions, written shard by shard.
+"""Sharded: write a store of simulated missions shard by shard.
 
-One mission is one chunk. Chunks are packed into shards of many missions, so that a store of
-thousands of missions has hundreds of files, and each carries a CRC-32C, so that damage is found
-wherever it is read. Whoever flies missions writes shards by `ShardWriter`, and one process the rest
-by `ShardedStore`.
+Each mission is one chunk of a signal. A shard packs the chunks of many missions into one file, so
+a store of thousands of missions has hundreds of files. Each chunk has a CRC-32C, so any reader
+finds damage. The workers that fly missions write shards with `ShardWriter`; one process writes the
+rest with `ShardedStore`.
 """
 
 from __future__ import annotations
@@ -36,32 +36,32 @@ if TYPE_CHECKING:
 
 COMPRESSOR: Literal["zstd"] = "zstd"
 LEVEL = 1
-"""Higher levels cost twice the time and gain a tenth of the size."""
+"""Compression level; higher levels take twice the time and save a tenth of the size."""
 DTYPE = np.dtype("<f4")
-"""Of signals"""
+"""Stored type of signals"""
 BESIDE = "coordinates"
-"""CF attribute that names what xarray makes coordinates"""
+"""CF attribute with the names of the arrays that xarray makes coordinates"""
 METADATA = "zarr.json"
 NO_CHUNK = 2**64 - 1
-"""Stands in a shard's index for a mission that the store does not have"""
+"""Entry in a shard's index for a mission that the store does not have"""
 PYTHON_PIPELINE = "zarr.core.codec_pipeline.BatchedCodecPipeline"
 RUST_PIPELINE = "zarrs.ZarrsCodecPipeline"
 _MEMBERS = (
     *("zarr_format", "node_type", "shape", "data_type", "chunk_grid", "chunk_key_encoding"),
     *("fill_value", "codecs", "dimension_names", "attributes", "storage_transformers"),
 )
-"""Order of an array's metadata in its file: runs know their store by the bytes of its files."""
+"""Order of the members in an array's metadata file; runs identify a store by its files' bytes."""
 
 
 def load_zarr() -> None:
-    """Import zarr, which takes a tenth of a second, before it is needed."""
+    """Import zarr ahead of its first use; the import takes 0.1 s."""
     import zarr  # noqa: F401
 
 
 def stored_values(values: NDArray[np.float64], decimals: int | None) -> NDArray[np.float32]:
-    """`values` as bulk stores keep them: float32, rounded to a binary step below 10**-decimals.
+    """Round `values` for bulk stores: float32, in binary steps of at most 10**-decimals.
 
-    A binary step leaves zero bits at the end of every number, which compress away.
+    A binary step leaves zero bits at the end of every number, which compress well.
     """
     if decimals is None:
         return values.astype(DTYPE)
@@ -70,14 +70,14 @@ def stored_values(values: NDArray[np.float64], decimals: int | None) -> NDArray[
 
 
 def fill_value(dtype: np.dtype[Any]) -> Any:
-    """What stands where an array has nothing: NaN, the least number of 8 bytes, no text, or 0."""
+    """Return the value for missing data: NaN, the lowest int64, an empty text, or 0."""
     if dtype.kind in "fT":
         return np.nan if dtype.kind == "f" else ""
     return np.iinfo(dtype).min if dtype == np.dtype("<i8") else 0
 
 
 def flag_attributes(long_name: str, meanings: Sequence[str], first: int = 0) -> dict[str, Any]:
-    """CF attributes of an integer that stands for one of `meanings`."""
+    """Return the CF attributes of an integer array whose values stand for `meanings`."""
     return {
         "long_name": long_name,
         "flag_values": list(range(first, first + len(meanings))),
@@ -86,23 +86,22 @@ def flag_attributes(long_name: str, meanings: Sequence[str], first: int = 0) -> 
 
 
 class ShardWriter:
-    """Signals of the missions of one shard, a file of each in a folder of this machine; a context
-    manager that closes them.
+    """Writer of one shard: a file for each signal in a local folder; a context manager.
 
-    Missions are encoded as they come, so that memory does not grow with the shard. The bytes are
-    those that zarr-python writes, as the tests compare: encoded chunks one after the other, then
-    offset and size of each, each with a CRC-32C.
+    Each mission is encoded when it is added, so memory does not grow with the shard. The files have
+    the bytes that zarr-python would write, which tests compare: the encoded chunks in a row, then
+    an index with the offset and size of each chunk. Chunks and index have a CRC-32C each.
     """
 
     def __init__(self, folder: Path, *, missions: int, samples: int):
-        """`missions` of a full shard; `samples` of the longest mission of the store."""
+        """`missions` is the number in a full shard, `samples` the length of the longest mission."""
         import numcodecs
 
         self.folder, self.missions, self.samples = folder, missions, samples
         self._rows = 0
         self._opened = contextlib.ExitStack()
         self._signals: dict[str, _SignalFile] = {}
-        # with threads, the order of the blocks in a chunk would be one of chance
+        # with threads, the order of the blocks in a chunk would be random
         self._opened.callback(setattr, numcodecs.blosc, "use_threads", numcodecs.blosc.use_threads)
         numcodecs.blosc.use_threads = False
         folder.mkdir(parents=True, exist_ok=True)
@@ -114,7 +113,7 @@ class ShardWriter:
         self._opened.close()
 
     def add(self, signals: Mapping[str, NDArray[Any]]) -> None:
-        """Encode one mission, whose signals are padded, and missing ones filled; raises OSError."""
+        """Encode one mission: pad its signals, and fill missing signals; raises OSError."""
         for name, values in signals.items():
             if name not in self._signals:
                 file = self._opened.enter_context((self.folder / name).open("wb"))
@@ -126,14 +125,14 @@ class ShardWriter:
         self._rows += 1
 
     def finish(self) -> dict[str, FileSum]:
-        """Write the indices; the checksum of each signal's file. Raises OSError."""
+        """Write the indices; returns the checksum of each signal's file. Raises OSError."""
         found = {name: one.finish(self.missions) for name, one in self._signals.items()}
         self._opened.close()
         return found
 
 
 class _SignalFile:
-    """One signal of a shard."""
+    """File of one signal in a shard."""
 
     def __init__(self, file: BinaryIO, samples: int, dtype: np.dtype[Any]):
         import numcodecs
@@ -168,8 +167,8 @@ class _SignalFile:
 
 
 class ShardedStore:
-    """All of a store that is not in its shards; it is complete when `finish` has written its
-    `zarr.json`."""
+    """Writer of all parts of a store except its shards: arrays over missions, groups, metadata and
+    checksums. The store is complete when `finish` has written its `zarr.json`."""
 
     def __init__(
         self, files: Files, *, missions: int, samples: int, shard_missions: int, row_missions: int
@@ -177,16 +176,16 @@ class ShardedStore:
         """Describe the store.
 
         Args:
-          samples: of the longest mission.
+          samples: number of samples of the longest mission.
           shard_missions: missions in each shard of a signal.
           row_missions: missions in each chunk of an array that is no signal.
         """
         self.files, self.missions, self.samples = files, missions, samples
         self.shard_missions, self.row_missions = shard_missions, row_missions
         self.sums: dict[str, FileSum] = {}
-        """checksums of all that is written, by key; whoever writes shards adds theirs"""
+        """Checksums of all written files, by key; the caller adds those of the shards."""
         self._metadata: dict[str, Any] = {}
-        # many arrays of a store are alike but for their values, and making one takes milliseconds
+        # cached, because many arrays differ only in their values and making one takes milliseconds
         self._alike = functools.cache(self._rows)
 
     def write_rows(
@@ -196,10 +195,10 @@ class ShardedStore:
         values: NDArray[Any],
         attributes: Mapping[str, Any],
     ) -> None:
-        """Write an array other than the signals."""
+        """Write an array that is no signal."""
         import zarr
 
-        # zarr encodes by itself, whatever an environment sets
+        # zarr's own pipeline encodes, whatever the environment sets
         with zarr.config.set({"codec_pipeline.path": PYTHON_PIPELINE}):
             memory, array = self._alike(values.shape, values.dtype, dimensions)
             array[:] = values
@@ -208,7 +207,7 @@ class ShardedStore:
         self._metadata[name] = _document(array, attributes)
 
     def write_group(self, name: str, attributes: Mapping[str, Any]) -> None:
-        """Write a group that holds nothing but attributes."""
+        """Write a group that holds only attributes."""
         self._put(f"{name}/{METADATA}", _compact(_group(attributes)))
 
     def _put(self, key: str, data: bytes) -> None:
@@ -221,12 +220,12 @@ class ShardedStore:
         signals: Mapping[str, tuple[np.dtype[Any], Mapping[str, Any]]],
         attributes: Mapping[str, Any],
     ) -> None:
-        """Write all metadata and the list of checksums, the metadata of the store last: then it is
-        complete.
+        """Write all metadata, the list of checksums and at last the metadata of the store, which
+        completes it.
 
         Args:
           signals: type and attributes of each array over mission and time, by name.
-          attributes: of the store.
+          attributes: attributes of the store.
         """
         like = {dtype: self._signal(dtype) for dtype, _ in signals.values()}
         for name, (dtype, said) in signals.items():
@@ -241,7 +240,7 @@ class ShardedStore:
         self.files.write(METADATA, root)
 
     def _signal(self, dtype: np.dtype[Any]) -> zarr.Array[Any]:
-        """An array (mission, time) in memory, for its metadata."""
+        """Make an array (mission, time) in memory, for its metadata."""
         import zarr
         from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 
@@ -263,7 +262,7 @@ class ShardedStore:
     def _rows(
         self, shape: tuple[int, ...], dtype: np.dtype[Any], dimensions: tuple[str, ...]
     ) -> tuple[dict[str, Any], zarr.Array[Any]]:
-        """An array in memory whose chunks are not compressed, and that memory."""
+        """Make an array with uncompressed chunks in memory; returns the memory and the array."""
         import zarr
         from zarr.codecs import BytesCodec, Crc32cCodec
 
@@ -283,7 +282,7 @@ class ShardedStore:
 
 
 def _document(array: zarr.Array[Any], attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The metadata of an array like this one with these attributes, as its file says them."""
+    """Metadata for the file of an array with the layout of `array` and other attributes."""
     found: dict[str, Any] = {**array.metadata.to_dict(), "attributes": dict(attributes)}
     return {member: found.get(member, []) for member in _MEMBERS}
 
@@ -293,7 +292,7 @@ def _group(attributes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _compact(value: Mapping[str, Any]) -> bytes:
-    """JSON without white space: a small store is mostly metadata."""
+    """Format JSON without white space, because small stores are mostly metadata."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).encode()
 
 
@@ -308,8 +307,8 @@ def check_empty(store: AnyStore) -> None:
 
 
 def copy_into(files: Files, store: AnyStore) -> None:
-    """Copy all keys into a zarr store: metadata of an array before its chunks, which some stores
-    ask for, and those of the whole first of all."""
+    """Copy all files into a zarr store: the metadata of the store first, then that of its arrays,
+    then chunks, because some stores require this order."""
     import asyncio
 
     from zarr.core.buffer import default_buffer_prototype
@@ -327,19 +326,19 @@ def copy_into(files: Files, store: AnyStore) -> None:
 
 
 def fast_pipeline() -> str:
-    """The codec pipeline that is used: `zarrs` where it is installed, else zarr-python's own."""
+    """Return the codec pipeline for reading: `zarrs` if installed, else zarr-python's own."""
     return PYTHON_PIPELINE if importlib.util.find_spec("zarrs") is None else RUST_PIPELINE
 
 
 @contextlib.contextmanager
 def fast_reading(store: StorePath) -> Iterator[None]:
-    """Have arrays that are opened here decoded by the fast pipeline, which takes a third of the
-    time; it reads folders of this machine only."""
+    """Decode arrays that the context opens with the fast pipeline, in a third of the time; the
+    fast pipeline reads folders of this machine only."""
     import zarr
 
     path = fast_pipeline() if isinstance(store, Path) else PYTHON_PIPELINE
     with zarr.config.set({"codec_pipeline.path": path}), warnings.catch_warnings():
-        # it warns of arrays of words in stores of others, which the slow pipeline then reads
+        # zarrs warns of text arrays from other programs, which the slow pipeline then reads
         for text in ("Array is unsupported by Zarrs", ".*does not have a Zarr V3 specification"):
             warnings.filterwarnings("ignore", text)
         yield

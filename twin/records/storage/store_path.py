@@ -1,7 +1,7 @@
-"""Store path: where a store lies, a path of this machine or the address of an object storage.
+"""Store path: a path of this machine or the address of an object storage.
 
-Files: a store's bytes there, by keys such as `true_depth/c/0/0`. A file appears under its key whole
-or not at all.
+`Files` reads and writes a store's files there by keys such as `true_depth/c/0/0`. A key has its
+complete file or none.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from twin.lazy import resolve
 from twin.records.storage.disk import files_below, sync_all, write_whole
 
 SCHEMES = {"s3": "Amazon S3 and what speaks like it", "gs": "Google Cloud", "az": "Azure"}
-"""What may stand before :// in an address, and whose it is"""
+"""Allowed schemes of an address (the part before ://), with the storage that each one means"""
 MARK = "://"
 _ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(?:/+(.*))?", re.DOTALL)
-"""An address, with both slashes or with the one that a path makes of them"""
+"""Pattern of an address with both slashes, or with the single slash that `Path` leaves"""
 
 
 class Url(PurePosixPath):
-    """An address such as s3://bucket/folder/missions.zarr, with the names and parents of paths.
+    """Address such as s3://bucket/folder/missions.zarr, with the name and parents of a path.
 
-    It is no path of this machine: what opens files refuses it.
+    An address is no path of this machine: functions that open files refuse it.
     """
 
     def __str__(self) -> str:
-        """With both slashes, which paths make one of."""
+        """Return the address with both slashes; a path keeps only one."""
         return super().__str__().replace(":/", MARK, 1)
 
     def __fspath__(self) -> NoReturn:
@@ -46,10 +46,10 @@ StorePath: TypeAlias = Path | Url
 
 
 def store_path(place: str | PurePath) -> StorePath:
-    """The path or address that a text means. A `Path` made of an address is taken for it.
+    """Read a text as a path or an address. A `Path` made from an address gives the address.
 
     Raises:
-      InputError: an address of a kind that nobody can read, or one that names no store.
+      InputError: an address with an unknown scheme, or one that names no store.
     """
     found = _ADDRESS.fullmatch(str(place))
     if isinstance(place, Url) or found is None:
@@ -70,18 +70,18 @@ def store_path(place: str | PurePath) -> StorePath:
 
 
 def named(path: Path) -> Path:
-    """A path with the name of its folder; `.` and `..` have none, beside which nothing can lie."""
+    """Return a path with a name: `.` and `..` are resolved, because nothing can lie beside them."""
     return path if path.name not in ("", "..") else path.resolve()
 
 
 def check_addresses(place: object) -> None:
-    """Refuse an address of a kind that nobody can read, before it becomes a folder of this machine.
+    """Refuse an address with an unknown scheme, before it becomes a folder of this machine.
 
     Args:
-      place: any value; a path, or a sequence of paths, is looked at.
+      place: any value; a path, or each path of a sequence, is checked.
 
     Raises:
-      InputError: it is one, as `store_path` says.
+      InputError: as `store_path`.
     """
     for one in place if isinstance(place, tuple | list) else (place,):
         if isinstance(one, PurePath):
@@ -89,16 +89,16 @@ def check_addresses(place: object) -> None:
 
 
 class FileSum(NamedTuple):
-    """Size and hash of a file."""
+    """Size [byte] and hash of a file."""
 
     bytes: int
     sha256: str
-    """hexadecimal"""
+    """SHA-256 of the content, hexadecimal"""
 
 
 def file_sum(path: Path) -> FileSum:
-    """Size and hash of a file of this machine, read piece by piece; raises OSError, as OddFile
-    where it is no regular file."""
+    """Compute size and hash of a file of this machine; raises OSError, or OddFile for a file that
+    is not regular."""
     check_regular(path)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -106,15 +106,15 @@ def file_sum(path: Path) -> FileSum:
 
 
 class GiantFile(OSError, ValueError):
-    """A file is larger than its kind ever is: it is damaged, or made to fill the memory."""
+    """Error of a file that is too large for its type: damaged, or made to fill the memory."""
 
 
 class Files:
-    """Files of a folder of this machine, which is made when the first one is written; `ObjectFiles`
-    has those of an object storage. Picklable, so that tasks on other machines find them again.
+    """Files of a folder of this machine, which the first write makes; `ObjectFiles` is the class
+    for an object storage. Instances can be pickled for tasks on other machines.
 
-    What reaches for a file raises OSError where that cannot be done, and FileNotFoundError where
-    there is none.
+    Methods that access a file raise OSError if the access fails, and FileNotFoundError if there is
+    no such file.
     """
 
     def __init__(self, folder: Path):
@@ -122,16 +122,16 @@ class Files:
 
     @property
     def name(self) -> str:
-        """How people call the place: a path or an address."""
+        """Path of the folder, or address of the storage, for messages."""
         return str(self.folder)
 
     def read(self, key: str) -> bytes:
-        """All of a file."""
+        """Read a file."""
         check_regular(self.folder / key)
         return (self.folder / key).read_bytes()
 
     def read_small(self, key: str, most: int = MOST_TEXT) -> bytes:
-        """All of a file of at most `most` bytes; raises GiantFile for a larger one."""
+        """Read a file of at most `most` bytes; raises GiantFile for a larger file."""
         size = self.size(key)
         if size is not None and size > most:
             reason = f"it has {size} bytes, which no such file needs"
@@ -139,18 +139,18 @@ class Files:
         return self.read(key)
 
     def write(self, key: str, data: bytes, *, safe: bool = False) -> None:
-        """Make or replace a file, under another name first.
+        """Make or replace a file: write it under a temporary name, then rename it.
 
         Args:
-          safe: whether it is safe from a loss of power when this returns.
+          safe: whether the file must survive a loss of power once this returns.
         """
         target = self.folder / key
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, data, safe=safe)
 
     def take(self, files: Mapping[str, Path]) -> None:
-        """Make or replace files, by key, from some of this machine, which are moved away and safe
-        from a loss of power when this returns."""
+        """Move files of this machine to the given keys, replacing files there; they survive a loss
+        of power once this returns."""
         sync_all(files.values())
         targets = {self.folder / key: path for key, path in files.items()}
         for target, path in targets.items():
@@ -159,23 +159,23 @@ class Files:
         sync_all({target.parent for target in targets})
 
     def size(self, key: str) -> int | None:
-        """Size [bytes] of a file, None when there is none; raises OddFile for no regular file."""
+        """Size [byte] of a file; None if there is none. Raises OddFile if it is not regular."""
         try:
             return check_regular(self.folder / key)
         except (FileNotFoundError, NotADirectoryError):
             return None
 
     def exists(self, key: str) -> bool:
-        """Whether anything is there."""
+        """Return whether the key has a file or folder."""
         return (self.folder / key).exists()
 
     def sum(self, key: str) -> FileSum:
-        """Size and hash of a file, read piece by piece."""
+        """Compute size and hash of a file, read block by block."""
         return file_sum(self.folder / key)
 
     def sizes(self) -> Iterator[tuple[str, int]]:
-        """Key and size [bytes] of every file, those of a folder in the order of their names; some
-        may go away meanwhile."""
+        """Yield key and size [byte] of every file, sorted by name in each folder. Files that are
+        removed meanwhile are skipped."""
         for path in files_below(self.folder) if self.folder.is_dir() else ():
             with contextlib.suppress(FileNotFoundError):
                 yield path.relative_to(self.folder).as_posix(), path.lstat().st_size
@@ -185,11 +185,11 @@ class Files:
         return (key for key, _ in self.sizes())
 
     def stored_bytes(self) -> int:
-        """Size of all files together."""
+        """Size [byte] of all files together."""
         return sum(size for _, size in self.sizes())
 
     def folders(self) -> list[str]:
-        """First parts of the keys that have more than one, sorted."""
+        """First parts of the keys that have more than one part, sorted."""
         try:
             with os.scandir(self.folder) as entries:
                 return sorted(entry.name for entry in entries if entry.is_dir())
@@ -197,7 +197,7 @@ class Files:
             return []
 
     def zarr_store(self) -> Any:
-        """What zarr and xarray open to read."""
+        """Return a path or store object that zarr and xarray open to read."""
         return str(self.folder)
 
     def remove(self, key: str) -> None:
@@ -205,15 +205,15 @@ class Files:
         (self.folder / key).unlink(missing_ok=True)
 
     def remove_all(self) -> None:
-        """Remove every file as far as that is allowed."""
+        """Remove every file as far as the disk allows."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def files_at(place: str | StorePath) -> Files:
-    """The files of a folder of this machine, or below an address.
+    """Return `Files` for a folder of this machine, or `ObjectFiles` for an address.
 
     Raises:
-      InputError: an address that cannot be used, or obstore is not installed.
+      InputError: the address cannot be used, or obstore is not installed.
     """
     path = store_path(place)
     if isinstance(path, Path):

@@ -1,14 +1,14 @@
-"""Whole: what a command writes is under its name completely, or not at all.
+"""Whole files and folders: atomic writes, so that a name has complete content or none.
 
-New content grows in a hidden folder `.NAME.writing-TOKEN` beside NAME, is synced to the disk, and
-takes its name in one rename. Until then what was there stays. The writer holds a lock on the hidden
-folder, which the kernel drops when the process ends in whatever way: the next writer of the same
-name removes what others left, and never what a living one works in.
+A writer fills a hidden folder `.NAME.writing-TOKEN` beside NAME, syncs it to the disk, and renames
+the content to NAME in one step. Old content stays until that rename. The writer holds a lock on the
+hidden folder, which the kernel drops when the process ends. The next writer of NAME removes the
+hidden folders of dead writers, never the folder of a living one.
 
-A folder takes the place of another one by an exchange of names. Where the file system has none,
-the old one is moved aside into the hidden folder, and then the new one takes its name. A kill
-between these two leaves both there, whole: `recover` finishes the second step. The next writer
-calls it, and readers do when nothing is under the name.
+A folder replaces another folder by an exchange of names. If the file system has no exchange, the
+old folder is moved into the hidden folder, and then the new folder is renamed to NAME. A kill
+between these two renames leaves both folders complete, and `recover` does the second rename.
+Writers call `recover` first; readers call it if NAME is missing.
 """
 
 from __future__ import annotations
@@ -35,57 +35,57 @@ from twin.records.storage.disk import (
 from twin.records.storage.store_path import Url, store_path
 
 REPLACED = ".replaced"
-"""Where in the hidden folder the old content waits while the new one takes its name."""
+"""Name in the hidden folder for the old content while the new content is renamed"""
 Ours = Callable[[Path], bool]
-"""Whether a folder that is not empty may be replaced."""
+"""Function of a folder that is not empty: whether a writer may replace it"""
 
 
 @contextlib.contextmanager
 def whole_folder(
     path: str | Path, *, overwrite: bool = False, ours: Ours = is_listed
 ) -> Iterator[Path]:
-    """Write a folder; the context yields an empty one, which becomes `path` when it ends well.
+    """Write a folder atomically: the context yields an empty folder, which becomes `path`.
 
-    Every file then has its checksum in `twin.records.storage.checksums`' list. When the context
-    ends with an error, `path` is as it was.
+    If the context ends with an error, `path` is unchanged. Else the folder also gets a list of its
+    files' checksums (`twin.records.storage.checksums`).
 
     Args:
-      overwrite: take the place of what is there, which stays until the new folder is complete.
-      ours: what may be replaced; an empty folder always may.
+      overwrite: replace an existing folder, which stays until the new folder is complete.
+      ours: says whether a folder may be replaced; an empty folder always may.
 
     Raises:
-      WriteError: something is in the way, or the disk refuses.
+      WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
     check_folder_target(path, overwrite=overwrite, ours=ours)
-    with _beside(path) as (target, hidden):
+    with _locked_folder(path) as (target, hidden):
         content = hidden / target.name
         content.mkdir()
         yield content
         write_checksums(content)
         sync_tree(content)
-        check_folder_target(path, overwrite=overwrite, ours=ours)  # another writer may have ended
+        check_folder_target(path, overwrite=overwrite, ours=ours)  # again: another may have written
         take_place(content, target, hidden / REPLACED)
 
 
 @contextlib.contextmanager
 def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
-    """Write a file; the context yields a path of the same name, to be written by whatever writes
-    files, which becomes `path` when the context ends well. Else `path` is as it was.
+    """Write a file atomically: the context yields a temporary path, which becomes `path`
+    unless the context ends with an error.
 
     Args:
-      overwrite: take the place of a file that is there.
+      overwrite: replace an existing file.
 
     Raises:
-      WriteError: something is in the way, or the disk refuses.
+      WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
     check_file_target(path, overwrite=overwrite)
-    with _beside(path) as (target, hidden):
+    with _locked_folder(path) as (target, hidden):
         content = hidden / target.name
         yield content
         if target.exists():
             content.chmod(stat.S_IMODE(target.stat().st_mode))
         sync(content)
-        check_file_target(path, overwrite=overwrite)  # another writer may have ended
+        check_file_target(path, overwrite=overwrite)  # again: another writer may have written
         content.replace(target)
         sync(target.parent)
 
@@ -93,12 +93,12 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
 def check_folder_target(
     path: str | Path, *, overwrite: bool = False, ours: Ours = is_listed
 ) -> None:
-    """Refuse what `whole_folder` would refuse, before long work.
+    """Raise the errors of `whole_folder` before long work begins.
 
     Raises:
-      WriteError: something is in the way.
+      WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
-    target = _target(path)
+    target = _resolve_target(path)
     recover(target)
     if not target.exists():
         check_place(target)
@@ -117,12 +117,12 @@ def check_folder_target(
 
 
 def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
-    """Refuse what `whole_file` would refuse, before long work.
+    """Raise the errors of `whole_file` before long work begins.
 
     Raises:
-      WriteError: something is in the way.
+      WriteError: `path` exists and may not be replaced, or the disk refuses.
     """
-    target = _target(path)
+    target = _resolve_target(path)
     check_place(target)
     if target.exists() and not target.is_file():
         what = "a folder" if target.is_dir() else "not a plain file"
@@ -132,10 +132,10 @@ def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
 
 
 def check_place(target: Path) -> None:
-    """Refuse a place in which nothing can be written, before long work: one is made and removed.
+    """Check that a path can be written, before long work: make a folder beside it and remove it.
 
     Raises:
-      WriteError: a file stands where a folder of the path must be, or the disk refuses.
+      WriteError: a file has the name of a parent folder, or the disk refuses.
     """
     place = next(place for place in target.parents if place.exists())
     if not place.is_dir():
@@ -151,34 +151,34 @@ def check_place(target: Path) -> None:
 
 
 def recover(path: str | Path) -> None:
-    """Give a folder its name when its writer was killed between the two renames that give it.
+    """Rename a complete folder whose writer was killed between the two renames of a replacement.
 
-    Does nothing where something is under the name, or its writer lives.
+    Does nothing if `path` exists or the writer lives.
     """
-    target = _target(path)
+    target = _resolve_target(path)
     if not target.exists():
         clean(target)
 
 
 def clean(target: Path) -> None:
-    """Remove what writers of this target left that are gone, after a rename that one of them began
-    is finished."""
+    """Remove the hidden folders of dead writers of `target`; first finish a replacement that one
+    of them began."""
     for hidden in temporaries(target):
         with dead(hidden) as gone:
             if not gone:
                 continue
             if (hidden / REPLACED).is_dir() and not target.exists():
                 new = hidden / target.name
-                # the old one was moved aside when the new one was complete
+                # the old content was moved aside only after the new content was complete
                 (new if new.is_dir() else hidden / REPLACED).rename(target)
             remove(hidden)
 
 
-def _target(path: str | Path) -> Path:
-    """What is to be written: a link stays, and what it points to is replaced.
+def _resolve_target(path: str | Path) -> Path:
+    """Resolve links: a link stays, and the file or folder that it points to is replaced.
 
     Raises:
-      WriteError: it is the address of an object storage.
+      WriteError: `path` is the address of an object storage.
     """
     if isinstance(address := store_path(path), Url):
         raise WriteError(
@@ -189,17 +189,17 @@ def _target(path: str | Path) -> Path:
 
 
 @contextlib.contextmanager
-def _beside(path: str | Path) -> Iterator[tuple[Path, Path]]:
-    """The true path of a target and a locked folder beside it, which goes away in the end."""
-    target = _target(path)
+def _locked_folder(path: str | Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the resolved path and a locked hidden folder beside it, which is removed at the end."""
+    target = _resolve_target(path)
     hidden, descriptor = None, None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         clean(target)
-        hidden, descriptor = _hidden(target)
+        hidden, descriptor = _make_hidden_folder(target)
         yield target, hidden
     except OSError as error:
-        if not _is_of_writing(error, target):
+        if not _is_write_error(error, target):
             raise
         why = error.strerror or str(error)
         if error.filename is not None and Path(os.fsdecode(error.filename)) in target.parents:
@@ -221,8 +221,8 @@ def _beside(path: str | Path) -> Iterator[tuple[Path, Path]]:
             os.close(descriptor)
 
 
-def _is_of_writing(error: OSError, target: Path) -> bool:
-    """Whether an error comes from writing, not from something that the body of a context read."""
+def _is_write_error(error: OSError, target: Path) -> bool:
+    """Return whether an error comes from writing `target`, not from a file that the caller read."""
     if error.filename is None:
         return True
     place = Path(os.path.realpath(os.fsdecode(error.filename)))
@@ -231,15 +231,15 @@ def _is_of_writing(error: OSError, target: Path) -> bool:
     )
 
 
-def _hidden(target: Path) -> tuple[Path, int]:
-    """A new folder beside the target, and the open descriptor that holds its lock."""
+def _make_hidden_folder(target: Path) -> tuple[Path, int]:
+    """Make a hidden folder beside the target; returns it and the descriptor that holds its lock."""
     while True:
         hidden = temporary_name(target)
-        hidden.mkdir()  # /proc says ENOENT, though the parent is there
+        hidden.mkdir()  # below /proc this raises ENOENT, though the parent exists
         try:
             descriptor = os.open(hidden, os.O_RDONLY | os.O_DIRECTORY)
         except FileNotFoundError:
-            continue  # a writer that cleaned at this moment took it away
+            continue  # another writer's `clean` removed it before the lock
         with contextlib.suppress(FileNotFoundError):
             if lock(descriptor) and hidden.stat().st_ino == os.fstat(descriptor).st_ino:
                 return hidden, descriptor
@@ -247,7 +247,7 @@ def _hidden(target: Path) -> tuple[Path, int]:
 
 
 def take_place(content: Path, target: Path, aside: Path) -> None:
-    """Give complete content its name; `aside` is where the old content may wait."""
+    """Rename complete content to `target`; `aside` is a temporary path for the old content."""
     if target.exists() and any(target.iterdir()):
         content.chmod(stat.S_IMODE(target.stat().st_mode))
         if not exchange(content, target):
@@ -258,5 +258,5 @@ def take_place(content: Path, target: Path, aside: Path) -> None:
                 aside.rename(target)
                 raise
     else:
-        content.rename(target)  # onto an empty folder too
+        content.rename(target)  # also replaces an empty folder
     sync(target.parent)

@@ -1,8 +1,8 @@
-"""Mapping: a TOML file that says what the columns of a table are.
+"""Mapping: a TOML file that gives the meaning of a table's columns.
 
-Every key that a person can write is a field of a class here; `mapping_file` reads them.
+Every key of the file is a field of a class here; `mapping_file` reads the file.
 
-Row times: where rows begin and end in a log that is not cut into dives.
+`row_times` finds where rows begin and end in a log that is not cut into dives.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SHIPPED = Path(__file__).parent / "mappings"
 FRAMES = ("FRD", "FLU")
 """Body axes: forward-starboard-down, which stores have, and forward-port-up."""
 LOCKS = {"bottom": 1.0, "water": 2.0}
-"""`measured_dvl_mode` of each lock; 0 is none."""
+"""Values of `measured_dvl_mode` by lock; 0 means no lock."""
 TURNED = frozenset(
     f"{group}_{name}"
     for group in ("measured", "true", "commanded")
@@ -36,8 +36,8 @@ TURNED = frozenset(
         "dvl_heave", "sway", "heave",
     )
 )  # fmt: skip
-"""Signals whose sign FLU turns: what is along or about the second and third axis. Roll is about
-the first; a heading says itself where it begins and which way it turns."""
+"""Signals whose sign differs in FLU: those along or about the second and third axis. Roll is about
+the first axis; a heading has its own keys for zero and direction."""
 HEADINGS = frozenset({"measured_heading", "commanded_heading", "true_heading"})
 LOG_ONLY: dict[str, tuple[str, str]] = {
     "latitude": ("degree", "the vehicle's own track"),
@@ -54,7 +54,7 @@ LOG_ONLY: dict[str, tuple[str, str]] = {
     "dac_north": ("m s-1", "depth-averaged current that the vehicle reports"),
     "dac_east": ("m s-1", "depth-averaged current that the vehicle reports"),
 }
-"""Signals that rows are made from and stores do not hold as they are: unit and meaning."""
+"""Signals that rows are made from and stores do not hold unchanged: unit and meaning."""
 MADE = frozenset(
     name
     for name in VARIABLES
@@ -68,117 +68,116 @@ CLOCK_UNITS = (*SECONDS, ISO)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Signal:
-    """What one column is; `[signals.NAME]` of a mapping, NAME as in stores."""
+    """Meaning of one column; `[signals.NAME]` of a mapping, NAME as in stores."""
 
     column: str
     """Name of the column."""
     unit: str = ""
-    """As in `factory.importing.units`; may be left out where the signal has none."""
+    """Unit, as in `factory.importing.units`; may be left out where the signal has none."""
     frame: Frame | None = None
     """Body axes of this column, instead of the file's."""
     sign: float = 1.0
-    """-1 where the column counts the other way than the frame says."""
+    """Sign: -1 where the column counts opposite to the frame."""
     sentinels: tuple[float, ...] = ()
     """Values, as the file has them, that mean no measurement."""
     possible: tuple[float, float] | None = None
     """Lowest and highest possible value, in the store's unit."""
     optional: bool = False
-    """Whether files may lack the column."""
+    """True if files may lack the column."""
     held: bool = False
-    """Whether the last value holds until the next one, instead of a straight line."""
+    """True if the last value holds until the next one, without interpolation."""
     zero: Literal["north", "east"] = "north"
-    """Where a heading is 0."""
+    """Direction in which a heading is 0."""
     turns: Literal["clockwise", "counterclockwise"] = "clockwise"
-    """Which way a heading grows, seen from above."""
+    """Direction in which a heading grows, seen from above."""
     north: Literal["true", "magnetic"] = "true"
-    """Which north a heading is from."""
+    """North that a heading is measured from."""
 
     def wanted(self, name: str) -> str:
         """Unit of the signal in a store, or `PRACTICAL`."""
         return LOG_ONLY[name][0] if name in LOG_ONLY else unit_of(name)
 
     def needs_unit(self, name: str) -> bool:
-        """Whether a mapping must say the unit: plain numbers have none."""
+        """True if a mapping must state the unit: plain numbers have none."""
         return self.wanted(name) not in ("1", PRACTICAL)
 
     def turn(self, name: str, frame: Frame) -> float:
-        """Sign between the column and the store."""
+        """Sign that turns the column into the store's axes."""
         turned = (self.frame or frame) == "FLU" and name in TURNED
         return -self.sign if turned else self.sign
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Clock:
-    """Where times come from; `[time]` of a mapping."""
+    """Column and unit of times; `[time]` of a mapping."""
 
     column: str
     unit: str = "s"
-    """s, ms, us, ns, min, h, days; of written times iso, or a layout of `strptime`."""
+    """Unit: s, ms, us, ns, min, h, days; for written times iso, or a layout of `strptime`."""
     start: float | None = None
-    """[s] unix time of the clock's zero; None: the column says the whole time."""
+    """[s] Unix time of the clock's zero; None: the column holds the whole time."""
     start_from_name: str | None = None
     """Regular expression whose group is the date, ISO 8601, in a file's name."""
 
     @property
     def written(self) -> bool:
-        """Whether the column holds times in words."""
+        """True if the column holds times as text."""
         return self.unit == ISO or "%" in self.unit
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Correction:
-    """Some files whose column is not what the mapping says; `[[corrections]]`."""
+    """Correction of a column that differs from the mapping in some files; `[[corrections]]`."""
 
     files: str
     """Pattern of the files' names, such as 20220719_*."""
     signal: str
     reason: str
     changes: Dict[str, Any]
-    """Fields of `Signal` that are different in these files."""
+    """Fields of `Signal` that differ in these files."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Mapping:
-    """What the columns of a vehicle's tables are."""
+    """Meaning of the columns of a vehicle's tables."""
 
     name: str
-    """Of the mapping file, for messages."""
+    """Name of the mapping file, for messages."""
     vehicle: str
     """Name of the vehicle or its make."""
     time: Clock
     signals: Dict[str, Signal]
     ignored: Dict[str, str] = dataclasses.field(default_factory=dict)
-    """Patterns of columns that are left out, and why."""
+    """Patterns of columns that are left out, each with the reason."""
     corrections: tuple[Correction, ...] = ()
     frame: Frame = "FRD"
     """Body axes of the file."""
     dvl_lock: Literal["bottom", "water"] | None = None
-    """What the Doppler log measures against, where no column says it: its lock is that wherever
-    it has a velocity."""
+    """Reference of the Doppler log if no column gives it; it holds wherever there is a velocity."""
     model: str | None = None
-    """Vehicle file whose parts the controls are; it stands for the vehicle in the store."""
+    """Vehicle file whose parts the controls move; it models the vehicle in the store."""
     deployment: Literal["file", "name", "column"] = "file"
-    """What tells deployments apart."""
+    """Criterion that separates deployments: file, one name for all, or column."""
     deployment_word: str = ""
     """Name of the deployment, or of the column that has it."""
     rows: Literal["dives", "file", "gaps", "minutes"] = "dives"
-    """What a row of the store is."""
+    """Kind of rows in the store: dives, whole files, times between gaps, or minutes."""
     minutes: float = 0.0
-    """[min] of a row, with `rows` of minutes."""
+    """[min] Length of a row, if `rows` is minutes."""
     gap_s: float = 60.0
-    """[s] A longer hole in the times ends a row, where rows are not dives."""
+    """[s] A longer gap in the times ends a row, where rows are not dives."""
     period_s: float | None = None
-    """[s] Period of the store; None: the table's usual spacing."""
+    """[s] Sampling interval of the store; None: the table's usual spacing."""
 
     def reason(self, column: str) -> str | None:
-        """Why a column is left out; None where the mapping does not say."""
+        """Reason why a column is left out; None if the mapping gives none."""
         for pattern, why in self.ignored.items():
             if fnmatch.fnmatchcase(column, pattern):
                 return why
         return None
 
     def signals_of(self, path: Path) -> dict[str, tuple[Signal, str]]:
-        """The signals of one file, each with the reason of its correction or ""."""
+        """Signals of one file, each with the reason of its correction or ""."""
         found = {name: (signal, "") for name, signal in self.signals.items()}
         for one in self.corrections:
             if fnmatch.fnmatchcase(path.name, one.files):
@@ -195,8 +194,8 @@ def row_times(
 ) -> tuple[tuple[float, float], ...] | None:
     """Start and end [s] of each row of a deployment; None where its rows are dives.
 
-    A hole in the times that is longer than the mapping's gap ends a row, whatever rows are. Rows of
-    minutes divide what is between holes into equal parts of about that length.
+    A gap in the times that is longer than the mapping's ends a row, whatever rows are. Rows of
+    minutes divide the time between gaps into equal parts of about `minutes`.
 
     Args:
       time: [s] of the deployment, increasing.
@@ -213,7 +212,7 @@ def row_times(
 
 
 def _divided(run: Array, length: float) -> list[tuple[float, float]]:
-    """A run without holes as one row, or as rows of about `length` [s]; none without a sample."""
+    """Divide a run without gaps into rows of about `length` [s]; skip rows without samples."""
     first, last = float(run[0]), float(run[-1])
     count = max(1, round((last - first) / length)) if length else 1
     step = (last - first) / count

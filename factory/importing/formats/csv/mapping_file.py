@@ -2,7 +2,7 @@
 
 Unknown keys, signals and units are refused with the nearest known one.
 
-Values of a mapping's TOML file, each of the kind that its key must have, or refused by name.
+A value of another type than its key needs is refused by the key's name.
 """
 
 from __future__ import annotations
@@ -40,42 +40,42 @@ from twin.records.schema import VARIABLES
 
 
 def known_keys(label: str, values: Dict[str, Any], allowed: Sequence[str]) -> None:
-    """Refuse a key that is not allowed, with the nearest one."""
+    """Refuse a key that is not allowed, and offer the nearest one."""
     for key in values:
         if key not in allowed:
             raise InputError(f"{label}: {unknown_name('key', key, allowed)}")
 
 
 def table(label: str, key: str, value: object) -> Dict[str, Any]:
-    """A table of keys."""
+    """Check that a value is a table of keys."""
     if not isinstance(value, dict):
         raise InputError(f"{label}: {key or 'it'} must be a table of keys, not {value!r}")
     return value
 
 
 def list_of(label: str, key: str, value: object) -> list[Any]:
-    """A list."""
+    """Check that a value is a list."""
     if not isinstance(value, list):
         raise InputError(f"{label}: {key} must be a list, not {value!r}")
     return value
 
 
 def text(label: str, key: str, value: object) -> str:
-    """A text that says something."""
+    """Check that a value is a text that is not blank."""
     if not isinstance(value, str) or not value.strip():
         raise InputError(f"{label}: {key} must be a text, not {value!r}")
     return value
 
 
 def number(label: str, key: str, value: object) -> float:
-    """A finite number."""
+    """Check that a value is a finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{label}: {key} must be a finite number, not {value!r}")
     return float(value)
 
 
 def positive(label: str, key: str, value: object) -> float:
-    """A number above 0."""
+    """Check that a value is a number above 0."""
     found = number(label, key, value)
     if not found > 0.0:
         raise InputError(f"{label}: {key} must be above 0, not {found:g}")
@@ -83,14 +83,14 @@ def positive(label: str, key: str, value: object) -> float:
 
 
 def one_of(label: str, key: str, value: object, allowed: Sequence[str]) -> Any:
-    """One of the allowed words."""
+    """Check that a value is one of the allowed words."""
     if value not in allowed:
         raise InputError(f"{label}: {unknown_name(key, str(value), allowed)}")
     return value
 
 
 def moment(label: str, value: object) -> float:
-    """Unix time of a TOML date or time, or of one in a text; without a zone it is UTC."""
+    """Unix time of a TOML date or time, or of a written one; without a zone it is UTC."""
     found: Any = value
     if isinstance(value, datetime.date | str):
         with contextlib.suppress(ValueError):
@@ -103,11 +103,11 @@ def moment(label: str, value: object) -> float:
 
 
 def load_mapping(name: str | Path, *, timed: bool = False) -> Mapping:
-    """A mapping by the path of its file, or by the name of one that is shipped.
+    """Load a mapping by the path of its file, or by the name of a shipped one.
 
     Args:
-      timed: whether the log has times of its own, as messages have: [time] is then no key, and rows
-        end at gaps where the mapping does not say otherwise.
+      timed: the log has its own times, as messages have: [time] is then no key, and rows end at
+        gaps unless the mapping states otherwise.
 
     Raises:
       InputError: no such file; not TOML; an unknown or wrong key, signal, unit or reason.
@@ -129,7 +129,7 @@ def shipped_names() -> list[str]:
 
 
 def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> Mapping:
-    """A mapping from what its TOML file says; errors as `load_mapping`."""
+    """Make a mapping from the contents of its TOML file; errors as in `load_mapping`."""
     label = f"mapping {label}"
     own = ("start",) if timed else ("time", "deployment", "corrections")
     common = ("vehicle", "frame", "dvl_lock", "model", "rows", "gap_s", "period_s", "signals")
@@ -208,7 +208,7 @@ def signal_names() -> list[str]:
 
 
 def declare_model(model: str) -> None:
-    """Let the schema know the controls of a vehicle."""
+    """Declare the controls of a vehicle in the schema."""
     from twin.physics.true_signals import declare_parts
     from twin.vehicle.vehicle import load_vehicle
 
@@ -241,7 +241,7 @@ _FIELDS = tuple(field.name for field in dataclasses.fields(Signal))
 
 
 def _checked(label: str, name: str, values: Dict[str, Any]) -> dict[str, Any]:
-    """Fields of a `Signal` with the types that they must have."""
+    """Check the fields of a `Signal`; return them with the types that they must have."""
     found: dict[str, Any] = dict(values)
     for key, allowed in _CHOICES.items():
         if key in found:
@@ -272,7 +272,7 @@ _CHOICES = {
     "turns": ("clockwise", "counterclockwise"),
     "north": ("true", "magnetic"),
 }
-"""Words of a signal's keys"""
+"""Allowed words of a signal's keys."""
 
 
 def _clock(label: str, entry: object) -> Clock:
@@ -306,7 +306,7 @@ def _clock(label: str, entry: object) -> Clock:
 
 
 def _check_layout(label: str, layout: str) -> None:
-    """Refuse a layout of `strptime` that reads no date."""
+    """Refuse a `strptime` layout that reads no date."""
     moment = datetime.datetime(2019, 11, 23, 14, 58, 37)
     try:
         read = datetime.datetime.strptime(moment.strftime(layout), layout)

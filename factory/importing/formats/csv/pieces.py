@@ -1,4 +1,4 @@
-"""Pieces: what one table holds of each deployment, in the units and axes of a store."""
+"""Pieces: the mapped columns of one table for each deployment, in a store's units and axes."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from twin.records.schema.limits import recorded_limits
 
 Array = NDArray[np.float64]
 KIND = "csv table"
-"""What the report calls the tables."""
+"""Name of the tables in the report."""
 
 
 class LogPiece(NamedTuple):
-    """The mapped columns of one deployment in one file, in the store's units and axes."""
+    """Mapped columns of one deployment in one file, in the store's units and axes."""
 
     path: Path
     time: Array
-    """[s] unix, as written: not sorted yet."""
+    """[s] Unix time, as written: not sorted yet."""
     columns: Dict[str, Array]
 
 
 def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, LogPiece]]:
-    """What one file holds, by deployment; every column is counted as what becomes of it."""
+    """Pieces of one file by deployment; each column is counted as read, left out or not mapped."""
     table = read_table(path)
     present = [*table.columns, *table.texts]
     signals = mapping.signals_of(path)
@@ -69,7 +69,7 @@ def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, Log
 
 
 def _words(table: Table, column: str, path: Path) -> NDArray[np.str_]:
-    """The name of the deployment of each row."""
+    """Name of the deployment of each row."""
     if column in table.texts:
         return np.array([str(word) for word in table.texts[column]])
     if column in table.columns:
@@ -87,7 +87,7 @@ def _account(
     signals: Dict[str, tuple[Signal, str]],
     tally: Tally,
 ) -> None:
-    """Refuse a column that must be there; count those that are left out or not mapped."""
+    """Refuse a file without a required column; count columns that are left out or not mapped."""
     for name, (signal, _) in signals.items():
         if signal.column in present:
             continue
@@ -113,7 +113,7 @@ def _account(
 
 
 def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
-    """[s] unix time of each row; NaN where there is none."""
+    """[s] Unix time of each row; NaN without a time."""
     present = [*table.columns, *table.texts]
     if clock.column not in present:
         raise InputError(f"{path.name}: time: {unknown_name('column', clock.column, present)}")
@@ -125,24 +125,24 @@ def _times(table: Table, clock: Clock, path: Path, tally: Tally) -> Array:
             f'"{"s" if words is None else ISO}" in [time]'
         )
     if words is not None:
-        time = _written(words, clock, path, tally)
+        time = _parse_times(words, clock, path, tally)
     else:
         time = table.columns[clock.column] * SECONDS[clock.unit]
         start = clock.start
         if clock.start_from_name is not None:
             start = _start_by_name(path, clock.start_from_name)
-        time = _whole(time, path, tally) if start is None else time + start
+        time = _unix_times(time, path, tally) if start is None else time + start
     if not np.isfinite(time).any():
         raise InputError(f"{path.name}: no row has a time in column {clock.column!r}")
     tally.add("read", clock.column, np.isfinite(time), "as time")
     return time
 
 
-def _written(words: NDArray[Any], clock: Clock, path: Path, tally: Tally) -> Array:
-    """[s] unix time of written times; those that are not as the mapping says are counted.
+def _parse_times(words: NDArray[Any], clock: Clock, path: Path, tally: Tally) -> Array:
+    """[s] Unix time of written times; times of another layout than the mapping's are counted.
 
     Raises:
-      InputError: most are not.
+      InputError: most times have another layout.
     """
     time = parse_stamps(words, () if clock.unit == ISO else (clock.unit,))
     other = [str(word) for word in words[np.isnan(time)] if str(word).lower() not in MISSING]
@@ -158,7 +158,7 @@ def _written(words: NDArray[Any], clock: Clock, path: Path, tally: Tally) -> Arr
     return time
 
 
-def _whole(time: Array, path: Path, tally: Tally) -> Array:
+def _unix_times(time: Array, path: Path, tally: Tally) -> Array:
     try:
         return unix_seconds(time, path.name, tally)
     except InputError as error:
@@ -186,7 +186,7 @@ def _start_by_name(path: Path, pattern: str) -> float:
 def values_of(
     table: Table, name: str, signal: Signal, why: str, mapping: Mapping, tally: Tally
 ) -> Array:
-    """One column in the unit and axes of the store; sentinels are NaN, counted."""
+    """Convert one column to the unit and axes of the store; sentinels become NaN, counted."""
     column, file = signal.column, table.path.name
     if column in table.texts:
         text = next((str(word) for word in table.texts[column] if str(word)), "")
@@ -212,25 +212,25 @@ FORWARD = ("measured_dvl_surge", "true_surge", "true_speed")
 SIDEWAYS = ("measured_dvl_sway", "true_sway")
 VELOCITIES = frozenset((*FORWARD, *SIDEWAYS, "measured_dvl_heave", "true_heave"))
 _MOST = 0.3
-"""A column with more impossible values than this part is no velocity with a few wild ones."""
+"""Fraction of impossible values beyond which a column is no velocity."""
 _ONE_VALUE = 0.1
-"""A single value, of either sign, that makes up more than this part is a sentinel."""
+"""Fraction of the samples beyond which a single value, of either sign, is a sentinel."""
 _FEWEST = 100
-"""Values without which a column that never changes proves nothing."""
+"""Fewest values that show a fault in a column that never changes."""
 _WINDOW = 10.0
-"""[s] Track and velocity are compared over so long: a GPS's metre is then 0.1 m/s."""
+"""[s] Averaging time to compare track and velocity: a GPS's metre is then 0.1 m/s."""
 _HOLE = 5.0
-"""[s] A window whose velocity has a longer hole says nothing."""
+"""[s] Longest gap of the velocity in a window that is used."""
 _MOVING = 0.3
-"""[m/s] Slower, the track's noise decides."""
+"""[m/s] Least speed that is compared; below it the track's noise dominates."""
 _WINDOWS = 5
-"""Windows that a comparison needs."""
+"""Fewest windows in a comparison."""
 SCALE = (0.4, 2.5)
-"""Track speed over velocity: a current of half the vehicle's speed either way, and noise."""
+"""Range of track speed over velocity: a current of half the vehicle's speed, and noise."""
 _CURRENT = 1.5
-"""[m/s] Stronger currents are rare where vehicles go: a larger difference is no current."""
+"""[m/s] Largest difference that a current may cause: stronger ones are rare where vehicles go."""
 _AGREES = 0.5
-"""Correlation from which the sign of sway is judged."""
+"""Least size of the correlation from which the sign of sway is judged."""
 
 
 def check_values(
@@ -245,12 +245,12 @@ def check_values(
 
     Args:
       values: [m/s] without the mapping's sentinels.
-      written: the same samples as the file has them, in `unit`.
+      written: the samples as the file has them, in `unit`.
       possible: [m/s] lowest and highest by the mapping, which removes a sentinel beyond them; None:
         those of the schema.
 
     Raises:
-      InputError: it is a distance, or has a sentinel that the mapping does not name.
+      InputError: the column is a distance, or has a sentinel that the mapping does not name.
     """
     there = np.isfinite(values)
     good, written = values[there], written[there]
@@ -284,13 +284,13 @@ def check_values(
 
 
 def check_track(log: DeploymentLog, tally: Tally) -> None:
-    """Compare the velocities of a log with its track, where it has one and a heading.
+    """Compare the velocities of a log with its track, if it has a track and a heading.
 
-    A forward velocity that is the same in every sample is left to the report as suspect, as is a
-    sway of the other sign than the track's.
+    A forward velocity that never changes is reported as suspect, and so is a sway of the opposite
+    sign to the track's.
 
     Raises:
-      InputError: the track moves many times faster or slower than the forward velocity says.
+      InputError: the track moves many times faster or slower than the forward velocity.
     """
 
     def doubt(name: str, why: str) -> None:
@@ -331,10 +331,10 @@ def check_track(log: DeploymentLog, tally: Tally) -> None:
 
 
 def _scale(log: DeploymentLog, name: str, said: Array, track: Array) -> str:
-    """A difference of size between forward velocity and track that a current explains, in words.
+    """Text on a difference between forward velocity and track that a current explains, or "".
 
     Raises:
-      InputError: no current explains it.
+      InputError: no current explains the difference.
     """
     size = float(np.median(np.abs(said)))
     moved = float(np.median(np.abs(track)))
@@ -349,7 +349,7 @@ def _scale(log: DeploymentLog, name: str, said: Array, track: Array) -> str:
         what = "a sensor that was off?"
     elif abs(moved - size) > _CURRENT:
         what = "a distance, or another unit?"
-    else:  # what a current can do to a velocity through the water
+    else:  # a current can cause this difference
         return found
     raise InputError(
         f"{', '.join(log.files)}: {name} has {found}, not a velocity in m/s: {what} Correct the "
@@ -358,8 +358,8 @@ def _scale(log: DeploymentLog, name: str, said: Array, track: Array) -> str:
 
 
 def _track(log: DeploymentLog) -> tuple[Array, Array, Array]:
-    """Times [s] at which windows with samples of the track begin and end, and north and east [m]
-    there; empty without a track."""
+    """Edges [s] of the windows with samples of the track, and north and east [m] at these times;
+    empty without a track."""
     latitude, longitude = log.channel("latitude"), log.channel("longitude")
     if len(latitude) < 2 or len(longitude) < 2:
         return np.zeros(0), np.zeros(0), np.zeros(0)
@@ -374,7 +374,7 @@ def _track(log: DeploymentLog) -> tuple[Array, Array, Array]:
 
 
 def _means(channel: Channel, times: Array) -> Array:
-    """Mean of a channel between each two times; NaN where it has a hole."""
+    """Mean of a channel between each two times; NaN where the channel has a gap."""
     found = np.full(max(len(times) - 1, 0), np.nan)
     for k in range(len(found)):
         inside = channel.within(times[k], times[k + 1])

@@ -1,4 +1,4 @@
-"""Reader of tables by a mapping: columns into signals of the schema, each column accounted for."""
+"""Table reader: turns mapped columns into signals of the schema, and accounts for each column."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ Array = NDArray[np.float64]
 def read_tables(
     paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:  # fmt: skip
-    """One log for each deployment that the mapping tells apart.
+    """Make one log for each deployment that the mapping distinguishes.
 
     Raises:
-      InputError: no mapping, or one that does not fit the files; a velocity that is none.
+      InputError: the mapping is missing or does not fit the files, or a velocity is impossible.
     """
     if options.mapping is None:
         kind = sniff(paths[0]) if paths[0].suffix.lower() in TABLES else None
@@ -76,7 +76,7 @@ def _log(
     variation_deg: float | None,
     tally: Tally,
 ) -> DeploymentLog:
-    """The pieces of one deployment as one log."""
+    """Join the pieces of one deployment into a log."""
     together = stacked([{"time": p.time, **p.columns} for p in pieces], ["time", *mapping.signals])
     time, columns = tidy(together.pop("time"), together, deployment, tally)
     channels = channels_of(deployment, time, columns, mapping, tally)
@@ -89,8 +89,8 @@ def _log(
 def channels_of(
     deployment: str, time: Array, columns: Dict[str, Array], mapping: Mapping, tally: Tally
 ) -> dict[str, Channel]:
-    """The possible values of columns with one clock, as channels by their signals; what the mapping
-    and the schema exclude is counted.
+    """Make channels of columns with one clock, by their signals; values that the mapping or the
+    schema excludes are removed and counted.
 
     Args:
       time: [s] unix, increasing.
@@ -124,17 +124,17 @@ def mapped_log(
     files: Sequence[Array],
     names: Sequence[str],
 ) -> DeploymentLog:
-    """The log of mapped channels: true north, fixes, rows, water.
+    """Make a log of mapped channels: true north, fixes, rows, water.
 
     Args:
       channels: by signal.
       variation_deg: [degree] magnetic variation, instead of the log's own.
       time: [s] every time of the deployment, increasing.
       files: [s] times of each file.
-      names: of the files.
+      names: names of the files.
 
     Raises:
-      InputError: a magnetic heading without a variation; a velocity that is none.
+      InputError: a magnetic heading has no variation, or a velocity is impossible.
     """
     if mapping.dvl_lock is not None and "measured_dvl_surge" in channels:
         has = np.isin(time, channels["measured_dvl_surge"].time)
@@ -189,8 +189,8 @@ def _within_depth(
     channels: Dict[str, Channel],
     tally: Tally,
 ) -> tuple[tuple[float, float], ...] | None:
-    """Rows that end where their depth ends, and begin where it begins: a store has no depth with a
-    hole. What is cut off is counted; rows without any depth stay."""
+    """Cut rows to the time that their depth covers, as a store has no depth with a gap. The time
+    cut off is counted; rows without any depth stay."""
     depth = channels.get("measured_pressure") or channels.get("measured_depth")
     if rows is None or depth is None:
         return rows
@@ -215,8 +215,8 @@ def _spacing(time: Array) -> float | None:
 
 
 def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) -> LoggedFixes:
-    """GPS fixes: a position that a log repeats in every row is one fix, and at its beginning an
-    old one. Positions without a fix by the receiver are none; its last word holds."""
+    """GPS fixes: a repeated position is one fix, at its first row; at the log's start it is old,
+    and left out. Positions without a fix by the receiver are removed."""
     both = np.intersect1d(latitude.time, longitude.time)
     if len(fix) and both.size:
         said = fix.values[np.maximum(np.searchsorted(fix.time, both, side="right") - 1, 0)] > 0.0
@@ -233,7 +233,7 @@ def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) ->
 
 
 def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) -> DeploymentLog:
-    """Salinity and density where the CTD, a pressure and a place allow it."""
+    """Add salinity and density where the CTD, a pressure and a position allow it."""
     warm, fresh = log.channel("measured_temperature"), log.channel("measured_salinity")
     pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
     have_salt = len(fresh) or conductivity is not None

@@ -1,1 +1,1 @@
-"""OG1.0: files of the OceanGliders' common format."""
+"""OG1.0: reader of the OceanGliders' common format."""

@@ -1,7 +1,7 @@
-"""Water: temperature, salinity, density and oxygen of an OG1.0 file.
+"""Derived channels of an OG1.0 file: water, true heading, positions and dives.
 
-Heading of an OG1.0 file from true north, and where its magnetic variation comes from.
-Places: fixes, tracks, waypoints and dive numbers of an OG1.0 file.
+Water is temperature, salinity, density and oxygen. Positions are fixes, tracks and waypoints.
+`Variation` chooses the magnetic variation of the user, the file or the reference field.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ def ctd(
     *,
     own_conductivity: bool,
 ) -> tuple[dict[str, Channel], set[str]]:
-    """Temperature, salinity and density, and the names that they come from.
+    """Temperature, salinity and density, and the names of the variables used.
 
-    With `own_conductivity` also the conductivity, which was measured and not made of the others.
+    With `own_conductivity` also the conductivity: it was measured, not computed from the others.
     """
     names = [
         next((n for n in several if n in columns and np.isfinite(columns[n]).any()), "")
@@ -66,7 +66,7 @@ def ctd(
     at = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
     if temperature is None or not len(at):
         return {}, set()
-    # a conductivity beside a salinity tells only where the CTD was off
+    # with a salinity, conductivity shows only when the CTD was off
     used = set(names if practical is None or own_conductivity else names[:2])
     if measured is not None:
         measured = siemens(measured, "CNDC", tally)
@@ -90,9 +90,9 @@ def oxygen_per_volume(
     pressure: Channel,
     tally: Tally,
 ) -> Channel:
-    """Dissolved oxygen [umol L-1]; per mass it is turned by the potential density of the sample.
+    """Dissolved oxygen [umol L-1]; values per mass are converted by potential density.
 
-    Without salinity and temperature nobody knows it per volume: left out, and told.
+    Without salinity and temperature, oxygen per mass is left out and reported.
     """
     unit = unit_in(attributes)
     if not is_of(unit, "umol kg-1"):
@@ -109,18 +109,18 @@ def oxygen_per_volume(
 
 @dataclasses.dataclass(frozen=True)
 class Variation:
-    """Where the magnetic variation comes from."""
+    """Sources of the magnetic variation."""
 
     given: float | None
-    """[degree] By the user."""
+    """[degree] Variation given by the user."""
     places: LoggedFixes
-    """Where the vehicle was: its fixes, else its own track."""
+    """Positions of the vehicle: its fixes, else its own track."""
     deployment: str
     stored: Channel
-    """[degree] By the file."""
+    """[degree] Variation in the file."""
 
     def at(self, time: Array, tally: Tally) -> Array | None:
-        """[degree] east positive: the user's, the file's or the field's; None without a place."""
+        """[degree] Variation, east positive, by the user, the file or the field; else None."""
         if self.given is not None:
             return np.full(len(time), self.given)
         found = self.stored or reference_declination(self.places, self.deployment, tally)
@@ -137,7 +137,7 @@ def true_heading(
 ) -> tuple[Array, Channel]:
     """Heading from true north, and the variation that was added.
 
-    A variable that calls itself magnetic needs one; others are true unless the user gives one.
+    A variable described as magnetic needs a variation. Others are true unless the user gives one.
     """
     if variation.given is not None or calls_itself_magnetic(attributes):
         known = variation.at(time, tally)
@@ -147,14 +147,14 @@ def true_heading(
                 "from which the variation follows; give it with --variation-deg, east positive"
             )
         return np.mod(values + known, 360.0), Channel(time, known)
-    if not len(variation.stored):  # else the heading contains it
+    if not len(variation.stored):  # otherwise the heading contains it
         why = "taken as true: the file does not say else"
         tally.add("note", "measured_heading", len(values), why)
     return np.mod(values, 360.0), variation.stored
 
 
 def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedFixes:
-    """The GPS fixes, each once."""
+    """GPS fixes, each once."""
     latitude, longitude = (columns.get(name) for name in ("LATITUDE_GPS", "LONGITUDE_GPS"))
     if latitude is None or longitude is None:
         return NO_FIXES
@@ -168,10 +168,10 @@ def fixes_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> LoggedF
 
 
 def fixes_apart(variables: Mapping[str, Any], name: str, tally: Tally) -> LoggedFixes:
-    """The GPS fixes of a file that has them along a dimension of their own; none of another.
+    """GPS fixes of a file that has them along a dimension of their own; else no fixes.
 
     Raises:
-      InputError: their times are no dates of a log.
+      InputError: the fixes' times are no dates of a log.
     """
     there = [one for one in ("TIME_GPS", "LATITUDE_GPS", "LONGITUDE_GPS") if one in variables]
     dimensions = {variables[one].dimensions for one in there}
@@ -186,7 +186,7 @@ def fixes_apart(variables: Mapping[str, Any], name: str, tally: Tally) -> Logged
 
 
 def deployed(variables: Mapping[str, Any]) -> LoggedFixes:
-    """Where and when the deployment began, as an export writes it; none where it does not say.
+    """Time and position of the deployment's start, as an export writes them; else no fixes.
 
     A simulated vehicle knows its origin before it has a fix.
     """
@@ -196,7 +196,7 @@ def deployed(variables: Mapping[str, Any]) -> LoggedFixes:
 
 
 def with_start(fixes: LoggedFixes, start: LoggedFixes) -> LoggedFixes:
-    """The fixes, and the start where it is earlier than all of them."""
+    """Fixes, preceded by the start if it is earlier than all of them."""
     if not len(start) or (len(fixes) and fixes.time[0] <= start.time[0]):
         return fixes
     return LoggedFixes(
@@ -207,7 +207,7 @@ def with_start(fixes: LoggedFixes, start: LoggedFixes) -> LoggedFixes:
 
 
 def tracks_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[str, Channel]:
-    """The glider's own track, its waypoints, and where a simulated one really was."""
+    """Tracks: the glider's own, its waypoints, and the true positions of a simulated glider."""
     names = OWN_TRACK
     if CORRECTED in columns:
         leave_out(["LATITUDE", "LONGITUDE"], "a track corrected at the fixes", tally)
@@ -225,13 +225,13 @@ def tracks_in(time: Array, columns: Mapping[str, Array], tally: Tally) -> dict[s
 def dives_in(
     time: Array, columns: Mapping[str, Array], fixes: LoggedFixes, tally: Tally
 ) -> dict[str, Channel]:
-    """Numbers of the dives, and the reported current at the fix that ends each."""
+    """Numbers of the dives, and each dive's reported current at the fix that ends the dive."""
     found: dict[str, Channel] = {}
     numbers = next((columns[n] for n in DIVES if n in columns), None)
     if numbers is not None:
         there = np.isfinite(numbers)
         found["dive"] = Channel(time[there], numbers[there])
-    else:  # a current is one value for its dive
+    else:  # a dive has one value of the current
         said = [columns[n] for n in CURRENTS.values() if n in columns]
         stays = np.searchsorted(fixes.time, time).astype(np.float64)
         numbers = _stretches([*said, stays], len(time))
@@ -262,18 +262,18 @@ def _stretches(columns: Sequence[Array], count: int) -> Array:
 
 
 STORED = ("gap_stored", "phase_stored")
-"""Columns that are made here"""
+"""Columns that `stored_columns` makes."""
 
 _PHASES = {SURFACING: 0.0, DESCENT: 1.0, ASCENT: 2.0, INFLECTION: 3.0}
-"""The format's codes and those of `measured_phase`"""
+"""Flags of `measured_phase`, by the format's codes."""
 
 
 def stored_columns(columns: Mapping[str, Array], flags: Mapping[str, Array]) -> dict[str, Array]:
-    """Gaps and phases of the store, and pressure where only the depth beside a gap is written.
+    """Gaps and phases of the store, and pressure where a gap has only the depth.
 
     Args:
       columns: of the file, (samples,) each.
-      flags: of the variables that have some.
+      flags: quality flags of the variables that have flags.
     """
     found = {}
     depth, pressure, phase = (columns.get(name) for name in ("DEPTH", "PRES", "PHASE"))

@@ -1,8 +1,8 @@
-"""OG1 reader: OceanGliders OG1.0 netCDF files, those of `factory export` included.
+"""OG1 reader: OceanGliders OG1.0 netCDF files, also those of `factory export`.
 
-The format's names are upper case; positions along the track are the glider's own, fixes are in
-LATITUDE_GPS and LONGITUDE_GPS. Angles are degrees, actuators are in what their units say. Files of
-our own export also say of which grid they were written.
+The format's names are upper case. Positions along the track are the glider's own; fixes are in
+LATITUDE_GPS and LONGITUDE_GPS. Angles are degrees; actuators have the units that they declare.
+Files of our own export also state the grid from which they were written.
 """
 
 from __future__ import annotations
@@ -99,14 +99,14 @@ UNITS = {
     **dict.fromkeys(PLACES, "degree"),
     VARIATION: "degree",
 }
-"""What variables that are no signals themselves are converted to"""
+"""Units that variables are converted to, if they are no signals themselves."""
 ATTITUDE = {f"measured_{kind}": kind for kind in ("pitch", "roll", "heading")}
 
 
 def own_signals(attributes: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Names of signals that an export writes as the store has them, and the store's names.
+    """Map file names to store names, for signals that an export writes as the store has them.
 
-    A part or a payload that is not known here is declared as the file describes it.
+    An unknown part or payload is declared as the file describes it.
     """
     found = {}
     for name, described in attributes.items():
@@ -126,7 +126,7 @@ def signals_in(
     path: Path,
     tally: Tally,
 ) -> tuple[dict[str, Channel], set[str], Channel]:
-    """Channels, the names that they come from, and the variation that was added."""
+    """Channels, the names of the variables used, and the variation that was added."""
 
     def in_store(name: str, wanted: str, tally: Tally) -> Array | None:
         unit = unit_in(attributes[name])
@@ -141,7 +141,7 @@ def signals_in(
             sources[target] = found
     name_of_depth = sources.get("measured_depth", "")
     depth = in_store(name_of_depth, "m", tally) if name_of_depth in columns else None
-    if depth is not None:  # the pressure is compared with it
+    if depth is not None:  # the pressure is compared with the depth
         depth = downward(depth, name_of_depth, tally)
     below = depth
     if below is None and (name := sources.get("measured_pressure")) is not None:
@@ -160,7 +160,7 @@ def signals_in(
             values = attitude.get(ATTITUDE[target])
         elif target == "measured_depth":
             values = depth
-        elif name in UNITS:  # converted already
+        elif name in UNITS:  # converted before
             values = columns[name]
         else:
             values = in_store(name, unit_of(target), tally)
@@ -184,10 +184,10 @@ def signals_in(
 
 
 def read_og1(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each file: the format's unit is a deployment.
+    """Make one log for each file, as the format's unit is a deployment.
 
     Raises:
-      WrongFormat: another kind of file.
+      WrongFormat: a file is of another kind.
       InputError: a file is damaged.
     """
     logs = [log for _, log in each_file(paths, lambda path: _file(path, options, tally), tally)]
@@ -247,7 +247,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
             columns[key] = seconds_of(raw[key], attributes[key], path.name, tally)
     time = seconds_of(time, attributes[clock], path.name, tally)
     if not np.isfinite(columns.get("TIME_GPS", np.zeros(0))).any():
-        columns["TIME_GPS"] = time  # the fixes are at the measurements
+        columns["TIME_GPS"] = time  # fixes are at the measurements' times
     if ours:
         columns |= stored_columns(columns, flags)
     else:
@@ -281,10 +281,10 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
     water, from_ctd = ctd(time, columns, channels, fixes, tally, own_conductivity=ours and not made)
     dense = channels.get("measured_density") if ours else None
     channels |= water
-    if dense is not None:  # with what the store had where the CTD was off
+    if dense is not None:  # includes the store's values while the CTD was off
         channels["measured_density"] = dense
     found = {n: series[n] for n in extra if n in series}
-    if PER_MASS in found:  # for a potential density a metre is a dbar
+    if PER_MASS in found:  # 1 m is near enough to 1 dbar here
         pressure = channels.get("measured_pressure") or channels.get("measured_depth") or EMPTY
         found[PER_MASS] = oxygen_per_volume(
             found[PER_MASS], attributes[PER_MASS], PER_MASS, water, pressure, tally
@@ -310,7 +310,7 @@ def _file(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         magnetic_variation=applied,
         auxiliary=track,
         files=(path.name,),
-        # an export has a grid, whose depth is zeroed and whose rows lie between fixes
+        # an export has a grid, with zeroed depth and rows between fixes
         station=ours or "seaglider" in platform.lower() or bool(_SEAGLIDER.match(name)),
         period=float(np.median(np.diff(time))) if ours and len(time) > 1 else None,
         gridded=ours,
@@ -326,7 +326,7 @@ def _clock(
     names: Sequence[str],
     tally: Tally,
 ) -> str:
-    """Name of the samples' clock, TIME where it is one.
+    """Name of the samples' clock; TIME if it is a clock of the samples.
 
     Raises:
       WrongFormat: every clock stands for the profiles, as those of a Spray's bins do.
@@ -336,7 +336,7 @@ def _clock(
     clocks = {"TIME": seconds_of(raw["TIME"], attributes["TIME"], path.name, Tally())}
     for name in raw:
         if SINCE in str(attributes[name].get("units", "")):
-            with contextlib.suppress(InputError):  # units that are none: no clock
+            with contextlib.suppress(InputError):  # units of no time: no clock
                 clocks.setdefault(name, seconds_of(raw[name], attributes[name], "", Tally()))
     measured = {name: values for name, values in raw.items() if name not in clocks}
     with other_format(path, names):
@@ -355,11 +355,11 @@ def _deployment(file: Any, path: Path) -> str:
 
 
 def _within_limits(name: str, values: Array, attributes: Mapping[str, Any], tally: Tally) -> Array:
-    """Values outside the variable's own valid range as NaN, counted."""
+    """Remove values outside the variable's own valid range; count them."""
     low = -np.inf if name == "DEPTH" else float(attributes.get("valid_min", -np.inf))
     bad = (values < low) | (values > float(attributes.get("valid_max", np.inf)))
     return tally.removed(values, bad, name, "outside the file's valid range")
 
 
 _SEAGLIDER = re.compile(r"sg\d{3}(_|$)", re.IGNORECASE)
-"""Names of a Seaglider's deployments."""
+"""Pattern of the names of a Seaglider's deployments."""

@@ -1,7 +1,7 @@
-"""Names: what OG1.0 files call the signals of a store, and what is made of the others again.
+"""Vocabulary of OG1.0 files: names of signals, words of the deployment, and quality flags.
 
-Deployment words: what people said of a deployment, in the attributes of an OG1.0 file.
-Quality: what the flags beside the variables of an OG1.0 file say.
+`MADE_AGAIN` lists variables that the import computes anew from others.
+`deployment_words` collects the description of a deployment from a file's attributes.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from factory.importing.tally import Tally, leave_out
 DIMENSION = "N_MEASUREMENTS"
 OURS = {name: stored for name, stored, _ in MEASURED} | {"DVL_MODE": "measured_dvl_mode"}
 """Names that `factory export` writes, and the store's. Further signals have the store's name in
-capitals, and its attribute `signal_group`."""
+capitals, and the attribute `signal_group`."""
 PAYLOAD = tuple(name for name, _ in TERMS["payload"].values())
-"""Names that OG1.0 has for what payloads measured"""
+"""OG1.0 names of payload measurements."""
 ALIASES = {
     "measured_pitch": ("PITCH", "GLIDER_PITCH"),
     "measured_roll": ("ROLL", "GLIDER_ROLL"),
@@ -53,17 +53,17 @@ TEMPERATURES = ("TEMP", "TEMP_ADJUSTED", "TEMP_RAW")
 SALINITIES = ("PSAL", "PSAL_ADJUSTED", "PSAL_RAW")
 CONDUCTIVITIES = ("CNDC", "CNDC_RAW")
 DIVES = ("dive_num", "divenum", "DIVE_NUMBER")
-"""Numbers of the dives, as converters from Seaglider files keep them."""
+"""Names of dive numbers in files converted from Seaglider files."""
 CORRECTED = "POSITION_SD"
-"""Files of `factory export` have it beside a track that is corrected at the fixes."""
+"""Variable that only files of `factory export` have, with a track corrected at the fixes."""
 RECKONED = "DEAD_RECKONING"
-"""1 where a position of another's file is reckoned, 0 at a GPS fix."""
+"""Variable of other files: 1 where a position is dead-reckoned, 0 at a GPS fix."""
 CURRENTS = {"dac_north": "DAVG_CURR_NORTH", "dac_east": "DAVG_CURR_EAST"}
 """[m/s] Reported depth-averaged current, at the measurements of its dive."""
 REPORTED = {"DAC_NORTH": "DAVG_CURR_NORTH", "DAC_EAST": "DAVG_CURR_EAST"}
-"""The same in files of others; an export has there what the fixes say."""
+"""Names of the reported current in other files; in an export they hold the current by the fixes."""
 ORIGINAL_TIMES = {stored.removesuffix("_time"): name for stored, name in RAW_TIMES.items()}
-"""Times of the samples that the grid was made of, by what they are of."""
+"""Times of the original samples of the grid, by the kind of sample."""
 OWN_TRACK, WAYPOINT, TRUE_TRACK = (
     tuple(ending.format(axis) for axis in ("LATITUDE", "LONGITUDE")) for _, ending, _ in TRACKS
 )
@@ -85,11 +85,11 @@ MADE_AGAIN = {
     r"POSITION_SD|DEAD_RECKONING": "of a track corrected at the fixes",
     "|".join(DEPLOYED): "fixes say where the rows begin",
 }
-"""Names, as expressions, and why nothing of them is lost."""
+"""Patterns of names that are not read, with the reason why nothing is lost."""
 
 
 def leave_out_made_again(present: Iterable[str], read: Iterable[str], tally: Tally) -> None:
-    """Names of which nothing is read because the import has it from others, each with the why."""
+    """Leave out names that the import computes from others, each with the reason."""
     unread = [name for name in present if name not in set(read)]
     for expression, why in MADE_AGAIN.items():
         found = [name for name in unread if re.fullmatch(expression, name)]
@@ -108,7 +108,7 @@ PEOPLE = frozenset(
 )  # fmt: skip
 _PERSON = re.compile(r"(creator|publisher|contributor)_\w+")
 _OURS = re.compile(r"(SIMULATED )?OceanGliders trajectory file, deployment .*|\d+ dives of .*")
-"""Title and summary that an export writes by itself"""
+"""Title and summary that an export writes by itself."""
 _NOTHING = frozenset({"", "n/a", "glider-twin", "No QC applied", NOT_LOGGED})
 _DEVICE = {"long_name": "long_name", "sensor_model": "make_model", "sensor_maker": "make",
            "sensor_serial_number": "serial_number", "sensor_calibration_date": "calibration_date",
@@ -116,7 +116,7 @@ _DEVICE = {"long_name": "long_name", "sensor_model": "make_model", "sensor_maker
 
 
 def deployment_words(file: Any, deployment: str) -> str | None:
-    """The text, as JSON, which is YAML too; None where the file says nothing of the kind."""
+    """Description of the deployment from a file's attributes, as JSON (valid YAML), or None."""
     said = {}
     for name in file.ncattrs():
         value = " ".join(str(file.getncattr(name)).replace(TERMS["logged"]["comment"], "").split())
@@ -149,13 +149,13 @@ def deployment_words(file: Any, deployment: str) -> str | None:
 Array = NDArray[np.float64]
 
 BAD = (3, 4)
-"""Argo reference table 2: bad, and bad unless somebody corrects it"""
+"""Flags of Argo reference table 2: bad, and bad unless corrected."""
 NO_FIX = (*BAD, 8, 9)
-"""And of a fix: estimated, missing"""
+"""Flags of a bad fix; 8 is estimated, 9 missing."""
 
 
 def flags_of(variables: Mapping[str, Any], raw: Mapping[str, Array]) -> dict[str, Array]:
-    """Flags of the variables that have some, (samples,) each, by the variable's name."""
+    """Quality flags by the name of the variable, (samples,) each, for variables with flags."""
     found = {}
     for name, values in raw.items():
         flag = variables.get(f"{name}{ENDING}")
@@ -168,13 +168,13 @@ def flags_of(variables: Mapping[str, Any], raw: Mapping[str, Array]) -> dict[str
 
 
 def _digits(letters: Any) -> Array:
-    """Flags that are written as letters; NaN for one that is no digit."""
+    """Flags that are written as letters; NaN for a letter that is no digit."""
     every = np.ravel(np.ma.filled(letters, b" ")).tolist()
     return np.array([float(one) if one.isdigit() else np.nan for one in every])
 
 
 def without_bad(name: str, values: Array, flags: Mapping[str, Array], tally: Tally) -> Array:
-    """Values that the file calls bad as NaN, counted."""
+    """Remove values that the file flags as bad; count them."""
     if name not in flags:
         return values
     codes = NO_FIX if name.endswith("_GPS") else BAD

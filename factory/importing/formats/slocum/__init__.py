@@ -1,4 +1,4 @@
-"""Slocum: files of Teledyne's gliders; binary ones go to one reader, tables to another."""
+"""Slocum: files of Teledyne's gliders; one reader takes binary files, another tables."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 def read_slocum(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """Logs of all the files; binary files and tables become deployments of their own.
+    """Read all files into logs; binary files and tables become deployments of their own.
 
-    Where one of the two readers finds no log, its files are left out, told.
+    If one of the two readers finds no log, its files are left out and reported.
 
     Raises:
-      InputError: as the two readers, where neither finds a log.
+      InputError: neither reader finds a log.
     """
     from factory.importing.deployment_log import UNREADABLE
     from factory.importing.formats.slocum.ascii_tables import is_text

@@ -1,8 +1,8 @@
-"""Reader of a Slocum's data as text, as `dbd2asc` and the programs behind it write them.
+"""ASCII tables: reads a Slocum's data as text, as `dbd2asc` and later programs write it.
 
-A header of lines `key: value`, of which `num_ascii_tags` says how many; then `num_label_lines`
-lines: names of the sensors, their units, their sizes in bytes; then a row a cycle, divided by
-blanks (Teledyne Webb Research, dbd_file_format.txt).
+A file begins with lines `key: value`; the key `num_ascii_tags` gives their number. Then come
+`num_label_lines` lines: names of the sensors, their units, their sizes in bytes. Each further row
+is a cycle, divided by blanks (Teledyne Webb Research, dbd_file_format.txt).
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from twin.errors import InputError
 
 LABEL = b"dbd_label:"
 ASCII = b"DBD_ASC"
-"""In the label of a file of text; DBD in that of a binary one"""
+"""Label of a file of text; that of a binary file has DBD only."""
 MOST_TAGS = 1000
-"""Lines of a header and names of segments; a merged file of a deployment has some hundred"""
+"""Most lines of a header and names of segments; a merged file of a deployment has some hundred."""
 LABELS = 3
-"""Lines behind the header, where it does not say: names, units, sizes"""
+"""Default number of lines after the header: names, units, sizes."""
 
 
 def is_text(path: Path) -> bool:
-    """Whether a Slocum's file is text by its first line, whatever its name; packed by gzip or
+    """True if a Slocum's file is text by its first line, whatever its name; packed by gzip or
     not."""
     try:
         with plain(path) as file:
             first = file.readline(100)
     except (OSError, EOFError, InputError):
-        return False  # its reader says what is wrong
+        return False  # its reader reports the fault
     return first.startswith(LABEL) and ASCII in first
 
 
 def read_text_table(path: Path, tally: Tally) -> Table:
-    """The sensors as columns; a last row that is cut is left out, told.
+    """Read sensors as columns; an incomplete last row is left out and reported.
 
     Raises:
-      InputError: cut within its header, or rows that are none.
+      InputError: the file ends within its header, or its rows are no numbers.
     """
     try:
         with plain(path) as binary:
@@ -82,7 +82,7 @@ def _header(text: io.TextIOWrapper, path: Path) -> dict[str, str]:
         if not colon:
             break
         header[key.strip()] = value.strip()
-        # the names of the segments come after the lines that are counted
+        # names of the segments follow the counted lines
         named = sum(key.startswith("segment_") for key in header)
         if read >= _count(header, "num_ascii_tags", MOST_TAGS) and (
             named >= _count(header, "num_segments", 0)
@@ -99,7 +99,7 @@ def _count(header: dict[str, str], key: str, otherwise: int = LABELS) -> int:
 
 
 def _numbers(rows: list[list[str]], path: Path) -> NDArray[np.float64]:
-    """The rows as numbers, (rows, sensors)."""
+    """Convert the rows to numbers, (rows, sensors)."""
     try:
         return np.array(rows, object).astype(np.float64)
     except ValueError:

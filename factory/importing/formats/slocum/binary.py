@@ -1,10 +1,9 @@
-"""Reader of a Slocum's binary files (.dbd, .ebd, .sbd, .tbd ...) by dbdreader, an optional extra.
+"""Binary files of a Slocum (.dbd, .ebd, .sbd, .tbd ...), read by dbdreader, an optional extra.
 
-A file's header is read here first: it names the vehicle, the cache file that lists the sensors,
-and how many there are, so that a missing or wrong cache file is told before anything is decoded.
-Compressed files (.dcd, .ecd ...) are unpacked first and are then like the others.
-
-End of a Slocum's binary file: whether its last cycle is whole.
+A file's header is read here first: it gives the vehicle, the cache file that lists the sensors, and
+their number. A missing or wrong cache file is thus reported before anything is decoded. Compressed
+files (.dcd, .ecd ...) are unpacked first. `ends_whole` tells whether a file's last cycle is
+complete.
 """
 
 from __future__ import annotations
@@ -46,22 +45,22 @@ from twin.errors import InputError
 from twin.records.coordinates import utc_minute
 
 _CYCLE = b"d"
-"""Tag that begins a cycle; then two bits a sensor (2: a new value), and the new values."""
+"""Tag that begins a cycle; two bits for each sensor (2: a new value) and new values follow."""
 _CLOSED = b"X"
 """Last byte of a file that older software closed; newer software ends with the last cycle."""
 _PREAMBLE = 16
-"""[bytes] before the first cycle: the tags s and a, and three numbers that show the byte order."""
+"""[bytes] Length before the first cycle: tags s and a, and three numbers with the byte order."""
 _NEW = 2
 
 
 def ends_whole(data: bytes, start: int, sizes: Sequence[int], state_bytes: int) -> bool:
-    """Whether the file ends where a cycle ends.
+    """True if the file ends where a cycle ends.
 
     Args:
       data: the whole file.
-      start: [bytes] where its binary part begins.
+      start: [bytes] start of its binary part.
       sizes: [bytes] of each sensor's value, in the order of the cache file.
-      state_bytes: of each cycle.
+      state_bytes: number of state bytes in each cycle.
     """
     if data.endswith(_CLOSED):
         return True
@@ -83,20 +82,20 @@ def ends_whole(data: bytes, start: int, sizes: Sequence[int], state_bytes: int) 
 
 
 _CLOCKS = ("m_present_time", "sci_m_present_time")
-"""The times of flight and science."""
+"""Times of the flight and the science computer."""
 
 
 class Decoded(NamedTuple):
-    """One binary file."""
+    """Contents of one binary file."""
 
     vehicle: str
     names: tuple[str, ...]
-    """Every sensor that it can hold."""
+    """Every sensor that the file can hold."""
     units: dict[str, str]
     sensors: dict[str, tuple[Any, Any]]
     """Times and values of the sensors that are read."""
     whole: bool
-    """Whether it ends with a whole cycle."""
+    """True if the file ends with a whole cycle."""
 
 
 def read_slocum_binary(
@@ -106,12 +105,12 @@ def read_slocum_binary(
     *,
     caches: Sequence[Path],
 ) -> list[DeploymentLog]:
-    """One log for each vehicle among the files. A file that cannot be decoded is left out, told.
+    """Make one log for each vehicle among the files; leave out and report files that fail.
 
     Raises:
       ModuleNotFoundError: dbdreader (GPL, an optional extra) is not installed.
       InputError: no file can be decoded: not a Slocum file, cut within its header, or its cache
-        file is missing or another one's. No file has depth or pressure.
+        file is missing or belongs to another. Or no file has depth or pressure.
     """
     reader = _decoder()
     wanted = (*WANTED, *payload_names(options.payload))
@@ -197,8 +196,8 @@ def _log(
 
 
 def _decoder() -> Any:
-    """The package dbdreader, which makes a folder in the user's home when it is first imported, and
-    fails where another process does so at the same moment."""
+    """Import dbdreader. At its first import the package makes a folder in the user's home, and
+    fails if another process does so at the same moment."""
     try:
         return import_module("dbdreader")
     except FileExistsError:
@@ -207,7 +206,7 @@ def _decoder() -> Any:
 
 @contextlib.contextmanager
 def _closing() -> Iterator[None]:
-    """Close what a decoder leaves open when it raises."""
+    """Close files that a decoder leaves open when it raises."""
     try:
         yield
     except Exception as error:
@@ -216,10 +215,10 @@ def _closing() -> Iterator[None]:
 
 
 def _decoded(reader: Any, path: Path, shelf: CacheShelf, wanted: Sequence[str]) -> Decoded:
-    """One file.
+    """Decode one file.
 
     Raises:
-      InputError: it cannot be decoded.
+      InputError: the file cannot be decoded.
     """
     with tempfile.TemporaryDirectory() as folder:
         plain, cut = unpacked(path, Path(folder)) if is_compressed(path) else (path, False)
@@ -244,6 +243,6 @@ def _decoded(reader: Any, path: Path, shelf: CacheShelf, wanted: Sequence[str]) 
                 f"({type(error).__name__})"
             ) from error
     sensors = dict(zip(names, [values] if len(names) == 1 else values, strict=True))
-    # the name that tables of the vehicle carry: unit_334 is unit334
+    # as in the vehicle's tables: unit_334 is unit334
     vehicle = vehicle_of(header, path).replace("_", "")
     return Decoded(vehicle, tuple(file.parameterNames), dict(file.parameterUnits), sensors, whole)

@@ -1,8 +1,7 @@
-"""Cache files: the lists of sensors that a Slocum's binary files refer to.
+"""Cache files: lists of sensors that a Slocum's binary files refer to by number.
 
-Header of a Slocum's binary file: the vehicle, the cache file, the number of sensors.
-Compressed files of a Slocum (.dcd, .ecd ..., .ccc): unpacked beside their plain names.
-Endings of a Slocum's own files.
+Here are also readers of a binary file's header: the vehicle, the cache file, the number of sensors.
+Compressed files (.dcd, .ecd ..., .ccc) are unpacked to their plain names.
 """
 
 from __future__ import annotations
@@ -20,27 +19,27 @@ from twin.bounded import check_unpacked
 from twin.errors import InputError
 
 _HEADER_BYTES = 4000
-"""The ASCII header of 14 lines fits."""
+"""Bytes that hold the ASCII header of 14 lines."""
 _LABEL = "dbd_label"
 _LIST, _STATES, _TAGS = "sensor_list_crc", "state_bytes_per_cycle", "num_ascii_tags"
 _NEEDED = ("full_filename", _LIST, "total_num_sensors", "sensors_per_cycle")
 _CRC = re.compile(r"[0-9A-Fa-f]{8}")
-"""The number of a list of sensors, which names its cache file"""
+"""Number of a list of sensors, which names its cache file."""
 _COUNT = r"[0-9]{1,6}"
 _SENSORS_A_BYTE = 4
-"""Sensors whose state one byte of a cycle tells"""
+"""Number of sensors whose state one byte of a cycle holds."""
 _SHOWN = 40
-"""Characters of a wrong value that an error repeats"""
+"""Most characters of a wrong value that an error repeats."""
 
 
 def read_header(path: Path, name: str = "") -> dict[str, str]:
-    """The ASCII header of a plain file.
+    """Read the ASCII header of a plain file.
 
     Args:
-      name: what errors call it, such as that of the compressed file; its own where empty.
+      name: file's name in errors, such as that of the compressed file; empty: that of `path`.
 
     Raises:
-      InputError: not a Slocum file, or cut within its header.
+      InputError: the file is no Slocum file, or is cut within its header.
     """
     name = name or path.name
     with path.open("rb") as file:
@@ -66,10 +65,10 @@ def read_header(path: Path, name: str = "") -> dict[str, str]:
 
 
 def _check_header(header: Mapping[str, str], name: str) -> None:
-    """Refuse a header that says what no vehicle writes.
+    """Refuse a header that no vehicle writes.
 
-    The number of the cache file is the name of a file in the decoder's folder, and the counts are
-    the decoder's memory, so that neither may be anything else.
+    The number of the cache file becomes a file's name in the decoder's folder, and the counts
+    become the decoder's memory, so that neither may be anything else.
 
     Raises:
       InputError: the header is damaged.
@@ -86,7 +85,7 @@ def _check_header(header: Mapping[str, str], name: str) -> None:
 
 
 def _number(header: Mapping[str, str], key: str, name: str, default: int = 0) -> int:
-    """A count of the header; raises InputError where it is none."""
+    """Count in the header; raises InputError if it is no number."""
     word = header.get(key, str(default))
     if not re.fullmatch(_COUNT, word):
         raise _damaged(name, f"{key} is {word[:_SHOWN]!r}, not a count")
@@ -98,21 +97,21 @@ def _damaged(name: str, why: str) -> InputError:
 
 
 def vehicle_of(header: Mapping[str, str], path: Path) -> str:
-    """Name of the vehicle: what `full_filename` says before the year."""
+    """Name of the vehicle: the part of `full_filename` before the year."""
     full = header.get("full_filename", path.stem)
     return full.rsplit("-", 4)[0] or path.stem
 
 
 def lists_itself(header: Mapping[str, str]) -> bool:
-    """Whether the file has the list of its sensors itself, behind its header."""
+    """True if the file lists its sensors itself, after its header."""
     return header.get("sensor_list_factored") == "0"
 
 
 def sensor_list(path: Path, header: Mapping[str, str]) -> bytes:
-    """The lines of a cache file, from a plain file that lists its sensors itself.
+    """Lines of a cache file, from a plain file that lists its sensors itself.
 
     Raises:
-      InputError: the file is cut within them.
+      InputError: the file is cut within these lines.
     """
     total = _number(header, "total_num_sensors", path.name)
     lines = []
@@ -130,19 +129,19 @@ def sensor_list(path: Path, header: Mapping[str, str]) -> bytes:
 
 
 _BLOCK = 32 * 1024
-"""[bytes] of a block when unpacked, at most."""
+"""[bytes] Largest size of an unpacked block."""
 
 
 def is_compressed(path: Path) -> bool:
-    """Whether the file's ending is that of a compressed one: .dcd, .ccc."""
+    """True if the file's ending is that of a compressed file: .dcd, .ccc."""
     ending = path.suffix.lower()
     return len(ending) == 4 and ending[2] == "c" and ending[3] in "dc" and ending != ".cac"
 
 
 def unpacked(path: Path, folder: Path) -> tuple[Path, bool]:
-    """The plain file in `folder`, and whether the compressed one was cut.
+    """Unpack a file into `folder`; return the plain file, and True if the compressed one was cut.
 
-    What comes before a block that is cut or damaged is unpacked.
+    Blocks before a block that is cut or damaged are unpacked.
 
     Raises:
       ModuleNotFoundError: lz4, which comes with the extra `slocum`, is not installed.
@@ -171,20 +170,20 @@ def unpacked(path: Path, folder: Path) -> tuple[Path, bool]:
 
 
 BINARY = frozenset(f".{a}{b}d" for a in "dmsent" for b in "bc")
-"""Logs: flight d, m, s; science e, n, t; plain b, compressed c."""
+"""Endings of logs: flight d, m, s; science e, n, t; plain b, compressed c."""
 CACHES = frozenset({".cac", ".ccc"})
-"""Lists of sensors that the logs refer to, plain and compressed."""
+"""Endings of the lists of sensors that the logs refer to, plain and compressed."""
 
 
 class CacheShelf:
-    """The cache files that are at hand, and the folder from which the decoder takes them."""
+    """Cache files at hand, and the folder from which the decoder takes them."""
 
     def __init__(self, folder: Path, given: Path | None, named: Sequence[Path]):
-        """A shelf.
+        """Make a shelf.
 
         Args:
-          folder: an empty one: the decoder writes into it.
-          given: the user's folder of cache files, before those beside the logs; None: these.
+          folder: empty folder: the decoder writes into it.
+          given: the user's folder of cache files, searched before the folders of the logs.
           named: cache files that the user named.
 
         Raises:
@@ -197,21 +196,21 @@ class CacheShelf:
         self._named = named
         self._places: dict[Path, dict[str, Path]] = {}
         self._listing: dict[Path, dict[str, Path]] = {}
-        self._told: dict[str, str] = {}
+        self._reasons: dict[str, str] = {}
         self._checked: set[tuple[str, tuple[int, ...]]] = set()
 
     def prepare(self, path: Path, plain: Path, header: Mapping[str, str]) -> None:
         """Put the cache file that `path` names into the folder.
 
-        Where no cache file has that number, a log that lists its sensors itself gives the list.
+        If no cache file has that number, a log that lists its sensors itself gives the list.
 
         Args:
           path: the log, as the user named it.
-          plain: the same unpacked.
-          header: of it.
+          plain: the log, unpacked.
+          header: header of the log.
 
         Raises:
-          InputError: it is not there, or is another file's.
+          InputError: the cache file is missing, or belongs to another file.
         """
         name = header[_LIST].lower()
         total = tuple(_number(header, key, path.name) for key in _NEEDED[2:])
@@ -240,10 +239,10 @@ class CacheShelf:
         self._checked.add((name, total))
 
     def _source(self, path: Path, name: str) -> Path:
-        """The cache file of that number, or a log that lists the same sensors itself.
+        """Find the cache file of that number, or a log that lists the same sensors itself.
 
         Raises:
-          InputError: there is neither.
+          InputError: neither is there.
         """
         beside = [path.parent, *(cache.parent for cache in self._named)]
         folders = beside if self._given is None else [self._given, *beside]
@@ -259,9 +258,9 @@ class CacheShelf:
                 self._listing[folder] = _self_listing(folder)
             if name in self._listing[folder]:
                 return self._listing[folder][name]
-        if name not in self._told:
-            self._told[name] = _missing(name, found, folders)
-        raise InputError(f"{path.name}: {self._told[name]}")
+        if name not in self._reasons:
+            self._reasons[name] = _missing(name, found, folders)
+        raise InputError(f"{path.name}: {self._reasons[name]}")
 
 
 def _caches_in(folder: Path) -> dict[str, Path]:
@@ -284,13 +283,13 @@ def _missing(name: str, found: Mapping[str, Path], folders: Sequence[Path]) -> s
 
 
 def _plain(path: Path, folder: Path) -> Path:
-    """The file itself, or what is in it when it is compressed, unpacked into `folder`."""
+    """Return the file itself, or its contents unpacked into `folder` if it is compressed."""
     return unpacked(path, folder)[0] if is_compressed(path) else path
 
 
 def _self_listing(folder: Path) -> dict[str, Path]:
-    """Of the logs in a folder that list their sensors themselves, the first of each number."""
-    from factory.importing.deployment_log import OF_THE_MACHINE  # it needs numpy, help does not
+    """First log of each number in a folder, among logs that list their sensors themselves."""
+    from factory.importing.deployment_log import OF_THE_MACHINE  # deferred: help needs no numpy
 
     found: dict[str, Path] = {}
     for path in sorted(one for one in folder.iterdir() if one.suffix.lower() in BINARY):
@@ -304,15 +303,15 @@ def _self_listing(folder: Path) -> dict[str, Path]:
         except OF_THE_MACHINE:
             raise
         except Exception:
-            continue  # a file that cannot be read gives no list; its own turn says why
+            continue  # gives no list; its own reading reports why
     return found
 
 
 def _folder_with(name: str, folders: Sequence[Path]) -> Path | None:
-    """The folder in or beside one of these that holds a cache file of this number."""
+    """Folder in or beside one of these that holds a cache file of this number."""
     for folder in dict.fromkeys(folders):
         for around in (folder, Path(os.path.normpath(folder / ".."))):
-            # a folder that may not be looked into offers nothing
+            # skip folders without permission
             with contextlib.suppress(OSError):
                 for one in sorted(one for one in around.iterdir() if one.is_dir()):
                     if name in _caches_in(one):

@@ -1,6 +1,6 @@
-"""Pressure of a Slocum: the least noisy of its sensors, with gaps filled from the others.
+"""Choices among a Slocum's sensors: pressure, pump, batteries and thruster.
 
-Pump of a Slocum: of the two that its software knows, the one that this vehicle has.
+The least noisy pressure is used, its gaps filled from the others; of two pumps, the moving one.
 """
 
 from __future__ import annotations
@@ -20,53 +20,53 @@ from factory.importing.units import to_cm3
 Array = NDArray[np.float64]
 
 INCH_HG = 3386.389
-"""[Pa] in an inch of mercury at 0 degC (NIST SP 811)"""
+"""[Pa] One inch of mercury at 0 degC (NIST SP 811)."""
 PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
-"""[bar] Candidates; the one with the least noise is taken."""
+"""[bar] Pressure sensors; the least noisy is used."""
 OWN = PRESSURES[1:]
-"""Those that `m_depth` is made of by the vehicle"""
+"""Pressure sensors from which the vehicle computes `m_depth`."""
 _COVERED, _COVER_GAP = 0.9, 60.0
-"""A pressure sensor competes when it covers this part of the longest cover; gaps count 60 s."""
+"""Fraction of the longest coverage that a chosen sensor needs, and the longest gap [s] counted."""
 _MOVING = 8.0
-"""[dbar] Noise is measured below the waves."""
+"""[dbar] Least pressure at which noise is measured, below the waves."""
 _ZERO = 20.0
-"""[dbar] The largest offset that a sensor is thought to have where it shows least."""
+"""[dbar] Largest zero offset of a sensor at the surface."""
 _FLOATING = 1.0
-"""[dbar] A sensor that shows its least for a tenth of the time is at the surface then; one that is
-switched off near the surface passes its least."""
+"""[dbar] Largest range of a sensor's lowest tenth if these samples are at the surface. A sensor
+that is switched off near the surface passes through them faster."""
 _HOLE = 15.0
 """[s] A sensor that is silent for longer, and for three of its spacings, is off."""
 _SHALLOW = 20.0
-"""[dbar] Holes are at the surface: the sensors are compared in the water near it."""
+"""[dbar] Sensors are compared in shallower water: gaps are at the surface."""
 _RAMP = 60.0
-"""[s] Over so long one sensor passes into the other, so that no step looks like a depth rate."""
+"""[s] Time in which one sensor passes into the other, so that no step looks like a depth rate."""
 _RATE, _ENOUGH = 0.05, 10
-"""[dbar/s] Faster is on the way up or down; and so many samples of each make a median."""
+"""[dbar/s] Least rate of a descent or climb, and the fewest samples of each that make a median."""
 _SAME_ZERO = 2.0
 """[dbar] Sensors that differ by less have one zero: a lag of some seconds, or half a hull's length
-at 26 degree of pitch, make as much."""
+at 26 degree of pitch, makes as much."""
 _DRIFTED, _CLEARLY = 1.0, 5.0
-"""[dbar] A zero that has moved by less stays, and one that moves by no more than so many times what
-single holes differ from their neighbours."""
+"""[dbar] A zero counts as moved if it moves by more than `_DRIFTED` and by more than `_CLEARLY`
+times the differences between neighbouring gaps."""
 _NEIGHBOURS = 5
-"""Holes of which the median is taken."""
+"""Number of gaps in the running median."""
 _AGREE = 25.0
-"""[dbar] Sensors of one vehicle that differ by more are not joined: an offset that was never taken
-off is below."""
+"""[dbar] Sensors of one vehicle that differ by more are not joined; an offset that was never
+subtracted is smaller."""
 
 
 def slocum_pressure(
     native: Mapping[str, Channel], tally: Tally, *, latitude: float = 0.0
 ) -> dict[str, Channel]:
-    """The least noisy pressure [dbar] of those that cover the log, its holes filled.
+    """Least noisy pressure [dbar] of the sensors that cover the log, with its gaps filled.
 
     A CTD is switched off near the surface, and for whole dives; the vehicle's own sensors are not.
-    Satellite files often have of these the depth alone, which stands for them then. What fills a
-    hole is shifted by the difference of the two sensors in shallow water.
+    Satellite files often have only the depth, which then replaces the vehicle's own pressure.
+    Values that fill a gap are shifted by the difference of the two sensors in shallow water.
 
     Args:
       native: channels in native units.
-      tally: counts what is done.
+      tally: receives the counts.
       latitude: [degree] of the log, for pressure from depth.
 
     Raises:
@@ -78,8 +78,8 @@ def slocum_pressure(
         one = native.get(name, EMPTY)
         if len(one) < 2:
             continue
-        beside = depth.at(one.time) if len(depth) else None
-        dbar = to_dbar(one.values, beside, name, tally, native="bar")
+        depths = depth.at(one.time) if len(depth) else None
+        dbar = to_dbar(one.values, depths, name, tally, native="bar")
         channel = clean("measured_pressure", one.time, dbar, tally, subject=name)
         if len(channel) > 2:
             found[name] = channel
@@ -90,14 +90,14 @@ def slocum_pressure(
         found["m_depth"] = clean("measured_pressure", depth.time, dbar, tally, subject="m_depth")
     cover = {name: _cover(channel) for name, channel in found.items()}
     enough = [n for n in found if cover[n] >= _COVERED * max(cover.values())]
-    enough = [n for n in enough if n in PRESSURES] or enough  # a sensor before what is made of it
+    enough = [n for n in enough if n in PRESSURES] or enough  # prefer sensors to depth
     noise = {n: pressure_noise(found[n]) for n in found}
     best = min(enough, key=lambda n: noise[n])
     pressure = found.pop(best)
     others = ", ".join(f"{n} {noise[n]:.2g}" for n in enough if n != best)
-    said = f"from {best}" + (f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else "")
-    said += f" (not {others})" if others else ""
-    tally.add("note", "measured_pressure", len(pressure), said)
+    note = f"from {best}" + (f", noise {noise[best]:.2g} dbar" if np.isfinite(noise[best]) else "")
+    note += f" (not {others})" if others else ""
+    tally.add("note", "measured_pressure", len(pressure), note)
     for name in sorted(found, key=lambda n: noise[n]):
         pressure, added = filled(pressure, found[name], sparse=name == "m_depth")
         tally.add("note", "measured_pressure", added, f"from {name} where {best} was silent")
@@ -107,9 +107,9 @@ def slocum_pressure(
 
 
 def _cover(channel: Channel) -> float:
-    """[s] Time under water that a sensor covers; a fast one has more samples, not more cover.
+    """[s] Time under water that a sensor covers; a fast sensor has more samples, not more cover.
 
-    Under water is by the sensor's own zero: an offset is no water.
+    Under water is relative to the sensor's own zero, so that an offset does not count.
     """
     gap = np.minimum(np.diff(channel.time), _COVER_GAP)
     low, high = np.percentile(channel.values, [1.0, 10.0])
@@ -119,28 +119,28 @@ def _cover(channel: Channel) -> float:
 
 
 def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[Channel, int]:
-    """A pressure with another sensor's samples in its holes, and how many these are.
+    """Fill gaps of a pressure with another sensor's samples; return their number too.
 
-    A hole is longer than `_HOLE` and three spacings, or before the first and after the last sample.
-    In a `sparse` log a sample with holes on both sides says nothing of the difference of the two: a
-    sensor that wakes shows what it had last.
+    A gap is longer than `_HOLE` and three spacings, or before the first and after the last sample.
+    In a `sparse` log a sample between two gaps does not show the difference of the sensors: a
+    sensor that wakes repeats its last value.
     """
     reach = max(_HOLE, 3.0 * pressure.spacing)
     edges = np.concatenate([[-np.inf], pressure.time, [np.inf]])
     at = np.searchsorted(edges, other.time, side="right") - 1
     inside = (edges[at + 1] - edges[at] > reach) & (edges[at] < other.time)
-    shift = _shift(pressure, other) if inside.any() else None
+    shift = _zero_difference(pressure, other) if inside.any() else None
     if shift is None:
         return pressure, 0
     at, added = at[inside], other.time[inside]
     low, high = edges[at], edges[at + 1]
-    steps = [_step(pressure, other, shift, edge) for edge in (low, high)]
+    steps = [_edge_difference(pressure, other, shift, edge) for edge in (low, high)]
     if sparse:
         gaps = np.concatenate([[np.inf], np.diff(edges), [np.inf]])
-        alone = gaps[at] > reach, gaps[at + 2] > reach
-        steps = [np.where(lone, np.nan, step) for lone, step in zip(alone, steps, strict=True)]
-    # a zero that has moved since: what is left at both edges, on the way up and down, alike
-    moved = _moved(at, 0.5 * (steps[0] + steps[1]))
+        single = gaps[at] > reach, gaps[at + 2] > reach
+        steps = [np.where(lone, np.nan, step) for lone, step in zip(single, steps, strict=True)]
+    # a moved zero: the same difference is left at both edges, in descent and climb
+    moved = _zero_change(at, 0.5 * (steps[0] + steps[1]))
     shifts = shift + moved
     for edge, step in zip((low, high), steps, strict=True):
         ramp = np.clip(1.0 - np.abs(added - edge) / _RAMP, 0.0, 1.0)
@@ -151,13 +151,13 @@ def filled(pressure: Channel, other: Channel, *, sparse: bool = False) -> tuple[
     return Channel(time[order], values[order]), len(added)
 
 
-def _moved(hole: NDArray[np.intp], step: Array) -> Array:
-    """[dbar] By how much the difference of the zeros has changed at each added sample.
+def _zero_change(hole: NDArray[np.intp], step: Array) -> Array:
+    """[dbar] Change of the difference of the zeros at each added sample.
 
-    The median over neighbouring holes: what one says is noise of a turn.
+    The median over neighbouring gaps is used, as the value of a single gap is noise of a turn.
 
     Args:
-      hole: number of the hole that a sample is in, not decreasing. step: NaN where not known.
+      hole: number of a sample's gap, not decreasing. step: NaN where unknown.
     """
     _, first, of = np.unique(hole, return_index=True, return_inverse=True)
     each = step[first]
@@ -175,8 +175,8 @@ def _moved(hole: NDArray[np.intp], step: Array) -> Array:
     return np.asarray(found[of])
 
 
-def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
-    """[dbar] What is left of the difference at the edges of holes; NaN where nobody knows."""
+def _edge_difference(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array:
+    """[dbar] Remaining difference at the edges of gaps; NaN where unknown."""
     there = np.isfinite(edge)
     at = np.where(there, edge, pressure.time[0])
     near = np.abs(nearest(other.time, at) - at) < _HOLE
@@ -184,27 +184,27 @@ def _step(pressure: Channel, other: Channel, shift: float, edge: Array) -> Array
     return np.where(there & near & (np.abs(left) < _AGREE), left, np.nan)
 
 
-def _shift(pressure: Channel, other: Channel) -> float | None:
-    """[dbar] How much more `other` shows than `pressure`; None where they clash or never meet.
+def _zero_difference(pressure: Channel, other: Channel) -> float | None:
+    """[dbar] Excess of `other` over `pressure`; None if they contradict or never meet.
 
-    A sensor that answers late, or sits further aft, shows more on one way and less on the other:
-    the mean of both ways is the difference at rest. A small one is none.
+    A sensor that answers late, or sits further aft, shows more in one direction and less in the
+    other. The mean of descent and climb is the difference at rest; a small one counts as 0.
     """
     step = np.searchsorted(pressure.time, other.time)
     left = pressure.time[np.clip(step - 1, 0, len(pressure) - 1)]
     right = pressure.time[np.clip(step, 0, len(pressure) - 1)]
     near = (np.abs(other.time - left) < _HOLE) & (np.abs(right - other.time) < _HOLE)
-    beside = pressure.at(other.time)
-    shallow = near & (beside < _SHALLOW)
+    below = pressure.at(other.time)
+    shallow = near & (below < _SHALLOW)
     near = shallow if shallow.any() else near
-    difference = other.values - beside
+    difference = other.values - below
     rate = np.gradient(other.values, other.time)
-    ways = [near & (rate > _RATE), near & (rate < -_RATE)]
-    if min(int(way.sum()) for way in ways) < _ENOUGH:
-        ways = [near]
-    if not ways[0].any():
+    directions = [near & (rate > _RATE), near & (rate < -_RATE)]
+    if min(int(direction.sum()) for direction in directions) < _ENOUGH:
+        directions = [near]
+    if not directions[0].any():
         return None
-    shift = float(np.mean([np.median(difference[way]) for way in ways]))
+    shift = float(np.mean([np.median(difference[direction]) for direction in directions]))
     if abs(shift) < _SAME_ZERO:
         return 0.0
     return shift if abs(shift) < _AGREE else None
@@ -226,12 +226,12 @@ def pressure_noise(channel: Channel) -> float:
 
 
 PUMPS = (("m_ballast_pumped", "c_ballast_pumped"), ("m_de_oil_vol", "c_de_oil_vol"))
-"""[cm3] Measured and commanded: shallow gliders have a ballast pump, deep ones an oil bladder;
-both + = lighter."""
+"""[cm3] Measured and commanded volume, + = lighter: shallow gliders have a ballast pump, deep ones
+an oil bladder."""
 _MOVES = 1e-6
-"""A range below it is none, in any unit from cm3 to m3."""
+"""Range below which a pump does not move, in any unit from cm3 to m3."""
 _PART = 0.05
-"""A pump that moves by less than this part of the other's range stands still and is noisy."""
+"""Fraction of the other pump's range below which a pump is at rest and noisy."""
 
 
 def slocum_pump(
@@ -239,11 +239,11 @@ def slocum_pump(
 ) -> dict[str, Channel]:
     """Measured and commanded volume [cm3] of the pump that moves; of two, the fuller record.
 
-    The software writes a sensor of the pump that a vehicle has not: once at the start, or as 0 in
-    every cycle. Nothing is returned for a log with neither; the report calls it missing.
+    The software also writes the sensor of a pump that the vehicle lacks: once at the start, or as 0
+    in every cycle. A log with neither gives nothing; the report lists it as missing.
 
     Args:
-      declared: sensors whose unit the files say, so that their range is no guess of it.
+      declared: sensors whose unit the files declare, so that it is not guessed from their range.
     """
     weights = {
         pair: _weight(*(native.get(name, EMPTY) for name in pair))
@@ -275,7 +275,7 @@ def slocum_pump(
 
 
 def _weight(measured: Channel, commanded: Channel) -> tuple[float, int]:
-    """How far a pump moves, 0 when it stands, and how many samples say so."""
+    """Range of a pump, 0 at rest, and its number of samples."""
     if not len(measured):
         return 0.0, len(commanded)
     moved = float(np.ptp(np.percentile(measured.values, [1.0, 99.0])))
@@ -283,7 +283,7 @@ def _weight(measured: Channel, commanded: Channel) -> tuple[float, int]:
 
 
 def slocum_batteries(native: Mapping[str, Channel], tally: Tally) -> dict[str, Channel]:
-    """Channels of a Slocum's native sensors; of two with the same meaning the first is taken."""
+    """Battery and thruster channels from a Slocum's sensors; of two alike, the first is used."""
     found: dict[str, Channel] = {}
     for target, (names, factor) in SLOCUM.items():
         there = [name for name in names if len(native.get(name, ()))]
@@ -298,32 +298,32 @@ def slocum_batteries(native: Mapping[str, Channel], tally: Tally) -> dict[str, C
 def _thruster(native: Mapping[str, Channel], voltage: Channel, tally: Tally) -> dict[str, Channel]:
     """Power [W] that the thruster takes from the batteries: its current at their voltage.
 
-    `m_thruster_power` is the current at the motor's own, lower voltage; it stands in for it.
+    `m_thruster_power` is at the motor's own, lower voltage; it is used without the other two.
     """
     current, power = (native.get(name, EMPTY) for name in THRUSTER)
     if len(current) and len(voltage):
         leave_out(THRUSTER[1:], f"{THRUSTER[0]} at the batteries' voltage is taken", tally)
         power = Channel(current.time, current.values * voltage.at(current.time))
     if not power.values.any():
-        return {}  # a vehicle without one writes 0 once
+        return {}  # a vehicle without a thruster writes 0 once
     name = "measured_thruster_power"
     return {name: clean(name, power.time, power.values, tally)}
 
 
 THRUSTER = ("m_thruster_current", "m_thruster_power")
-"""[A], [W] of a Slocum's thruster"""
+"""Current [A] and power [W] of a Slocum's thruster."""
 SLOCUM = {
     "measured_charge": (("m_coulomb_amphr_total", "m_coulomb_amphr"), 1.0),
     "measured_voltage": (("m_battery", "m_battery_inst"), 1.0),
     "measured_battery_current": (("m_coulomb_current",), 1.0),
     "measured_vacuum": (("m_vacuum",), INCH_HG),
 }
-"""Store's name, a Slocum's sensors by preference, and the store's units in one of theirs."""
+"""Slocum's sensors by the store's name, the preferred first, and the factor to the store's unit."""
 SLOCUM_UNITS = {
     **dict.fromkeys(SLOCUM["measured_charge"][0], "A h"),
     **dict.fromkeys(SLOCUM["measured_voltage"][0], "V"),
     "m_coulomb_current": "A", "m_thruster_current": "A", "m_thruster_power": "W",
     "m_vacuum": "inHg",
 }  # fmt: skip
-"""What these sensors are in"""
+"""Units of these sensors."""
 SLOCUM_SENSORS = (*(name for names, _ in SLOCUM.values() for name in names), *THRUSTER)

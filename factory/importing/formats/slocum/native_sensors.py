@@ -1,8 +1,8 @@
-"""A log made of a Slocum's native sensors, whether they came from tables or from binary files.
+"""Native sensors of a Slocum, from tables or binary files, made into a log.
 
-Native units: rad, bar, inch, S/m, LMC metres along MAGNETIC east (x) and north (y); headings
-magnetic. The stored variation is subtracted: true = m_heading - m_gps_mag_var, so that the sign
-of `magnetic_variation` here (east positive) is the opposite of the vehicle's.
+Native units: rad, bar, inch, S/m, LMC metres along MAGNETIC east (x) and north (y); headings are
+magnetic. The stored variation is subtracted: true = m_heading - m_gps_mag_var. So the sign of
+`magnetic_variation` here (east positive) is the opposite of the vehicle's.
 """
 
 from __future__ import annotations
@@ -35,30 +35,30 @@ Array = NDArray[np.float64]
 Native = Mapping[str, Channel]
 
 THRUSTERS = ("m_thruster_power", "m_thruster_current", "c_thruster_on")
-"""The first that is there says when the thruster runs."""
+"""Sensors that show when the thruster runs; the first in the log is used."""
 TRACK, PLACE = ("m_x_lmc", "m_y_lmc"), ("m_lat", "m_lon")
 CURRENTS = (("m_final_water_vx", "m_final_water_vy"), ("m_water_vx", "m_water_vy"))
-"""[m/s] along MAGNETIC east and north: after a dive, and as the vehicle uses it."""
+"""[m/s] Currents along MAGNETIC east and north: after a dive, and as the vehicle uses them."""
 WAYPOINT = ("c_wpt_lat", "c_wpt_lon")
 ON_BOARD = (*THRUSTERS, *TRACK, *PLACE, *(n for pair in CURRENTS for n in pair), *WAYPOINT)
-"""Sensors of thruster, track, current and waypoint"""
+"""Sensors of thruster, track, current and waypoint."""
 
 INCH = 0.0254
-"""[m]"""
+"""[m] One inch."""
 ANGLES = {
     "m_pitch": ("measured_pitch", "pitch"),
     "m_roll": ("measured_roll", "roll"),
     "m_fin": ("measured_fin", "fin"),
     "c_pitch": ("commanded_pitch", "pitch"),
 }
-"""Native name: schema name, kind of angle."""
+"""Schema name and kind of angle, by native name."""
 ATTITUDE = {"m_pitch": "pitch", "m_roll": "roll", "m_heading": "heading"}
 """Angles that share a unit in one log."""
 FLIGHT = (
     "m_depth", "m_pressure", "m_water_pressure", *ATTITUDE, "m_fin", "m_battpos",
     *(measured for measured, _ in PUMPS),
 )  # fmt: skip
-"""What the flight computer logs as long as it runs; the science computer is another one."""
+"""Sensors that the flight computer logs while it runs; the science computer is another one."""
 GOOD_FIX = 0
 """Status of a valid GPS line."""
 WANTED = (
@@ -67,7 +67,7 @@ WANTED = (
     "sci_water_temp", "m_gps_lat", "m_gps_lon", "m_gps_status", "m_gps_mag_var",
     *dict.fromkeys((*ON_BOARD, *SLOCUM_SENSORS)),
 )  # fmt: skip
-"""Every native sensor that is read, beside those of the payload."""
+"""Every native sensor that is read, besides the payload's."""
 
 UNITS = {
     **dict.fromkeys((*ANGLES, "m_heading", "c_heading", "m_gps_mag_var"), "rad"),
@@ -79,13 +79,13 @@ UNITS = {
     "m_depth": "m", "sci_water_cond": "S m-1", "sci_water_temp": "degree_Celsius",
     **SLOCUM_UNITS,
 }  # fmt: skip
-"""What a Slocum's software writes its sensors in"""
+"""Units in which a Slocum's software writes its sensors."""
 
 
 def in_native_units(
     native: Native, units: Mapping[str, str], deployment: str, tally: Tally
 ) -> dict[str, Channel]:
-    """Channels in the native units by what the files' sensor lists say."""
+    """Convert channels to the native units, by the units in the files' sensor lists."""
     columns = converted(
         {name: one.values for name, one in native.items()}, units,
         {name: unit for name, unit in UNITS.items() if name in units}, tally,
@@ -109,19 +109,19 @@ def slocum_log(
     files: Sequence[str] = (),
     tally: Tally,
 ) -> DeploymentLog:
-    """A log from native sensors.
+    """Make a log from native sensors.
 
     Args:
       native: finite values at increasing times, native units.
-      fixes: from elsewhere; those in `m_gps_lat`, `m_gps_lon` are used when it is empty.
-      variation: [degree] east positive; from `m_gps_mag_var` when empty, else by the reference
-        field where the log says where it was.
+      fixes: from elsewhere; if empty, those in `m_gps_lat`, `m_gps_lon` are used.
+      variation: [degree] east positive; if empty, from `m_gps_mag_var`, else by the reference field
+        at the log's positions.
       truth_speed: [m/s] through the water, by a DVL.
-      payload: what the user maps; `units` are those that the files name.
+      payload: the user's mappings; `units` are those that the files declare.
 
     Raises:
-      InputError: pressure and depth do not belong together, or there is a heading but no
-        magnetic variation.
+      InputError: pressure and depth do not belong together, or there is a heading but no magnetic
+        variation.
     """
     units = units or {}
     native = in_native_units(native, units, deployment, tally)
@@ -188,7 +188,7 @@ def slocum_log(
 
 
 def native_variation(channel: Channel, tally: Tally) -> Channel:
-    """[degree] east positive, from the vehicle's rad with the opposite sign."""
+    """[degree] Variation, east positive, from the vehicle's rad with the opposite sign."""
     values = to_degrees(channel.values, "magnetic variation", tally, kind="variation")
     return Channel.finite(channel.time, -values)
 
@@ -196,7 +196,7 @@ def native_variation(channel: Channel, tally: Tally) -> Channel:
 def gps_fixes(
     time: Array, latitude: Array, longitude: Array, status: Array, *, tally: Tally
 ) -> LoggedFixes:
-    """Valid fixes; those with a status that is not 0 and impossible ones are counted."""
+    """Valid fixes; fixes with a status that is not 0, and impossible ones, are counted."""
     if not time.size:
         return NO_FIXES
     bad = np.isfinite(status) & (status != GOOD_FIX)
@@ -211,14 +211,14 @@ _TRAVELS = (
     (4.0, 12.0, 0.01, "cm"),
     (12.0, 120.0, 1e-3, "mm"),
 )
-"""Range of a battery's positions from..to, metres in its unit, and the unit. A Slocum's battery
-travels 2 to 10 cm; less than 4 cm given in cm cannot be told from inches."""
+"""Limits of the battery's travel in a unit, the unit's size [m] and name. A Slocum's battery
+travels 2 to 10 cm; less than 4 cm given in cm cannot be distinguished from inches."""
 
 
 def _shift_unit(positions_: Sequence[Array], tally: Tally, *, declared: bool) -> float:
-    """[m] in the unit of the battery's positions, by how far it travels; counted if not inches.
+    """[m] Size of the unit of the battery's positions, by its travel; counted if not inches.
 
-    Where inches are declared, a battery that hardly moves is one that stands.
+    If inches are declared, a battery that hardly moves is at rest.
     """
     long = [good for values in positions_ if (good := values[np.isfinite(values)]).size > 100]
     if not long:
@@ -263,14 +263,14 @@ def _ctd(
 
 
 def at_common_times(native: Mapping[str, Channel], names: Sequence[str]) -> list[Array]:
-    """Times of the first sensor, and all the sensors at them; NaN where one has no sample."""
+    """Times of the first sensor, and values of all sensors at these times; NaN without a sample."""
     first = native.get(names[0], EMPTY)
     others = [_at_samples(native.get(name, EMPTY), first.time) for name in names[1:]]
     return [first.time, first.values, *others]
 
 
 def _at_samples(channel: Channel, times: Array) -> Array:
-    """Samples of a channel at exactly these times, NaN where it has none."""
+    """Samples of a channel at exactly these times; NaN where it has none."""
     values = np.full(len(times), np.nan)
     _, mine, its = np.intersect1d(times, channel.time, return_indices=True)
     values[mine] = channel.values[its]
@@ -302,7 +302,7 @@ def on_board(
         }
         for axis, channel in pair.items():
             found.setdefault(f"{target}_{axis}", channel)
-        if names == CURRENTS[1]:  # the better record of what the vehicle steers by
+        if names == CURRENTS[1]:  # the current that the vehicle steers by
             signals = {f"measured_current_{axis}": channel for axis, channel in pair.items()}
     if not signals and "dac_north" in found:
         signals = {f"measured_current_{n}": found[f"dac_{n}"] for n in ("north", "east")}
@@ -325,6 +325,6 @@ def on_board(
 
 
 def on_board_places(native: Native) -> LoggedFixes:
-    """Positions [degree] that the vehicle itself reckons."""
+    """Positions [degree] that the vehicle itself dead-reckons."""
     time, latitude, longitude = at_common_times(native, PLACE)
     return LoggedFixes.finite(time, *positions(latitude, longitude, "m_lat, m_lon", Tally()))

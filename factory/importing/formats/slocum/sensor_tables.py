@@ -1,4 +1,4 @@
-"""Reader of a Slocum's log as parquet or csv tables, which are told apart by their columns.
+"""Sensor tables: reads a Slocum's log from parquet or csv tables, recognised by their columns.
 
 A flight table has pressure or depth and pitch; a GPS table positions; an event table names and
 values; a truth table the speed by a DVL. Files are joined by the time and place they cover.
@@ -57,9 +57,9 @@ _READ: dict[str, tuple[str, ...]] = {
     "events": ("name", "value"),
     "segments": ("t_start", "magvar_rad"),
 }
-"""Columns that each kind of table is read for."""
+"""Columns that are read, by kind of table."""
 _FAR = 50e3
-"""[m] GPS fixes so far from the vehicle's own positions are another vehicle's."""
+"""[m] Distance from the vehicle's own positions beyond which GPS fixes are another vehicle's."""
 
 
 @dataclasses.dataclass
@@ -74,20 +74,20 @@ class DeploymentTables:
     files: list[str] = dataclasses.field(default_factory=list)
 
     def put(self, time: Array, columns: Mapping[str, Array], names: Iterable[str] = WANTED) -> None:
-        """Add pieces of the native sensors of these names, as far as they have values."""
+        """Add chunks of the named native sensors, as far as they have values."""
         for name in names:
             if name in columns and len(channel := Channel.finite(time, columns[name])):
                 self.native.setdefault(name, []).append(channel)
 
     @property
     def span(self) -> tuple[float, float]:
-        """[s] What the pressure, depth and pitch pieces cover."""
+        """[s] First and last time of the pressure, depth and pitch chunks."""
         pieces = [c for n in ("m_depth", "m_pressure", "m_pitch") for c in self.native.get(n, [])]
         return min(c.time[0] for c in pieces), max(c.time[-1] for c in pieces)
 
 
 def role(table: Table) -> str | None:
-    """flight, truth, events, gps, segments, science, or None for an unknown table."""
+    """Kind of a table: flight, truth, events, gps, segments, science; None if unknown."""
     names = set(table.columns) | set(table.texts)
     if "U_dvl_ms" in names:
         return "truth"
@@ -103,11 +103,11 @@ def role(table: Table) -> str | None:
 
 
 def _with_role(path: Path, tally: Tally) -> tuple[str, Table]:
-    """A table and what it is.
+    """Kind of a file's table, and the table.
 
     Raises:
-      WrongFormat: no Slocum's.
-      InputError: it cannot be read, or is empty.
+      WrongFormat: the table is no Slocum's.
+      InputError: the file cannot be read, or is empty.
     """
     table = read_text_table(path, tally) if is_text(path) else read_table(path)
     which = role(table)
@@ -121,11 +121,11 @@ def _with_role(path: Path, tally: Tally) -> tuple[str, Table]:
 def read_slocum_tables(
     paths: Sequence[Path], options: ReadOptions, tally: Tally
 ) -> list[DeploymentLog]:
-    """Logs of all deployments among the tables.
+    """Make a log of each deployment among the tables.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: no flight table, or a table that belongs to none.
+      WrongFormat: a file is of another kind.
+      InputError: no file is a flight table, or a table belongs to no flight table.
     """
     tables: dict[str, list[Table]] = {}
     for _, (which, table) in each_file(paths, lambda path: _with_role(path, tally), tally):
@@ -186,7 +186,7 @@ def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Ar
     measured = {n: v for n, v in table.columns.items() if n not in TIMES}
     clocks = {there[0]: _seconds(table, there[0], tally)}
     for one in there[1:]:
-        with contextlib.suppress(InputError):  # no clock: its numbers are no times
+        with contextlib.suppress(InputError):  # numbers of no time: no clock
             clocks[one] = _seconds(table, one, Tally())
     name = sample_clock(clocks, measured, subject, tally)
     time = clocks[name]
@@ -195,7 +195,7 @@ def _timed(table: Table, tally: Tally, time_name: str | None = None) -> tuple[Ar
 
 
 def _seconds(table: Table, name: str, tally: Tally) -> Array:
-    """[s] unix times of a column of numbers or of texts."""
+    """[s] Unix times of a column of numbers or of texts."""
     words = table.texts.get(name)
     time = table.columns[name] if words is None else parse_stamps(words)
     return unix_seconds(time, table.path.name, tally)
@@ -208,7 +208,7 @@ def _attach(
     extra: Sequence[str],
     tally: Tally,
 ) -> None:
-    """Give a table to the deployment that it belongs to."""
+    """Add a table to the deployment that it belongs to."""
     subject = table.path.name
     if which == "events":
         _attach_events(table, groups, tally)
@@ -250,11 +250,11 @@ def _attach(
 
 _CM_PER_M = 100.0
 _FAST = 5.0
-"""[m/s] A median speed of a glider above it is in cm/s."""
+"""[m/s] Largest median speed of a glider; a larger one is in cm/s."""
 
 
 def _metres_per_second(values: Array, tally: Tally) -> Array:
-    """Speed of a DVL in m/s; cm/s and mm/s by their size are converted, counted."""
+    """Speed of a DVL in m/s; cm/s and mm/s are recognised by size and converted, counted."""
     good = values[np.isfinite(values)]
     middle = float(np.median(good)) if good.size else 0.0
     for factor, unit in ((_CM_PER_M, "cm/s"), (_CM_PER_M * 10.0, "mm/s")):
@@ -265,7 +265,7 @@ def _metres_per_second(values: Array, tally: Tally) -> Array:
 
 
 def _attach_events(table: Table, groups: list[DeploymentTables], tally: Tally) -> None:
-    """An event table holds rare sensors as rows of time, name, value."""
+    """Add an event table, which holds rare sensors as rows of time, name and value."""
     subject = table.path.name
     names = table.texts.get("name")
     if names is None or "time" not in table.columns:
@@ -281,7 +281,7 @@ def _attach_events(table: Table, groups: list[DeploymentTables], tally: Tally) -
 
 
 def _owner(subject: str, time: Array, groups: list[DeploymentTables]) -> DeploymentTables:
-    """The deployment whose time the table shares; of several, the one with the nearest name."""
+    """Deployment whose time the table shares; of several, the one with the nearest name."""
     good = time[np.isfinite(time)]
     shared = []
     for parts in groups:
@@ -300,13 +300,13 @@ def _owner(subject: str, time: Array, groups: list[DeploymentTables]) -> Deploym
 
 
 _SLACK = 3600.0
-"""[s] GPS may begin before and end after the flight rows."""
+"""[s] Time by which a table may begin before and end after the flight rows."""
 
 
 def _same_place(
     subject: str, fixes: LoggedFixes, parts: DeploymentTables, tally: Tally
 ) -> LoggedFixes:
-    """Refuse fixes far from where the vehicle itself says it was; swapped ones are repaired."""
+    """Refuse fixes far from the vehicle's own positions; repair swapped coordinates."""
     own = [joined(parts.native.get(name, [])).values for name in PLACE]
     if not all(map(len, own)) or not len(fixes):
         return fixes
