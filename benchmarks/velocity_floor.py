@@ -30,10 +30,10 @@ from twin.navigation.flight_filter import (
     FlightFilter,
     FlightSpread,
 )
-from twin.navigation.flight_filter_kernels import STANDARD_OCEAN
 from twin.records.reader import MissionStore
 from twin.vehicle.parts.pump import CUBIC_CM
 from twin.vehicle.vehicle import Vehicle
+from twin.water.density import STANDARD_OCEAN
 
 COEFFICIENT = 0.1
 """[1] Half the width of the uniform distribution of each factor."""

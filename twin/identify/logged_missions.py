@@ -19,6 +19,7 @@ from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
+from twin.water.density import STANDARD_OCEAN
 
 NEEDED = ("measured_depth", "measured_pitch", "measured_roll", "measured_heading", "measured_pump")
 OPTIONAL = (
@@ -263,7 +264,7 @@ def log_of(
         index=row,
         period=period,
         depth=depth,
-        depth_rate=savgol_filter(depth, window, 2, deriv=1, delta=period),
+        depth_rate=_depth_rate(depth, density, window, period),
         window=window,
         density=density,
         temperature=optional.get("measured_temperature"),
@@ -279,6 +280,18 @@ def log_of(
         displacement=displacement,
         follows=follows,
     )
+
+
+def _depth_rate(depth: Array, density: Array | None, window: int, period: float) -> Array:
+    """Filtered rate of the depth [m/s], corrected where the density [kg/m3] is measured.
+
+    The depth is made of pressure by standard ocean, so that its rate is off as the densities are.
+    """
+    rate = savgol_filter(depth, window, 2, deriv=1, delta=period)
+    if density is None:
+        return rate
+    surface, growth = STANDARD_OCEAN
+    return np.asarray(rate * (surface + growth * np.maximum(depth, 0.0)) / density)
 
 
 def lagging(values: Array, samples: float) -> Array:

@@ -22,6 +22,7 @@ from twin.navigation.c_math import braced, number
 from twin.navigation.dead_reckoning import Array
 from twin.navigation.flight_filter import FlightFilter
 from twin.vehicle.laws import flow_frame
+from twin.water.density import STANDARD_OCEAN
 
 NUMBERS = kernels.CARRIED
 """Number of floats of the filter's state, all 0 before the first sample. The layout is that
@@ -35,7 +36,7 @@ def c_flight(*flights: FlightFilter) -> str:
     law, inertia, hull, prior, _, period, inverse = flights[0].model
     mass, volume, gravity, reference, _ = map(float, hull)
     names = "VOLUME GRAVITY REFERENCE SQUEEZE OCEAN DEEPER SHALLOW SURFACE"
-    sea = (*hull[1:], *kernels.STANDARD_OCEAN, kernels.SHALLOW_DEPTH, kernels.SURFACE_DEPTH)
+    sea = (*hull[1:], *STANDARD_OCEAN, kernels.SHALLOW_DEPTH, kernels.SURFACE_DEPTH)
     coefficients = "K_D0 K_D K_L0 K_ALPHA K_BETA K_BETA_LIFT ZERO_LIFT LINEAR"
     means = {"FUSED": "FUSED_S", "BRIEF": "SMOOTHED_S", "PROMPT": "PROMPT_S", "QUIET": "QUIET_S"}
     begins = []

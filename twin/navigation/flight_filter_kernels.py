@@ -14,6 +14,7 @@ from twin.identify.speed import balanced_forces
 from twin.navigation.dead_reckoning import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.vehicle.laws.flow_frame import CROSS_FLOW, K_ALPHA, K_D, K_D0, LINEAR, native_wrench
 from twin.vehicle.parts.pump import CUBIC_CM
+from twin.water.density import STANDARD_OCEAN
 
 CHANNELS = (
     *("measured_depth", "measured_roll", "measured_pitch"),
@@ -29,9 +30,6 @@ OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
 """Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 in a steady
 glide, and surge's standard deviation [m/s] from the uncertainty of the constants. The angle is
 limited to +-0.3 rad: stalled or tail first, only its sign is meaningful."""
-STANDARD_OCEAN = (1028.106, 4.7e-3)
-"""[kg/m3], [kg/m4]: density of TEOS-10's standard ocean at the surface and its growth with depth,
-within 0.02 kg/m3 to 1000 m."""
 SMOOTHED_S = 5.0
 """[s] Time constant of the balance's exponential means: longer than noise, shorter than a glider
 takes to settle."""
