@@ -177,6 +177,18 @@ def test_two_deployments_are_scored_together(found):
     assert both.coverage_90 == found.surfacing.coverage_90
 
 
+def test_one_rival_stands_for_all_deployments(store, drifted, found, alone):
+    both = hindcast([store, drifted])
+    for which in ("surfacing", "current"):
+        together = getattr(both, which)
+        parts = [getattr(one, which) for one in both.deployments]
+        assert {one.rival for one in parts} == {together.rival}
+        for one in parts:
+            assert one.ratio == pytest.approx(one.mean["forecast"] / one.mean[together.rival])
+    own = {one.current.rival for one in (found, alone)}
+    assert own != {both.current.rival}  # alone, one of them has another
+
+
 def test_a_method_with_fewer_segments_is_no_rival(found):
     some = []
     for k, one in enumerate(judged(found)):
